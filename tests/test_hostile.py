@@ -16,8 +16,8 @@ from domino_env.cli.main import main
 from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.view.animation import frames
-from domino_env.view.race import Racer
-from domino_env.view.report import read_racers, write_report
+from domino_env.view.comparison import ComparedLayout
+from domino_env.view.report import read_compared, write_report
 from domino_env.view.sound import clicks, listen, read_wav
 from domino_env.view.template import strips
 
@@ -112,7 +112,7 @@ def read_sound(path: Path) -> object:
         raise ValueError(f"{path}: {error}") from None
 
 
-def read_run(path: Path) -> Racer:
+def read_run(path: Path) -> ComparedLayout:
     """Write the page of a run with this trace or verification in its folder."""
     run = path.parent / f"run-{path.name}"
     run.mkdir(exist_ok=True)
@@ -120,11 +120,11 @@ def read_run(path: Path) -> Racer:
     beside = run / (path.name.split("_")[0] + path.suffix)
     beside.write_bytes(path.read_bytes())
     try:
-        racers, title = read_racers([run])
+        compared, title = read_compared([run])
     except ValueError as error:
         raise ValueError(str(error).replace(str(beside), str(path))) from None
-    write_report(racers, title, run / "report.html")
-    return racers[0]
+    write_report(compared, title, run / "report.html")
+    return compared[0]
 
 
 READERS: Any = {
@@ -179,8 +179,8 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
 def test_drawings_and_sounds_that_would_take_too_long_are_rejected():
     long = de.Layout([0.02] * 5000, 0.0075)
     with pytest.raises(ValueError, match="long: 5,001 dominoes: at most"):
-        next(frames([Racer("long", de.simulate(long, de.Physics()))]))
-    short = Racer("short", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
+        next(frames([ComparedLayout("long", de.simulate(long, de.Physics()))]))
+    short = ComparedLayout("short", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
     with pytest.raises(ValueError, match=r"strips of .* pixels: at most"):
         next(frames([short], slow=1e6))
     far = de.Layout([3e5], 1e5, height=1e6, width=0.02)
@@ -191,15 +191,15 @@ def test_drawings_and_sounds_that_would_take_too_long_are_rejected():
 
 
 def test_names_on_a_page_are_only_names(tmp_path):
-    evil = "</script><!--<script>{{race}}{{title}}<img src=x onerror=alert(1)>"
+    evil = "</script><!--<script>{{comparison}}{{title}}<img src=x onerror=alert(1)>"
     wave = de.simulate(de.Layout([0.018], 0.0075), de.Physics())
     pages = []
     for name in (evil, "x"):
         check = {"engine": name, "verdict": name}
-        write_report([Racer(name, wave, verification=check)], name, tmp_path / "page.html")
+        write_report([ComparedLayout(name, wave, verification=check)], name, tmp_path / "page.html")
         pages.append((tmp_path / "page.html").read_text("utf-8"))
     data = pages[0].split('id="data">')[1].split("</script>")[0]
-    assert json.loads(data)["racers"][0]["name"] == evil
+    assert json.loads(data)["compared"][0]["name"] == evil
     assert "<" not in data
     for sign in ("<script", "</script", "<!--", "<img"):
         assert pages[0].count(sign) == pages[1].count(sign)

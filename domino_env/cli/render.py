@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.files import counted, layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
-    from domino_env.view.race import Racer
+    from domino_env.view.comparison import ComparedLayout
 
     wanted = [(arguments.gif, write_gif), (arguments.mp4, write_mp4)]
     wanted = [one for one in wanted if one[0]]
@@ -73,13 +73,13 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
-    racers = [Racer(name, simulate(layout, chosen.physics)) for name, layout in layouts]
+    compared = [ComparedLayout(name, simulate(layout, chosen.physics)) for name, layout in layouts]
     for name, write in wanted:
-        images = frames(racers, arguments.rate, arguments.slow, arguments.width, heading)
+        images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
         print(f"{name}: {counted(number, 'image')}, {number / arguments.rate:.1f} s")
     if arguments.png:
-        picture = poses(racers, arguments.moments, arguments.width, heading)
+        picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))
         print(f"{arguments.png}: {picture.width} by {picture.height} px")
     return 0

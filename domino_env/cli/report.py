@@ -31,16 +31,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the page."""
     from pathlib import Path
 
-    from domino_env.view.race import headline
-    from domino_env.view.report import read_racers, write_report
+    from domino_env.view.comparison import headline
+    from domino_env.view.report import read_compared, write_report
 
     paths = [Path(name) for name in arguments.paths]
     chosen = chosen_physics(arguments, *paths)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     require_output(target, ".html")
-    racers, title = read_racers(paths, chosen.scene, chosen.physics if chosen.changed else None)
-    size = write_report(racers, title, target, progress=None)
-    result = headline(racers)
+    compared, title = read_compared(paths, chosen.scene, chosen.physics if chosen.changed else None)
+    size = write_report(compared, title, target, progress=None)
+    result = headline(compared)
     print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

@@ -15,9 +15,9 @@ from PIL import Image
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
+from domino_env.view.comparison import ComparedLayout
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
-from domino_env.view.race import Racer
 
 MOST_DOMINOES = 5_000  # of a chain that is drawn
 WIDEST = 10_000  # [px]
@@ -29,7 +29,7 @@ REST = 0.08  # [s] of stillness before the push and after the end, in the time o
 
 
 def frames(
-    racers: Sequence[Racer],
+    compared: Sequence[ComparedLayout],
     rate: float = 30.0,
     slow: float = 5.0,
     width: int = 1000,
@@ -41,7 +41,7 @@ def frames(
 
     Parameters
     ----------
-    racers
+    compared
         The chains.
     rate
         Images per second.
@@ -65,25 +65,25 @@ def frames(
     """
     require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
     require("slow", slow, above=0.0, hint="5 times slower than real time")
-    motions, scale = _stage(racers, width, STRIP)
+    motions, scale = _stage(compared, width, STRIP)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
-    _require_pixels(images * len(racers), scale, "--width, --rate or --slow")
+    _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
     above = [title(heading, pace, width)] if heading else []
     for t in times:
-        yield stacked([*above, *_strips(racers, motions, float(t), scale, AHEAD)])
+        yield stacked([*above, *_strips(compared, motions, float(t), scale, AHEAD)])
 
 
 def poses(
-    racers: Sequence[Racer], moments: int = 4, width: int = 1000, heading: str = ""
+    compared: Sequence[ComparedLayout], moments: int = 4, width: int = 1000, heading: str = ""
 ) -> Image.Image:
     """Draw chains at a few moments, below each other in one picture.
 
     Parameters
     ----------
-    racers
+    compared
         The chains.
     moments
         Number of moments, at equal intervals while the waves run.
@@ -103,13 +103,13 @@ def poses(
         For less than one moment, and as of `frames`.
     """
     require("moments", moments, 1, whole=True)
-    motions, scale = _stage(racers, width, POSE)
-    _require_pixels(moments * len(racers), scale, "--width or --moments")
-    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in racers)
+    motions, scale = _stage(compared, width, POSE)
+    _require_pixels(moments * len(compared), scale, "--width or --moments")
+    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in compared)
     strips = [title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
-        strips += _strips(racers, motions, t, scale, FURTHEST)
+        strips += _strips(compared, motions, t, scale, FURTHEST)
     return stacked(strips)
 
 
@@ -166,17 +166,19 @@ def _in_few_colours(image: Image.Image) -> Image.Image:
     return image.quantize(palette=palette(), dither=Image.Dither.NONE)
 
 
-def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motion], Scale]:
+def _stage(
+    compared: Sequence[ComparedLayout], width: int, height: int
+) -> tuple[list[Motion], Scale]:
     """Return the motions of chains, and a scale at which all of them fit the width."""
     require("width", width, 200, WIDEST, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
-    for one in racers:
+    for one in compared:
         require_drawable(one.name, one.wave.layout.count)
-    motions = [Motion(one.wave.layout, one.wave.physics) for one in racers]
-    longest = max(float(one.wave.layout.length) for one in racers)
-    tallest = max(float(one.wave.layout.height.max()) for one in racers)
-    highest = max(relief(one.wave.layout) for one in racers)
+    motions = [Motion(one.wave.layout, one.wave.physics) for one in compared]
+    longest = max(float(one.wave.layout.length) for one in compared)
+    tallest = max(float(one.wave.layout.height.max()) for one in compared)
+    highest = max(relief(one.wave.layout) for one in compared)
     return motions, Scale.fitting(longest, tallest, width, height, highest)
 
 
@@ -191,11 +193,15 @@ def _require_pixels(strips: int, scale: Scale, options: str) -> None:
 
 
 def _strips(
-    racers: Sequence[Racer], motions: Sequence[Motion], t: float, scale: Scale, ahead: float
+    compared: Sequence[ComparedLayout],
+    motions: Sequence[Motion],
+    t: float,
+    scale: Scale,
+    ahead: float,
 ) -> list[Image.Image]:
     """Draw all chains at one instant, at the same places of the picture."""
     leaders = [int(motion.leader([t])[0][0]) for motion in motions]
-    layouts = [one.wave.layout for one in racers]
+    layouts = [one.wave.layout for one in compared]
     # the picture moves only where the longest chain does not fit, and with the first leader
     longest = max(float(layout.pivots[-1, 0]) for layout in layouts)
     tallest = max(float(layout.height.max()) for layout in layouts)
@@ -213,11 +219,11 @@ def _strips(
             camera=camera,
             finish=float(one.wave.layout.pivots[-1, 0]),
         )
-        for one, motion, leader in zip(racers, motions, leaders, strict=True)
+        for one, motion, leader in zip(compared, motions, leaders, strict=True)
     ]
 
 
-def _state(one: Racer, t: float) -> str:
+def _state(one: ComparedLayout, t: float) -> str:
     """Return the line above a chain: its clock, which stops at the last hit, and its speed."""
     wave = one.wave
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))

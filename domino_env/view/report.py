@@ -28,7 +28,7 @@ from domino_env.rigid.simulation import floor_name
 from domino_env.scenes.io.reading import common_scene, read_layout
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
-from domino_env.view.race import Racer, race_data
+from domino_env.view.comparison import ComparedLayout, comparison_data
 
 UNIFORM_NAME = "uniform baseline"
 
@@ -49,13 +49,13 @@ class VerificationDocument(Document):
 
 
 def write_report(
-    racers: Sequence[Racer], title: str, path: Path, progress: bool | None = False
+    compared: Sequence[ComparedLayout], title: str, path: Path, progress: bool | None = False
 ) -> int:
     """Write the page.
 
     Parameters
     ----------
-    racers
+    compared
         Layouts with their waves.
     title
         Title of the page.
@@ -80,7 +80,7 @@ def write_report(
     def read(name: str) -> str:
         return (assets / name).read_text("utf-8")
 
-    data = json.dumps(race_data(racers, progress), allow_nan=False, separators=(",", ":"))
+    data = json.dumps(comparison_data(compared, progress), allow_nan=False, separators=(",", ":"))
     parts = {
         "title": escape(title),
         "styles": read("uPlot.min.css") + read("report.css"),
@@ -88,18 +88,18 @@ def write_report(
         # "</script" would end the script early, "<!--" could keep it from ending
         "data": data.replace("<", "\\u003c"),
         "charts": read("uPlot.iife.min.js"),
-        "race": read("race.js"),
+        "comparison": read("comparison.js"),
     }
-    # in one pass, as the name of a layout may be {{race}}
+    # in one pass, as the name of a layout may be {{comparison}}
     page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], read("report.html"))
     write_text(path, page)
     return len(page.encode())
 
 
-def read_racers(
+def read_compared(
     paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
-) -> tuple[list[Racer], str]:
-    """Read the layouts of a race from files and folders of runs, and simulate them.
+) -> tuple[list[ComparedLayout], str]:
+    """Read the compared layouts from files and folders of runs, and simulate them.
 
     The folder of a search or training also holds its curve and, if `domino verify --json` wrote
     one there, a verification.json; shipped layouts have a shipped verification. The uniform
@@ -116,7 +116,7 @@ def read_racers(
 
     Returns
     -------
-    racers : list of Racer
+    compared : list of ComparedLayout
         Layouts with their waves.
     title : str
         Title for the page.
@@ -135,12 +135,12 @@ def read_racers(
         files.append(path / "layout.csv" if path.is_dir() else path)
     scored = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
-    racers = []
+    compared = []
     for name, path, file in zip(names, paths, files, strict=True):
         layout = read_layout(file, scene)
         require_drawable(one_line(str(file)), layout.count)
         folder = path if path.is_dir() else None
-        racer = Racer(
+        entry = ComparedLayout(
             name,
             simulate(layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
@@ -148,20 +148,20 @@ def read_racers(
             _verification(folder, layout, physics),
         )
         keeps_rules = scored is not None and not scored.violations(layout)
-        racers.append(_with_score(racer, scored) if scored and keeps_rules else racer)
+        compared.append(_with_score(entry, scored) if scored and keeps_rules else entry)
     if scene:
         baseline = scene.uniform()
         wave = baseline.wave if scored else simulate(baseline.layout, physics)
-        racer = Racer(UNIFORM_NAME, wave)
-        racers.append(_with_score(racer, scored, baseline.score) if scored else racer)
-    return racers, scene.title if scene else "layouts without a scene"
+        entry = ComparedLayout(UNIFORM_NAME, wave)
+        compared.append(_with_score(entry, scored, baseline.score) if scored else entry)
+    return compared, scene.title if scene else "layouts without a scene"
 
 
-def _with_score(racer: Racer, scene: Scene, score: float | None = None) -> Racer:
-    """Return a layout of the race with its score in the scene."""
-    score = scene.score(racer.wave) if score is None else score
-    text = scene.in_words(score, racer.wave)
-    return replace(racer, score=score, score_text=text, unit=scene.unit)
+def _with_score(entry: ComparedLayout, scene: Scene, score: float | None = None) -> ComparedLayout:
+    """Return a compared layout with its score in the scene."""
+    score = scene.score(entry.wave) if score is None else score
+    text = scene.in_words(score, entry.wave)
+    return replace(entry, score=score, score_text=text, unit=scene.unit)
 
 
 def _curve(

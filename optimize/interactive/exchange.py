@@ -16,7 +16,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
-from domino_env.view.report import read_racers, write_report
+from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
 from optimize.interactive.design import NAME, Design
 
@@ -147,7 +147,7 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     def report(path: Path) -> None:
         own = path.with_name("your layout.csv")
         layout.to_csv(own)
-        write_report(*read_racers([own], scene), path)
+        write_report(*read_compared([own], scene), path)
 
     return {
         "Layout (CSV)": (".csv", layout.to_csv),

@@ -22,7 +22,7 @@ from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
-from domino_env.view.race import Racer, headline
+from domino_env.view.comparison import ComparedLayout, headline
 from domino_env.view.report import UNIFORM_NAME
 from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
 from optimize.interactive.exchange import exports, file_of, link_of, receive
@@ -352,8 +352,8 @@ class Page:
         self._waves, self._motions = [*waves.values()], []
         self.compared.figure.visible = other is not None
         self.compared.figure.title.text = self.race.value
-        racers = [Racer(name, wave) for name, wave in waves.items()]
-        verdict = f"<p><b>{escape(headline(racers)['who'])}</b></p>" if other else ""
+        shown = [ComparedLayout(name, wave) for name, wave in waves.items()]
+        verdict = f"<p><b>{escape(headline(shown)['who'])}</b></p>" if other else ""
         cells = (
             f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
         )

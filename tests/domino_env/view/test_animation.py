@@ -9,8 +9,8 @@ from PIL import Image
 import domino_env as de
 from domino_env.cli.main import main
 from domino_env.view.animation import frames, write_gif
+from domino_env.view.comparison import ComparedLayout
 from domino_env.view.drawing import FALLS, LEADS, STANDS
-from domino_env.view.race import Racer
 
 
 def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
@@ -18,17 +18,17 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
 
 
 def test_a_race_ends_when_all_lie(tmp_path):
-    racers = [
-        Racer(name, de.simulate(de.Layout.uniform(40, spacing=gap), de.Physics()))
+    compared = [
+        ComparedLayout(name, de.simulate(de.Layout.uniform(40, spacing=gap), de.Physics()))
         for name, gap in (("a", 0.010), ("b", 0.018))
     ]
-    images = list(frames(racers, rate=10, slow=4, width=600))
+    images = list(frames(compared, rate=10, slow=4, width=600))
     first, last = np.asarray(images[0]), np.asarray(images[-1])
     assert first.shape == (300, 600, 3)
     assert pixels(first, FALLS) == 0
     assert pixels(first, STANDS) > 1000
     assert pixels(last, STANDS) < 20
-    headed = np.asarray(next(frames(racers, rate=10, slow=4, width=600, heading=40 * "long ")))
+    headed = np.asarray(next(frames(compared, rate=10, slow=4, width=600, heading=40 * "long ")))
     above = len(headed) - 300
     assert above > 20
     assert np.array_equal(headed[above:], first)
@@ -43,12 +43,12 @@ def test_a_race_ends_when_all_lie(tmp_path):
 def test_a_race_has_one_camera_and_one_finish(count):
     # 120 dominoes do not fit the picture, which follows the first leader in both strips
     gaps = np.linspace(0.006, 0.030, count - 1)
-    racers = [
-        Racer(name, de.simulate(de.Layout(spacing, 0.0075), de.Physics()))
+    compared = [
+        ComparedLayout(name, de.simulate(de.Layout(spacing, 0.0075), de.Physics()))
         for name, spacing in (("a", gaps), ("b", np.full_like(gaps, gaps.mean())))
     ]
     places = set()
-    for image in list(frames(racers, rate=5, slow=1, width=600))[::2]:
+    for image in list(frames(compared, rate=5, slow=1, width=600))[::2]:
         both = np.asarray(image).astype(int).reshape(2, 150, 600, 3)[:, 36:80]
         dark = (both.sum(axis=-1) < 400) & (np.ptp(both, axis=-1) < 40)
         finish = [np.flatnonzero(strip) for strip in dark.sum(axis=1) > 12]

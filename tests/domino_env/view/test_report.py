@@ -11,15 +11,15 @@ from uneven_layouts import uneven_layout
 
 import domino_env as de
 from domino_env.physics.motion import Motion
+from domino_env.view.comparison import ComparedLayout, comparison_data, headline
 from domino_env.view.energy import energies
-from domino_env.view.race import Racer, headline, race_data
-from domino_env.view.report import read_racers, write_report
+from domino_env.view.report import read_compared, write_report
 
 PHYSICS = de.Physics(push=8.0)
 RNG = np.random.default_rng(2)
-RACERS = [
-    Racer("wild", de.simulate(de.Layout(RNG.uniform(0.004, 0.03, 19), 0.0075), PHYSICS)),
-    Racer("even", de.simulate(de.Layout.uniform(20, pitch=0.024), PHYSICS)),
+COMPARED = [
+    ComparedLayout("wild", de.simulate(de.Layout(RNG.uniform(0.004, 0.03, 19), 0.0075), PHYSICS)),
+    ComparedLayout("even", de.simulate(de.Layout.uniform(20, pitch=0.024), PHYSICS)),
 ]
 
 
@@ -51,26 +51,26 @@ def test_first_hit_of_equal_dominoes_takes_half():
 
 
 def test_headline_names_the_faster_layout_in_any_order():
-    fast = max(RACERS, key=lambda one: one.wave.mean_speed)
-    assert headline(RACERS)["who"].startswith(f"{fast.name.capitalize()} is the fastest")
-    assert headline(RACERS[::-1]) == headline(RACERS)
-    dead = Racer("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
-    assert headline([dead, *RACERS])["who"].startswith(f"{fast.name.capitalize()} is the fastest")
+    fast = max(COMPARED, key=lambda one: one.wave.mean_speed)
+    assert headline(COMPARED)["who"].startswith(f"{fast.name.capitalize()} is the fastest")
+    assert headline(COMPARED[::-1]) == headline(COMPARED)
+    dead = ComparedLayout("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
+    assert headline([dead, *COMPARED])["who"].startswith(f"{fast.name.capitalize()} is the fastest")
     assert headline([dead])["who"] == "No layout topples to its end"
 
 
 def test_headline_follows_the_score_where_speed_is_not_what_counts():
-    fast, slow = sorted(RACERS, key=lambda one: -one.wave.mean_speed)
+    fast, slow = sorted(COMPARED, key=lambda one: -one.wave.mean_speed)
     scored = [
         dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
         dataclasses.replace(slow, score=0.5, score_text="RMS error 1 ms", unit=""),
     ]
     assert headline(scored)["who"] == f"{slow.name.capitalize()} has the best score"
-    assert race_data(scored)["best"] == 1
+    assert comparison_data(scored)["best"] == 1
 
 
 def test_a_report_shows_its_progress(capfd, tmp_path):
-    write_report(RACERS, "test", tmp_path / "page.html", progress=True)
+    write_report(COMPARED, "test", tmp_path / "page.html", progress=True)
     assert "2/2" in capfd.readouterr().err
 
 
@@ -82,25 +82,25 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     scene.uniform().layout.to_csv(run / "layout.csv")
     (run / "trace.csv").write_text("evaluations,seconds,best_score\n1,0.25,0.5\n7,3.5,0.8\n")
     (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
-    racers, title = read_racers([run])
+    compared, title = read_compared([run])
     assert title == scene.title
-    assert [one.name for one in racers] == ["one", "uniform baseline"]
-    first, uniform = racers
+    assert [one.name for one in compared] == ["one", "uniform baseline"]
+    first, uniform = compared
     assert first.score == pytest.approx(uniform.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([0.25, 3.5], [0.5, 0.8])
     assert first.verification is not None
     # under other physics the scene gives no score
-    assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
+    assert read_compared([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"no layout\.csv"):
-        read_racers([tmp_path])
+        read_compared([tmp_path])
     other = tmp_path / "other"
     other.mkdir()
     (other / "scene.toml").write_text(de.load_scene("ideal").to_toml())
     scene.uniform().layout.to_csv(other / "layout.csv")
     with pytest.raises(ValueError, match="show layouts of one scene"):
-        read_racers([run, other / "layout.csv"])
+        read_compared([run, other / "layout.csv"])
     with pytest.raises(ValueError, match="nothing to show"):
-        race_data([])
+        comparison_data([])
 
 
 def test_layouts_of_runs_have_names_by_their_folders_and_curves(tmp_path):
@@ -111,16 +111,16 @@ def test_layouts_of_runs_have_names_by_their_folders_and_curves(tmp_path):
         (tmp_path / name).mkdir()
         layout.to_csv(tmp_path / name / "layout.csv")
     (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
-    racers, _ = read_racers([tmp_path / name for name in "abc"], de.load_scene("sprint"))
+    compared, _ = read_compared([tmp_path / name for name in "abc"], de.load_scene("sprint"))
     names = ["a", "b", "c", "uniform baseline"]
-    assert [one.name for one in racers] == names
-    assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
-    assert "AGREES" in racers[0].verification["verdict"]  # shipped with the layout
+    assert [one.name for one in compared] == names
+    assert compared[1].learning == ([10.0, 30.0], [0.5, 0.8])
+    assert "AGREES" in compared[0].verification["verdict"]  # shipped with the layout
 
 
 BROWSED = (
-    dataclasses.replace(RACERS[0], trace=([1.0, 9.0], [0.5, 0.6])),
-    dataclasses.replace(RACERS[1], learning=([0.0, 3e6], [0.5, 0.6])),
+    dataclasses.replace(COMPARED[0], trace=([1.0, 9.0], [0.5, 0.6])),
+    dataclasses.replace(COMPARED[1], learning=([0.0, 3e6], [0.5, 0.6])),
 )
 
 
@@ -148,13 +148,18 @@ def test_page_loads_without_messages_and_requests(browser):
 
 def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     first = browser.current_url
-    racers = [*RACERS, Racer("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0)))]
-    write_report(racers, "test", tmp_path / "page.html")
+    compared = [
+        *COMPARED,
+        ComparedLayout("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0))),
+    ]
+    write_report(compared, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
-    for k, one in enumerate(racers):
+    for k, one in enumerate(compared):
         motion = Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
-            page = browser.execute_script(f"return race.leans(race.racers[{k}], {float(t)!r})")
+            page = browser.execute_script(
+                f"return comparison.leans(comparison.compared[{k}], {float(t)!r})"
+            )
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
     assert browser.get_log("browser") == []
     browser.get(first)
@@ -163,40 +168,40 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
 def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     from selenium.webdriver.common.keys import Keys
 
-    body = browser.find_element("css selector", "#race")
+    body = browser.find_element("css selector", "#comparison")
     browser.find_element("id", "play").click()
     time.sleep(0.3)
-    assert browser.execute_script("return race.playing() && race.now() > 0")
+    assert browser.execute_script("return comparison.playing() && comparison.now() > 0")
     browser.find_element("id", "play").click()
-    stopped = browser.execute_script("return race.now()")
+    stopped = browser.execute_script("return comparison.now()")
     browser.execute_script(
         "const s = document.getElementById('scrub'); s.value = 500; "
         "s.dispatchEvent(new Event('input'))"
     )
-    half = browser.execute_script("return race.now() / race.end")
+    half = browser.execute_script("return comparison.now() / comparison.end")
     assert half == pytest.approx(0.5)
-    assert browser.execute_script("return race.now()") != stopped
+    assert browser.execute_script("return comparison.now()") != stopped
     body.send_keys(Keys.HOME)
-    assert browser.execute_script("return race.now()") == 0
+    assert browser.execute_script("return comparison.now()") == 0
     body.send_keys(Keys.END)
-    assert browser.execute_script("return race.now() === race.end")
+    assert browser.execute_script("return comparison.now() === comparison.end")
 
 
 def test_page_fits_a_phone_and_follows_the_front(browser):
     size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     try:
-        browser.execute_script("race.go(race.end)")
+        browser.execute_script("comparison.go(comparison.end)")
         wide = browser.execute_script("return document.documentElement.scrollWidth")
         assert wide <= 390
         scrolled = (
             "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
         )
         assert browser.execute_script(scrolled) > 100
-        at_end = browser.execute_script("return race.view().shift")
-        browser.execute_script("race.go(0)")
-        assert browser.execute_script("return race.view().shift") == 0
-        assert (at_end > 0) == browser.execute_script("return race.view().follows")
+        at_end = browser.execute_script("return comparison.view().shift")
+        browser.execute_script("comparison.go(0)")
+        assert browser.execute_script("return comparison.view().shift") == 0
+        assert (at_end > 0) == browser.execute_script("return comparison.view().follows")
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
@@ -206,7 +211,7 @@ def test_numbers_can_be_read_as_tables(browser):
     time.sleep(0.1)
     lines = browser.find_elements("css selector", "#each table:first-child tbody tr")
     assert len(lines) == 20
-    assert lines[3].text.split()[1] == f"{RACERS[0].wave.layout.spacing[3] * 1e3:.2f}"
+    assert lines[3].text.split()[1] == f"{COMPARED[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):
         assert ": from " in chart.get_attribute("aria-label")
 
@@ -214,11 +219,11 @@ def test_numbers_can_be_read_as_tables(browser):
 def test_pointing_at_a_domino_shows_its_numbers(browser):
     from selenium.webdriver import ActionChains
 
-    browser.execute_script("race.go(0)")
-    canvas = browser.find_element("id", "race")
+    browser.execute_script("comparison.go(0)")
+    canvas = browser.find_element("id", "comparison")
     ActionChains(browser).move_to_element_with_offset(canvas, 0, -30).perform()
     tip = browser.find_element("id", "tip").text
     assert tip.startswith("wild, domino")
     number = int(tip.split("domino ")[1].split()[0])
-    gap = RACERS[0].wave.layout.spacing[number] * 1e3
+    gap = COMPARED[0].wave.layout.spacing[number] * 1e3
     assert f"gap in front {gap:.2f} mm" in tip

@@ -1,10 +1,10 @@
 "use strict";
-// The race: leans of all dominoes from the leader's, by the contacts of the model, drawn on a canvas.
+// Animation: leans of all dominoes from the leader's, by the contacts of the model, drawn on a canvas.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const $ = (id) => document.getElementById(id);
-  const racers = data.racers;
-  const end = Math.max(...racers.map((r) => r.end));
+  const compared = data.compared;
+  const end = Math.max(...compared.map((r) => r.end));
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colour = (k) => css("--c" + (k % 5));
   let now = 0, playing = false, last = null;
@@ -13,30 +13,30 @@
   $("why").textContent = data.headline.why;
 
   // leader at time t and its lean
-  function leader(racer, t) {
+  function leader(entry, t) {
     let n = 0;
-    while (n + 1 < racer.hit && racer.arrivals[n + 1] <= t) n++;
-    const from = racer.arrivals[n], to = n + 1 < racer.hit ? racer.arrivals[n + 1] : racer.end;
-    const looks = racer.falls[n], last = looks.length - 1;
+    while (n + 1 < entry.hit && entry.arrivals[n + 1] <= t) n++;
+    const from = entry.arrivals[n], to = n + 1 < entry.hit ? entry.arrivals[n + 1] : entry.end;
+    const looks = entry.falls[n], last = looks.length - 1;
     const x = to > from ? Math.min(Math.max((t - from) / (to - from), 0), 1) * last : 0;
     const i = Math.min(Math.floor(x), last - 1);
     return [n, looks[i] + (looks[i + 1] - looks[i]) * (x - i)];
   }
 
   // heights of the ground
-  for (const racer of racers) {
-    racer.lowest = Math.min(...racer.ground.line.map(([, z]) => z));
-    racer.relief = Math.max(...racer.ground.line.map(([, z]) => z)) - racer.lowest;
+  for (const entry of compared) {
+    entry.lowest = Math.min(...entry.ground.line.map(([, z]) => z));
+    entry.relief = Math.max(...entry.ground.line.map(([, z]) => z)) - entry.lowest;
   }
 
   // every lean from the vertical [rad]; contacts as in domino_env/physics/motion.py, each seen
   // from the ground of the domino ahead: tip, then front face on rear edge, then separated
-  function leans(racer, t) {
-    const { tilt, steps } = racer.ground, all = [...tilt];
-    const [n, angle] = leader(racer, t);
+  function leans(entry, t) {
+    const { tilt, steps } = entry.ground, all = [...tilt];
+    const [n, angle] = leader(entry, t);
     let lean = all[n] = angle;
     for (let i = n - 1; i >= 0; i--) {
-      const h = racer.height[i], d = racer.thickness[i + 1] / h, p = racer.spacing[i] / h + d, e = steps[i] / h;
+      const h = entry.height[i], d = entry.thickness[i + 1] / h, p = entry.spacing[i] / h + d, e = steps[i] / h;
       const reach = Math.hypot(p, e), slant = Math.atan2(e, p), stand = tilt[i + 1];
       const lost = Math.acos(Math.min(Math.max((reach * reach + d * d - 1) / (2 * d * reach), -1), 1)) - slant;
       const turn = Math.min(lean - stand, lost), gap = reach * Math.cos(turn + slant) - d;
@@ -47,11 +47,11 @@
     return all;
   }
 
-  const canvas = $("race"), pen = canvas.getContext("2d");
+  const canvas = $("comparison"), pen = canvas.getContext("2d");
   let view = { k: 1, lane: 100, width: 100, left: 10 };
-  const longest = Math.max(...racers.map((r) => r.ground.x[r.ground.x.length - 1]));
-  const relief = Math.max(...racers.map((r) => r.relief));
-  const heights = racers.flatMap((r) => r.height).sort((a, b) => a - b);
+  const longest = Math.max(...compared.map((r) => r.ground.x[r.ground.x.length - 1]));
+  const relief = Math.max(...compared.map((r) => r.relief));
+  const heights = compared.flatMap((r) => r.height).sort((a, b) => a - b);
   const tallest = heights[heights.length - 1], usual = heights[heights.length >> 1];
 
   // A layout too long for the screen is drawn larger and followed, with a map of the whole under it.
@@ -64,47 +64,47 @@
     const room = Math.min(relief * (follows ? k : fit), 260);
     const lane = head + Math.max(tallest * (follows ? k : fit), 14) + room + (follows ? 22 : 14);
     view = { k: follows ? k : fit, fit, follows, lane, head, width, left, room, shift: 0 };
-    canvas.style.height = lane * racers.length + "px";
+    canvas.style.height = lane * compared.length + "px";
     canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(lane * racers.length * ratio);
+    canvas.height = Math.round(lane * compared.length * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
   // place of the leader [m], x or z, interpolated between two hits
-  function reached(racer, t, along = racer.ground.x) {
-    const [n] = leader(racer, t), next = racer.arrivals[n + 1];
+  function reached(entry, t, along = entry.ground.x) {
+    const [n] = leader(entry, t), next = entry.arrivals[n + 1];
     if (next == null) return along[n];
-    const share = Math.min(Math.max((t - racer.arrivals[n]) / (next - racer.arrivals[n]), 0), 1);
+    const share = Math.min(Math.max((t - entry.arrivals[n]) / (next - entry.arrivals[n]), 0), 1);
     return along[n] + share * (along[n + 1] - along[n]);
   }
 
   // height of the first pivot on the screen
   function floorOf(k) {
-    const racer = racers[k], room = view.room / view.k, z = reached(racer, now, racer.ground.z);
-    const lowest = Math.max(racer.lowest, Math.min(z - 0.5 * room, racer.lowest + racer.relief - room));
+    const entry = compared[k], room = view.room / view.k, z = reached(entry, now, entry.ground.z);
+    const lowest = Math.max(entry.lowest, Math.min(z - 0.5 * room, entry.lowest + entry.relief - room));
     return (k + 1) * view.lane - (view.follows ? 16 : 8) + lowest * view.k;
   }
 
-  function corners(racer, i, lean, floor) {
-    const { k, left, shift } = view, x = left - shift + (racer.ground.x[i] + racer.thickness[0]) * k;
-    floor -= racer.ground.z[i] * k;
-    const ux = Math.sin(lean) * racer.height[i] * k, uy = -Math.cos(lean) * racer.height[i] * k;
-    const bx = -Math.cos(lean) * racer.thickness[i] * k, by = -Math.sin(lean) * racer.thickness[i] * k;
+  function corners(entry, i, lean, floor) {
+    const { k, left, shift } = view, x = left - shift + (entry.ground.x[i] + entry.thickness[0]) * k;
+    floor -= entry.ground.z[i] * k;
+    const ux = Math.sin(lean) * entry.height[i] * k, uy = -Math.cos(lean) * entry.height[i] * k;
+    const bx = -Math.cos(lean) * entry.thickness[i] * k, by = -Math.sin(lean) * entry.thickness[i] * k;
     return [[x, floor], [x + ux, floor + uy], [x + ux + bx, floor + uy + by], [x + bx, floor + by]];
   }
 
   // the line under a layout, straight beyond its ends
-  function groundLine(racer, floor) {
-    const { k, left, shift } = view, { line, tilt } = racer.ground, far = 2 * view.width;
-    const on = line.map(([x, z]) => [left - shift + (x + racer.thickness[0]) * k, floor - z * k]);
+  function groundLine(entry, floor) {
+    const { k, left, shift } = view, { line, tilt } = entry.ground, far = 2 * view.width;
+    const on = line.map(([x, z]) => [left - shift + (x + entry.thickness[0]) * k, floor - z * k]);
     const [[x, y], [u, v]] = [on[0], on[on.length - 1]];
     return [[x - far, y - far * Math.tan(tilt[0])], ...on, [u + far, v + far * Math.tan(tilt[tilt.length - 1])]];
   }
 
   // a dashed line at the last pivot, with the length of the layout
-  function finish(racer, floor) {
-    const n = racer.ground.x.length - 1, y = floor - racer.ground.z[n] * view.k;
-    const x = view.left - view.shift + (racer.ground.x[n] + racer.thickness[0]) * view.k;
+  function finish(entry, floor) {
+    const n = entry.ground.x.length - 1, y = floor - entry.ground.z[n] * view.k;
+    const x = view.left - view.shift + (entry.ground.x[n] + entry.thickness[0]) * view.k;
     pen.strokeStyle = css("--ink"); pen.setLineDash([4, 4]);
     pen.beginPath(); pen.moveTo(x, y - 1.15 * tallest * view.k); pen.lineTo(x, y + 4); pen.stroke();
     pen.setLineDash([]);
@@ -113,32 +113,32 @@
   function draw() {
     pen.clearRect(0, 0, view.width, canvas.height);
     if (view.follows) {
-      const fronts = racers.map((r) => reached(r, now)), whole = (longest + 1.15 * tallest + 0.01) * view.k;
+      const fronts = compared.map((r) => reached(r, now)), whole = (longest + 1.15 * tallest + 0.01) * view.k;
       const middle = 0.5 * (Math.min(...fronts) + Math.max(...fronts)) * view.k;
       view.shift = Math.min(Math.max(middle - 0.55 * view.width, 0), whole - view.width + 2 * view.left);
     }
-    racers.forEach((racer, k) => {
-      const floor = floorOf(k), all = leans(racer, now), [front] = leader(racer, now);
-      const done = racer.mean_speed > 0 && now >= racer.arrivals[racer.arrivals.length - 1];
+    compared.forEach((entry, k) => {
+      const floor = floorOf(k), all = leans(entry, now), [front] = leader(entry, now);
+      const done = entry.mean_speed > 0 && now >= entry.arrivals[entry.arrivals.length - 1];
       pen.strokeStyle = css("--line"); pen.lineWidth = 1;
-      pen.beginPath(); groundLine(racer, floor).forEach(([x, y]) => pen.lineTo(x, y)); pen.stroke();
+      pen.beginPath(); groundLine(entry, floor).forEach(([x, y]) => pen.lineTo(x, y)); pen.stroke();
       all.forEach((lean, i) => {
-        const c = corners(racer, i, lean, floor);
+        const c = corners(entry, i, lean, floor);
         if (c.every(([x]) => x < 0) || c.every(([x]) => x > view.width)) return;
         pen.fillStyle = i === front && !done ? css("--front") : i <= front ? colour(k) : css("--stand");
         pen.beginPath(); c.forEach(([x, y], j) => (j ? pen.lineTo(x, y) : pen.moveTo(x, y)));
         pen.closePath(); pen.fill();
       });
-      finish(racer, floor);
-      if (view.follows) map(racer, k);
+      finish(entry, floor);
+      if (view.follows) map(entry, k);
       const top = k * view.lane;
       pen.fillStyle = colour(k); pen.fillRect(12, top + 11, 11, 11);
       pen.fillStyle = css("--ink"); pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "left";
-      pen.fillText(racer.name, 29, top + 21);
+      pen.fillText(entry.name, 29, top + 21);
       pen.font = "14px system-ui, sans-serif";
       const narrow = view.width < 560;
       if (!narrow) pen.textAlign = "right";
-      pen.fillText(state(racer, k, front, done), narrow ? 29 : view.width - 12, top + (narrow ? 39 : 21));
+      pen.fillText(state(entry, k, front, done), narrow ? 29 : view.width - 12, top + (narrow ? 39 : 21));
     });
     $("clock").textContent = `${(now * 1000).toFixed(0)} ms`;
     $("scrub").value = String(Math.round((now / end) * 1000));
@@ -146,24 +146,24 @@
   }
 
   // state of a wave in a few words
-  function state(racer, k, front, done) {
-    if (done || (now === 0 && racer.mean_speed > 0)) {
-      const length = `${(1000 * racer.positions[racer.positions.length - 1]).toFixed(0)} mm`;
-      const time = done ? ` in ${racer.arrivals[racer.arrivals.length - 1].toFixed(3)} s` : "";
-      return `${length}${time}, ${racer.mean_speed.toFixed(4)} m/s` + (k === data.best ? "  ★ best" : "");
+  function state(entry, k, front, done) {
+    if (done || (now === 0 && entry.mean_speed > 0)) {
+      const length = `${(1000 * entry.positions[entry.positions.length - 1]).toFixed(0)} mm`;
+      const time = done ? ` in ${entry.arrivals[entry.arrivals.length - 1].toFixed(3)} s` : "";
+      return `${length}${time}, ${entry.mean_speed.toFixed(4)} m/s` + (k === data.best ? "  ★ best" : "");
     }
-    if (now >= racer.end) return racer.outcome;
-    const count = `${front + 1} of ${racer.thickness.length}`;
-    return front > 0 ? `${count}   ${(racer.positions[front] / racer.arrivals[front]).toFixed(3)} m/s so far` : count;
+    if (now >= entry.end) return entry.outcome;
+    const count = `${front + 1} of ${entry.thickness.length}`;
+    return front > 0 ? `${count}   ${(entry.positions[front] / entry.arrivals[front]).toFixed(3)} m/s so far` : count;
   }
 
   // the whole layout as a line, the part in view as a box on it, and the place of the wave
-  function map(racer, k) {
+  function map(entry, k) {
     const y = (k + 1) * view.lane - 8, scale = view.fit, from = view.left;
     pen.fillStyle = css("--line");
-    pen.fillRect(from, y, racer.ground.x[racer.ground.x.length - 1] * scale, 4);
+    pen.fillRect(from, y, entry.ground.x[entry.ground.x.length - 1] * scale, 4);
     pen.fillStyle = colour(k);
-    pen.fillRect(from, y, reached(racer, now) * scale, 4);
+    pen.fillRect(from, y, reached(entry, now) * scale, 4);
     pen.strokeStyle = css("--soft");
     pen.strokeRect(from + (view.shift / view.k) * scale, y - 2, ((view.width - 2 * view.left) / view.k) * scale, 8);
   }
@@ -194,21 +194,21 @@
   });
 
   function point(e) {
-    const k = Math.floor(e.offsetY / view.lane), racer = racers[k], tip = $("tip");
-    if (!racer) { tip.hidden = true; return; }
-    const all = leans(racer, now), floor = floorOf(k);
+    const k = Math.floor(e.offsetY / view.lane), entry = compared[k], tip = $("tip");
+    if (!entry) { tip.hidden = true; return; }
+    const all = leans(entry, now), floor = floorOf(k);
     let near = 0, least = Infinity;
     all.forEach((lean, i) => {
-      const c = corners(racer, i, lean, floor);
+      const c = corners(entry, i, lean, floor);
       const x = c.reduce((a, q) => a + q[0], 0) / 4, y = c.reduce((a, q) => a + q[1], 0) / 4;
       const far = Math.hypot(x - e.offsetX, (y - e.offsetY) / 2);
       if (far < least) { least = far; near = i; }
     });
     if (least > 30) { tip.hidden = true; return; }
     const mm = (x) => (x == null ? "–" : (x * 1000).toFixed(2) + " mm");
-    tip.textContent = `${racer.name}, domino ${near}\ngap in front ${mm(racer.spacing[near])}\nthickness ${mm(racer.thickness[near])}\n` +
-      (racer.arrivals[near] == null ? "never hit" : `hit at ${(racer.arrivals[near] * 1000).toFixed(2)} ms`) +
-      (near && racer.speed[near - 1] ? `\nlocal speed ${racer.speed[near - 1].toFixed(3)} m/s` : "");
+    tip.textContent = `${entry.name}, domino ${near}\ngap in front ${mm(entry.spacing[near])}\nthickness ${mm(entry.thickness[near])}\n` +
+      (entry.arrivals[near] == null ? "never hit" : `hit at ${(entry.arrivals[near] * 1000).toFixed(2)} ms`) +
+      (near && entry.speed[near - 1] ? `\nlocal speed ${entry.speed[near - 1].toFixed(3)} m/s` : "");
     tip.hidden = false;
     tip.style.left = Math.max(Math.min(e.offsetX + 14, view.width - 200), 0) + "px";
     tip.style.top = e.offsetY + 14 + "px";
@@ -220,27 +220,27 @@
   // the table
   const signed = (part) => (part > 0 ? "+" : "") + (100 * part).toFixed(2) + " %";
   // the last layout that completes, which is the uniform baseline of a scene, is the base of the headline too
-  const base = racers.findLast((r) => r.mean_speed > 0);
-  const scored = racers.some((r) => r.score_text && !r.score_text.endsWith("m/s"));
-  const head = ["", ...(scored ? ["result"] : []), "mean speed", ...(base && racers.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "ended"];
+  const base = compared.findLast((r) => r.mean_speed > 0);
+  const scored = compared.some((r) => r.score_text && !r.score_text.endsWith("m/s"));
+  const head = ["", ...(scored ? ["result"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "ended"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();
-  racers.forEach((racer, k) => {
-    const line = body.insertRow(), t = racer.arrivals[racer.arrivals.length - 1];
-    const gain = !racer.mean_speed ? "–" : racer === base ? "0" : signed(racer.mean_speed / base.mean_speed - 1);
-    const cells = [racer.name, ...(scored ? [racer.score_text ?? "–"] : []), racer.mean_speed ? racer.mean_speed.toFixed(5) + " m/s" : "–", ...(base && racers.length > 1 ? [gain] : []), t == null ? "never" : (t * 1000).toFixed(2) + " ms",
-      racer.positions[racer.positions.length - 1].toFixed(4) + " m", racer.thickness.length, racer.friction, racer.push.toFixed(2) + " rad/s", racer.outcome];
+  compared.forEach((entry, k) => {
+    const line = body.insertRow(), t = entry.arrivals[entry.arrivals.length - 1];
+    const gain = !entry.mean_speed ? "–" : entry === base ? "0" : signed(entry.mean_speed / base.mean_speed - 1);
+    const cells = [entry.name, ...(scored ? [entry.score_text ?? "–"] : []), entry.mean_speed ? entry.mean_speed.toFixed(5) + " m/s" : "–", ...(base && compared.length > 1 ? [gain] : []), t == null ? "never" : (t * 1000).toFixed(2) + " ms",
+      entry.positions[entry.positions.length - 1].toFixed(4) + " m", entry.thickness.length, entry.friction, entry.push.toFixed(2) + " rad/s", entry.outcome];
     cells.forEach((text, j) => {
       const cell = line.insertCell();
       if (!j) { const dot = document.createElement("span"); dot.className = "swatch"; dot.style.background = `var(--c${k % 5})`; cell.append(dot); }
       cell.append(String(text));
     });
     const note = document.createElement("li");
-    const lost = racer.flush_loss < 5e-5 ? "less than 0.01" : (racer.flush_loss * 100).toFixed(2);
-    const flushes = !racer.flushes ? "" : racer.flushes === 1 ? ` Once two faces come to lie on each other (a face impact), which takes ${lost} % of the leading domino's speed.`
-      : ` In ${racer.flushes} face impacts two faces come to lie on each other; the largest takes ${lost} % of the leading domino's speed.`;
-    note.textContent = `${racer.name}: ${racer.explanation} Relative error of the times below ${racer.error.toExponential(0)}.${flushes}`;
+    const lost = entry.flush_loss < 5e-5 ? "less than 0.01" : (entry.flush_loss * 100).toFixed(2);
+    const flushes = !entry.flushes ? "" : entry.flushes === 1 ? ` Once two faces come to lie on each other (a face impact), which takes ${lost} % of the leading domino's speed.`
+      : ` In ${entry.flushes} face impacts two faces come to lie on each other; the largest takes ${lost} % of the leading domino's speed.`;
+    note.textContent = `${entry.name}: ${entry.explanation} Relative error of the times below ${entry.error.toExponential(0)}.${flushes}`;
     $("notes").append(note);
   });
 
@@ -285,23 +285,23 @@
   function drawCharts() {
     charts.forEach((c) => c.destroy());
     charts = [];
-    const most = Math.max(...racers.map((r) => r.spacing.length)), numbers = [...Array(most).keys()];
+    const most = Math.max(...compared.map((r) => r.spacing.length)), numbers = [...Array(most).keys()];
     const padded = (v, f) => numbers.map((i) => (v[i] == null ? null : v[i] * f));
-    chart("gaps", numbers, racers.map((r) => ({ name: r.name, values: padded(r.spacing, 1000) })), "domino");
-    chart("speeds", numbers.map((i) => i + 1), racers.map((r) => ({ name: r.name, values: padded(r.speed, 1) })), "domino");
-    const [t, kinetic] = joined(racers.map((r) => ({ x: r.kinetic[0], y: r.kinetic[1] })));
-    chart("kinetic", t, racers.map((r, k) => ({ name: r.name, values: kinetic[k].map((v) => (v == null ? null : v * 1000)) })), "time [s]");
-    const e = racers[0].energy, milli = (v) => v.map((q) => q * 1000);
-    $("budgetname").textContent = `Where the energy goes: ${racers[0].name} [mJ]`;
+    chart("gaps", numbers, compared.map((r) => ({ name: r.name, values: padded(r.spacing, 1000) })), "domino");
+    chart("speeds", numbers.map((i) => i + 1), compared.map((r) => ({ name: r.name, values: padded(r.speed, 1) })), "domino");
+    const [t, kinetic] = joined(compared.map((r) => ({ x: r.kinetic[0], y: r.kinetic[1] })));
+    chart("kinetic", t, compared.map((r, k) => ({ name: r.name, values: kinetic[k].map((v) => (v == null ? null : v * 1000)) })), "time [s]");
+    const e = compared[0].energy, milli = (v) => v.map((q) => q * 1000);
+    $("budgetname").textContent = `Where the energy goes: ${compared[0].name} [mJ]`;
     chart("budget", e.time, [{ name: "given by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
       { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
-      ...(racers[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
+      ...(compared[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
     curves("search", "Search: best score so far", (r) => r.trace, true, "seconds of search");
     curves("learning", "Learning: score of the agent's layout during training", (r) => r.learning, false, "dominoes placed");
   }
   // a best-so-far (in steps) or a learning curve of every layout that has one
   function curves(id, name, of, steps, label) {
-    const found = racers.map((r, k) => ({ r, k, c: of(r) })).filter(({ c }) => c && c[0].length);
+    const found = compared.map((r, k) => ({ r, k, c: of(r) })).filter(({ c }) => c && c[0].length);
     $(id + "box").hidden = !found.length;
     if (!found.length) return;
     const [x, y] = joined(found.map(({ c }) => ({ x: c[0], y: c[1], hold: steps })));
@@ -310,7 +310,7 @@
     // scores below zero belong to waves that stopped and are not speeds
     chart(id, x, found.map(({ r, k }, j) => ({ name: r.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
   }
-  const checked = racers.filter((r) => r.verification);
+  const checked = compared.filter((r) => r.verification);
   if (checked.length) {
     $("verifybox").hidden = false;
     const share = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
@@ -326,15 +326,15 @@
   $("numbers").addEventListener("toggle", () => {
     const box = $("each");
     if (box.childElementCount) return;
-    racers.forEach((racer) => {
+    compared.forEach((entry) => {
       const table = document.createElement("table");
-      table.createCaption().textContent = racer.name;
+      table.createCaption().textContent = entry.name;
       const top = table.createTHead().insertRow();
       ["domino", "gap [mm]", "thickness [mm]", "hit at [ms]", "local speed [m/s]"].forEach((name) => { const th = document.createElement("th"); th.scope = "col"; th.textContent = name; top.append(th); });
       const body = table.createTBody(), fixed = (v, f, n) => (v == null ? "–" : (v * f).toFixed(n));
-      racer.thickness.forEach((d, i) => {
+      entry.thickness.forEach((d, i) => {
         const line = body.insertRow();
-        [i, fixed(racer.spacing[i], 1000, 2), fixed(d, 1000, 2), fixed(racer.arrivals[i], 1000, 2), fixed(i ? racer.speed[i - 1] : null, 1, 3)].forEach((text) => { line.insertCell().textContent = text; });
+        [i, fixed(entry.spacing[i], 1000, 2), fixed(d, 1000, 2), fixed(entry.arrivals[i], 1000, 2), fixed(i ? entry.speed[i - 1] : null, 1, 3)].forEach((text) => { line.insertCell().textContent = text; });
       });
       box.append(table);
     });
@@ -347,6 +347,6 @@
   window.addEventListener("beforeprint", onPaper(true));
   window.addEventListener("afterprint", onPaper(false));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
-  window.race = { racers, end, leans, leader, go, play, now: () => now, playing: () => playing, view: () => view };
+  window.comparison = { compared, end, leans, leader, go, play, now: () => now, playing: () => playing, view: () => view };
   all();
 })();

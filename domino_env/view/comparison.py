@@ -23,7 +23,7 @@ EDGE = 1e-5  # part of an interval left out at its ends
 
 
 @dataclass(frozen=True)
-class Racer:
+class ComparedLayout:
     """Layout of a comparison, with its wave.
 
     Attributes
@@ -56,7 +56,9 @@ class Racer:
     unit: str = "m/s"
 
 
-def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[str, Any]:
+def comparison_data(
+    compared: Sequence[ComparedLayout], progress: bool | None = False
+) -> dict[str, Any]:
     """Return the data of the page.
 
     Raises
@@ -64,32 +66,32 @@ def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[st
     ValueError
         Without a layout, and for a layout of less than two dominoes.
     """
-    if not racers:
+    if not compared:
         raise ValueError("nothing to show: give at least one layout")
-    for one in racers:
+    for one in compared:
         if one.wave.layout.count < 2:
             raise ValueError(f"{one.name}: the layout has one domino: give at least two")
-    merits = _merits(racers)
-    first = max(range(len(racers)), key=lambda k: merits[k])
+    merits = _merits(compared)
+    first = max(range(len(compared)), key=lambda k: merits[k])
     return {
-        "headline": headline(racers),
-        "best": first if len(racers) > 1 and merits[first] > 0.0 else None,
-        "racers": [
-            _data_of(one) for one in progress_bar(progress, iterable=racers, unit=" layouts")
+        "headline": headline(compared),
+        "best": first if len(compared) > 1 and merits[first] > 0.0 else None,
+        "compared": [
+            _data_of(one) for one in progress_bar(progress, iterable=compared, unit=" layouts")
         ],
     }
 
 
-def headline(racers: Sequence[Racer]) -> dict[str, str]:
+def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
     """Return which layout is the best ("who"), and the result of each ("why").
 
     The scene's score decides where every layout has one, else the mean speed.
     """
-    merits = _merits(racers)
-    by_speed = None in [one.score for one in racers] or {one.unit for one in racers} == {"m/s"}
+    merits = _merits(compared)
+    by_speed = None in [one.score for one in compared] or {one.unit for one in compared} == {"m/s"}
     # the first of equals first
-    order = sorted(range(len(racers)), key=lambda k: -merits[k])
-    ranked, merits = [racers[k] for k in order], [merits[k] for k in order]
+    order = sorted(range(len(compared)), key=lambda k: -merits[k])
+    ranked, merits = [compared[k] for k in order], [merits[k] for k in order]
     results, leads = [], []
     for one, merit in zip(ranked, merits, strict=True):
         result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else one.score_text
@@ -112,13 +114,13 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     return {"who": who, "why": "; ".join(results)}
 
 
-def _merits(racers: Sequence[Racer]) -> list[float]:
+def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
     """Return the numbers that rank: the scores where all have one, else the speeds [m/s]."""
-    scores = [one.score for one in racers if one.score is not None]
-    return scores if len(scores) == len(racers) else [one.wave.mean_speed for one in racers]
+    scores = [one.score for one in compared if one.score is not None]
+    return scores if len(scores) == len(compared) else [one.wave.mean_speed for one in compared]
 
 
-def _data_of(one: Racer) -> dict[str, Any]:
+def _data_of(one: ComparedLayout) -> dict[str, Any]:
     """Return the data of one layout; the page turns leans of the leader into those of all."""
     wave, layout = one.wave, one.wave.layout
     motion = Motion(layout, wave.physics)
