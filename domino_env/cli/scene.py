@@ -22,6 +22,26 @@ from domino_env.cli.options import (
 )
 
 HEAD = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
+COMMENTS = {
+    "objective": "mean_speed: length over the time of the last hit; robust: with inexact gaps",
+    "slope": "[degrees], positive downhill",
+    "height": "[m]",
+    "width": "[m] across the row",
+    "density": "[kg/m³]; equal dominoes topple alike at any density",
+    "first_thickness": "[m] of the first domino",
+    "length": "[m] from the first pivot to the last",
+    "min": "[m] of a free gap",
+    "max": "[m] of a free gap",
+    "friction": "Coulomb coefficient between dominoes",
+    "floor_friction": "coefficient of friction of the floor",
+    "gravity": "[m/s²]",
+    "push": "[rad/s] angular velocity of the first domino",
+    "fixed": "[m]; for free thicknesses write min and max, or values = [...]",
+    "deviation": "[m] standard deviation of the error of each gap",
+    "quantile": "share of the random layouts that may be slower than the score",
+    "draws": "random layouts that are simulated for each score",
+    "seed": "of these layouts",
+}
 SUMMARY = "write a scene file for your own dominoes"
 LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps without --gaps
 
@@ -93,13 +113,19 @@ def run(arguments: argparse.Namespace) -> int:
         floor_friction=box.floor,
         ground=None if box.slope is None else Ground(slope=box.slope),
     )
-    text = f"{HEAD}{scene.to_toml()}"
+    text = HEAD + "".join(map(_commented, scene.to_toml().splitlines()))
     if box.out is None:
         print(text, end="")
         return 0
     write_text(Path(box.out), text)
     print(f"written to {box.out}: domino optimize {box.out} searches its best layout")
     return 0
+
+
+def _commented(line: str) -> str:
+    """Return a line of a scene file with the comment on its key."""
+    comment = COMMENTS.get(line.partition(" =")[0])
+    return f"{line:<26} # {comment}\n" if comment else f"{line}\n"
 
 
 def _metres(millimetres: float) -> float:

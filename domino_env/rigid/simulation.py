@@ -26,6 +26,8 @@ PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall
 SAFETY = 3.0  # times what halving the steps changed
 GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
 STEPS_AT_ONCE = 256  # of the compiled code, some 0.1 s
+LONGEST = 1800.0  # [s] that a simulation may take
+MEASURED = 10.0  # [s] of all its runs, after which its time can be estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,8 @@ def simulate_standing(
     Raises
     ------
     ValueError
-        For a friction or tolerance out of its range.
+        For a friction or tolerance out of its range, and for a layout that would take more than
+        half an hour.
     StoppedError
         Where `stop` returned True.
     ArithmeticError
@@ -230,6 +233,16 @@ def simulate_standing(
     )
 
 
+def _require_time(elapsed: float, struck: int, count: int, place: str) -> None:
+    """Raise a ValueError with an estimate if a simulation will take more than `LONGEST`."""
+    expected = elapsed * count / max(struck, 1)
+    if elapsed > MEASURED and expected > LONGEST:
+        raise ValueError(
+            f"{count:,} dominoes as rigid bodies ({place}) would take about {expected / 3600:.2g} "
+            f"hours: simulate fewer, such as the first {max(int(count * LONGEST / expected), 2):,}"
+        )
+
+
 def window_of(layout: Layout) -> int:
     """Return the number of dominoes behind the leader that still move in `simulate_standing`.
 
@@ -276,6 +289,7 @@ def _run(
     record = dynamics.Record(arrivals, *moved)
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
+    begun: tuple[float, int] | None = None  # time and dominoes struck at the end of the first piece
     words = f"{floor_name(floor)}, steps of {fineness:g}"
     with progress_bar(
         progress, total=count, desc=words, unit=" dominoes", leave=False, delay=1.0
@@ -284,7 +298,12 @@ def _run(
             if stop is not None and stop():
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
-            bar.update(int(state.run["leader"][0]) + 1 - bar.n)
+            struck, now = int(state.run["leader"][0]) + 1, time.perf_counter()
+            bar.update(struck - bar.n)
+            begun = begun or (now, struck)  # the first piece may have been compiled
+            # steps are halved at least until their fineness is 1: 2 c + 4 c after c for steps of 4
+            elapsed = (now - begun[0]) * max(2.0 * fineness - 1.0, 1.0)
+            _require_time(elapsed, struck - begun[1], count, floor_name(floor))
     if status == dynamics.FAILED:
         raise ArithmeticError(
             f"a velocity is not a number after {np.isfinite(arrivals).sum()} of {count} dominoes "

@@ -30,6 +30,7 @@ from domino_env.view.ground import places_along
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
 MOST_SHEETS = 1_000  # of a layout some hundred metres long
 MARGIN = 0.014  # [m] that stays white
+LEAST_MARGIN = 0.006  # [m] that printers need, where that saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
 BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for their numbers
@@ -58,6 +59,8 @@ class Strip:
         Place of its right end [m]; neighbours share an end, which is a joining line on both.
     dominoes
         Indices of the dominoes whose footprint touches it; on paper they are numbered from 1.
+    margin
+        Width of the white margin on its left and right [m].
     """
 
     number: int
@@ -67,10 +70,13 @@ class Strip:
     begin: float
     end: float
     dominoes: tuple[int, ...]
+    margin: float
 
 
 def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     """Cut a layout into strips, as many on a sheet of paper as fit.
+
+    The margins are narrower where that saves a sheet.
 
     Parameters
     ----------
@@ -97,8 +103,13 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
     front = places_along(layout)
     rear = front - layout.thickness
-    begin, stretch = float(rear[0]) - LEAD, wide - 2.0 * MARGIN
-    total = math.ceil((float(front[-1]) + LEAD - begin) / stretch)
+    begin, margin = float(rear[0]) - LEAD, MARGIN
+    whole = float(front[-1]) + LEAD - begin
+    total = math.ceil(whole / (wide - 2.0 * margin))
+    fewer = (total - 1) // on_a_sheet * on_a_sheet  # strips of one sheet less
+    if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
+        total, margin = fewer, 0.5 * (wide - whole / fewer)
+    stretch = wide - 2.0 * margin
     if total > MOST_SHEETS * on_a_sheet:
         raise ValueError(
             f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
@@ -110,7 +121,8 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
         inside = np.flatnonzero((front > low) & (rear < high_end))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, tuple(inside.tolist())))
+        dominoes = tuple(inside.tolist())
+        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes, margin))
     return strips
 
 
@@ -231,7 +243,7 @@ def _advise(axes: Axes, steps: Sequence[str]) -> None:
 def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    places, left = places_along(layout), MARGIN * MM
+    places, left = places_along(layout), strip.margin * MM
     right = left + (strip.end - strip.begin) * MM
     edge, labels = half + BESIDE * MM, [f"{tilt:+.1f}" for tilt in np.degrees(layout.tilt)]
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, ls="-.")

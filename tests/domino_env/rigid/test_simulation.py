@@ -130,9 +130,14 @@ def test_what_makes_no_sense_is_refused(arguments, words):
         de.simulate_standing(random_layout(0, 3), PHYSICS, **arguments)  # type: ignore[arg-type]
 
 
-def test_a_long_simulation_is_interrupted_between_pieces():
+def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(
+    monkeypatch,
+):
     layout, calls = de.Layout.uniform(20_000, spacing=0.012), iter([False, False, True])
     with pytest.raises(simulation.StoppedError):
         de.simulate_standing(layout, PHYSICS, stop=lambda: next(calls))
     with pytest.raises(KeyboardInterrupt):
         de.simulate_standing(layout, PHYSICS, stop=lambda: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(simulation, "LONGEST", 1.0)
+    with pytest.raises(ValueError, match=r"20,000 dominoes .* would take .* hours: simulate fewer"):
+        de.simulate_standing(layout, PHYSICS)

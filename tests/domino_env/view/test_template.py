@@ -9,6 +9,8 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from domino_env.view.template import (
+    LEAST_MARGIN,
+    MARGIN,
     PAPERS,
     _advice,
     strips,
@@ -55,6 +57,19 @@ def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path):
     assert data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") == 1 + plan[-1].sheet
     assert b"/Title (the layout)" in data
     assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
+
+
+@pytest.mark.parametrize("count", [20, 40, 59, 60])
+def test_narrower_margins_save_a_sheet(count):
+    layout = de.Layout.uniform(count, pitch=0.0212)
+    plan, wide = strips(layout), PAPERS["a4"][0]
+    whole = plan[-1].end - plan[0].begin
+    assert whole >= layout.length + layout.thickness[0]
+    fewer = (plan[-1].sheet - 1) * sum(one.sheet == 1 for one in plan)
+    assert layout.length + layout.thickness[0] + 0.02 > fewer * (wide - 2 * LEAST_MARGIN)
+    for strip in plan:
+        assert LEAST_MARGIN - 1e-12 <= strip.margin <= MARGIN
+        assert strip.end - strip.begin == pytest.approx(wide - 2 * strip.margin)
 
 
 def test_a_template_has_title_push_and_time_of_its_scene(tmp_path):
