@@ -66,8 +66,8 @@ def _list(store: Store) -> None:
     """Print a line for each study."""
     from domino_env.core.tables import text_table
 
-    names = ("study", "kind", "tasks", "begun (UTC)")
-    lines = [(s.name, s.kind, f"{s.tasks:,}", _clock(s.begun)) for s in store.studies()]
+    names = ("study", "kind", "tasks", "begun")
+    lines = [(s.name, s.kind, f"{s.tasks:,}", s.begun) for s in store.studies()]
     table = text_table(names, lines, right={"tasks"})
     print("\n".join(table) if lines else f"{store.path} holds no studies yet")
 
@@ -79,7 +79,7 @@ def _show(study: Study) -> None:
     from optimize.experiments.task import describe_labels
 
     results = study.done().values()
-    about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
+    about = f"{study.kind}, {len(results):,} finished tasks, begun {study.begun}"
     print(one_line(f"{study.name}: {about}"))
     if study.settings:
         print(one_line(describe_labels(study.settings)))
@@ -108,8 +108,3 @@ def _export_best(study: Study, path: str, name: str) -> None:
     beside = write_layout(r.layout, path, scene_of(r.scene))
     about = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
     print(one_line(f"written to {path}, the scene to {beside}: the layout of {about}"))
-
-
-def _clock(begun: str) -> str:
-    """Return a time in ISO 8601 without its zone."""
-    return begun.removesuffix("+00:00").replace("T", " ")

@@ -73,16 +73,10 @@ class Study:
         ValueError
             The store is damaged.
         """
+        query = "SELECT data FROM results WHERE study = ? ORDER BY number"
         with self._store.transaction() as connection:
-            lines = connection.execute(
-                "SELECT data FROM results WHERE study = ? ORDER BY number", (self._number,)
-            ).fetchall()
-        try:
+            lines = connection.execute(query, (self._number,)).fetchall()
             results = [msgspec.json.decode(data, type=TaskResult) for (data,) in lines]
-        except (msgspec.DecodeError, TypeError) as error:
-            raise ValueError(
-                f"{self._store.path} is damaged ({error}): name another file, or restore a copy"
-            ) from None
         return {result.key: result for result in results}
 
     def add(self, result: TaskResult) -> None:
@@ -182,7 +176,7 @@ class Store:
         try:
             with closing(sqlite3.connect(self.path, LOCK_TIMEOUT)) as connection, connection:
                 yield connection
-        except sqlite3.Error as error:
+        except (sqlite3.Error, msgspec.MsgspecError) as error:
             raise ValueError(
                 f"{self.path}: {error}; results stored before are kept: make room or end the "
                 "program that locks it and continue with --resume; if it is damaged or no store of "
@@ -247,7 +241,10 @@ def export_study(study: Study, path: Path) -> int:
     names = list(dict.fromkeys(name for line in lines for name in line))
     columns = {name: [line.get(name) for line in lines] for name in names}
     if kind == ".csv":
-        texts = [[_as_text(value) for value in column] for column in columns.values()]
+        texts = [
+            [json.dumps(v) if isinstance(v, tuple | list) else v for v in column]
+            for column in columns.values()
+        ]
         write_csv(path, names, zip(*texts, strict=True))
     else:
         require_extra("Parquet", "parquet", "pyarrow")
@@ -291,8 +288,3 @@ def _cells(study: str, result: TaskResult) -> dict[str, Any]:
     labels = cells.pop("labels")
     cells["versions"] = json.dumps(result.versions)
     return cells | {f"label.{k}" if k in cells else k: value for k, value in labels.items()}
-
-
-def _as_text(value: Any) -> Any:
-    """Return a cell of a CSV file."""
-    return json.dumps(value) if isinstance(value, list | tuple) else value
