@@ -75,11 +75,6 @@ class ProcessExecutor(ThreadPoolExecutor):
     ----------
     workers
         Number of processes.
-
-    Attributes
-    ----------
-    workers
-        Number of processes.
     """
 
     def __init__(self, workers: int) -> None:

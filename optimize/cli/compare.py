@@ -17,16 +17,20 @@ them.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from domino_env.cli.options import NATURAL, add_out_option
 from optimize.cli.options import (
     add_limit_options,
     add_methods_option,
     add_study_options,
-    exit_code,
-    open_study,
+    run_study,
 )
+
+if TYPE_CHECKING:
+    from optimize.experiments.experiment import Experiment
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0
@@ -44,11 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
-    from domino_env.core.files import counted
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.compare import known_score, plan_tasks
-    from optimize.experiments.report import COMPARISON_FILES, table, write_comparison
-    from optimize.experiments.runner import run_experiment
+    from optimize.experiments.report import table, write_comparison
     from optimize.methods import registry
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
@@ -58,12 +60,11 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.seconds = DEFAULT_SECONDS
     tasks = plan_tasks(scenes, chosen, range(arguments.seeds), arguments.budget, arguments.seconds)
     default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
-    folder = Path(arguments.out)
-    with open_study(arguments, "comparison", default, tasks, folder) as (study, options):
-        print(f"{counted(len(tasks) - study.tasks, 'run')} of {tasks[0].limit}", flush=True)
-        experiment = run_experiment(tasks, known_score=known_score, **options)
-        write_comparison(experiment, folder)
+
+    def write(experiment: Experiment, folder: Path) -> Sequence[str]:
         for problem in experiment.problems:
-            print(f"\n{problem}\n" + "\n".join(table(experiment, [problem])))
-        print(f"\nwritten to {folder}: {', '.join(COMPARISON_FILES)}")
-        return exit_code(experiment)
+            print("", problem, *table(experiment, [problem]), sep="\n")
+        print()
+        return write_comparison(experiment, folder)
+
+    return run_study(arguments, "comparison", default, tasks, write, known_score=known_score)

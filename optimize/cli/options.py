@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,36 +115,49 @@ def study_from(
     return store.begin(name, kind, settings)
 
 
-@contextmanager
-def open_study(
-    arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task], folder: Path
-) -> Iterator[tuple[Study, dict[str, Any]]]:
-    """Open the executor and the study of a command; an interruption says how to continue.
+def run_study(
+    arguments: argparse.Namespace,
+    kind: str,
+    default: str,
+    tasks: Sequence[Task],
+    write: Callable[[Experiment, Path], Sequence[str]],
+    **options: Any,
+) -> int:
+    """Run the tasks of a command in a study, and report; an interruption says how to continue.
 
     Parameters
     ----------
     arguments, kind, default, tasks
-        As of `study_from`.
-    folder
-        Folder of the report, which must be writable.
+        As of `study_from`. Without ``--out`` the report goes to runs/STUDY.
+    write
+        Writes the report of an experiment into a folder, and returns the names of its files.
+    options
+        Further arguments of `run_experiment`.
 
-    Yields
-    ------
-    study : Study
-        The study.
-    options : dict
-        Arguments of `run_experiment`.
+    Returns
+    -------
+    int
+        As of `exit_code`.
     """
     from domino_env.core.files import require_writable
+    from optimize.experiments.runner import run_experiment
 
     # the study comes last: an executor that does not answer leaves no empty one
     with open_executor(arguments.workers, arguments.dask) as executor:
-        require_writable(folder)
+        require_writable(Path(arguments.out or "runs"))
         study = study_from(arguments, kind, default, tasks)
+        folder = Path(arguments.out or f"runs/{study.name}")
         more = f"what is done is in study '{study.name}'; the same command with --resume continues"
-        options = {"executor": executor, "study": study, "name": study.name, "progress": None}
+        before = f", {study.tasks} of them done before" if study.tasks else ""
+        number = counted(len(tasks), "search")
+        print(f"study '{study.name}' in {arguments.store}: {number}{before}", flush=True)
         try:
-            yield study, options
+            experiment = run_experiment(
+                tasks, executor, study, name=study.name, progress=None, **options
+            )
+            files = ", ".join(write(experiment, folder))
+            print(f"{counted(len(experiment.results), 'result')}; written to {folder}: {files}")
+            return exit_code(experiment)
         except OSError as error:
             raise OSError(f"{error}; {more}") from None
         except KeyboardInterrupt:

@@ -13,15 +13,13 @@ table (CSV) and a picture.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from domino_env.cli.options import NATURAL, SEED, add_out_option
 from optimize.cli.options import (
     add_limit_options,
     add_methods_option,
     add_study_options,
-    exit_code,
-    open_study,
+    run_study,
 )
 
 SUMMARY = "search many variations of a scene"
@@ -48,24 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, and write the folder."""
-    from domino_env.core.files import counted
-    from optimize.experiments.report import SWEEP_FILES, write_sweep
-    from optimize.experiments.runner import run_experiment
+    from optimize.experiments.report import write_sweep
     from optimize.experiments.sweep import plan_sweep
 
     tasks = plan_sweep(
         arguments.scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
         arguments.seconds, random=arguments.random, seed=arguments.seed,
     )  # fmt: skip
-    scene = tasks[0].scene_name
-    name, out = f"sweep-{scene}", Path(arguments.out or "runs")
-    with open_study(arguments, "sweep", name, tasks, out) as (study, options):
-        folder = out if arguments.out else out / study.name
-        before = f", {study.tasks} of them done before" if study.tasks else ""
-        number = counted(len(tasks), "search")
-        print(f"study '{study.name}' in {arguments.store}: {number}{before}", flush=True)
-        experiment = run_experiment(tasks, **options)
-        write_sweep(experiment, folder)
-        results = counted(len(experiment.results), "result")
-        print(f"{results}; written to {folder}: {', '.join(SWEEP_FILES)}")
-        return exit_code(experiment)
+    return run_study(arguments, "sweep", f"sweep-{tasks[0].scene_name}", tasks, write_sweep)

@@ -5,7 +5,7 @@ The report of a comparison has curves over time, that of a sweep curves over the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +30,8 @@ of it.
 """
 
 
-def write_comparison(experiment: Experiment, folder: Path) -> None:
-    """Write the page, tables and picture of a comparison."""
+def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
+    """Write the page, tables and picture of a comparison; return their names."""
     from optimize.experiments.pictures import draw_over_time
 
     steps = (
@@ -43,10 +43,11 @@ def write_comparison(experiment: Experiment, folder: Path) -> None:
     write_csv(folder / "traces.csv", TRACE_COLUMNS, steps)
     draw_over_time(experiment, folder / "gaps.png")
     write_text(folder / "comparison.md", page(experiment, "Methods compared", "gaps.png"))
+    return COMPARISON_FILES
 
 
-def write_sweep(experiment: Experiment, folder: Path) -> None:
-    """Write the page, table and picture of a sweep."""
+def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
+    """Write the page, table and picture of a sweep; return their names."""
     from optimize.experiments.pictures import draw_over_settings
 
     scene = scene_of(experiment.tasks[0].scene)
@@ -54,6 +55,7 @@ def write_sweep(experiment: Experiment, folder: Path) -> None:
     write_runs(experiment, folder / "sweep.csv")
     draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.unit)
     write_text(folder / "sweep.md", page(experiment, title, "sweep.png"))
+    return SWEEP_FILES
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
