@@ -78,8 +78,6 @@ def verify_records(
 
 def _shortened(layout: Layout) -> Layout:
     """Return the first dominoes of a layout."""
-    if layout.count <= MAX_COUNT:
-        return layout
     dominoes, pairs = slice(MAX_COUNT), slice(MAX_COUNT - 1)
     return Layout(
         layout.spacing[pairs], layout.thickness[dominoes], layout.height[dominoes], layout.width,
