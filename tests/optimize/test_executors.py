@@ -180,7 +180,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
             assert process.poll() is None
             time.sleep(0.05)
         process.kill()
-    for _ in range(200):
+    for _ in range(1200):
         if not Path(f"/proc/{pid.read_text()}").exists():
             return
         time.sleep(0.05)

@@ -74,12 +74,11 @@ def uneven_ground(rng):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     "draw", [gaps_alone, all_different, up_and_down, equal_stretches, uneven_ground]
 )
-def test_random_layouts(draw, seed, friction):
-    layout, push = draw(np.random.default_rng([seed, round(100 * friction)]))
+def test_random_layouts(draw, friction):
+    layout, push = draw(np.random.default_rng([0, round(100 * friction)]))
     compare(layout, de.Physics(friction, push=push))
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import time
 from typing import Any
 
 import numpy as np
@@ -165,13 +164,20 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     browser.get(first)
 
 
+def once(browser, condition):
+    """Wait until a condition holds, and return its value."""
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    return WebDriverWait(browser, 60.0).until(lambda _: condition())
+
+
 def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     from selenium.webdriver.common.keys import Keys
 
     body = browser.find_element("css selector", "#comparison")
     browser.find_element("id", "play").click()
-    time.sleep(0.3)
-    assert browser.execute_script("return comparison.playing() && comparison.now() > 0")
+    playing = "return comparison.playing() && comparison.now() > 0"
+    once(browser, lambda: browser.execute_script(playing))
     browser.find_element("id", "play").click()
     stopped = browser.execute_script("return comparison.now()")
     browser.execute_script(
@@ -208,8 +214,9 @@ def test_page_fits_a_phone_and_follows_the_front(browser):
 
 def test_numbers_can_be_read_as_tables(browser):
     browser.execute_script("document.getElementById('numbers').open = true")
-    time.sleep(0.1)
-    lines = browser.find_elements("css selector", "#each table:first-child tbody tr")
+    table = "#each table:first-child tbody tr"
+    lines = once(browser, lambda: browser.find_elements("css selector", table))
+    once(browser, lambda: lines[3].text)
     assert len(lines) == 20
     assert lines[3].text.split()[1] == f"{COMPARED[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):
