@@ -23,7 +23,7 @@ class Diagnosis:
     Attributes
     ----------
     outcome
-        Why the wave ended.
+        Reason why the wave ended.
     least_contact_force
         (N-1,) smallest force between domino i and i+1 while they touch [N]; negative where the
         model keeps a contact closed that would separate.

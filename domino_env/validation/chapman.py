@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from domino_env.core.colours import BLUE, COLOURS, PALE, PINK, RED
+from domino_env.core.colours import BLUE, COLOURS, PALE, RED
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
@@ -32,6 +32,7 @@ PITCHES = (0.016, 0.024, 0.032)  # [m]
 UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # of speeds [m/s]
 OVER_PITCH = "thickness d over pitch λ"
 OVER_UNIT = "steady speed over √(3gL), L height"
+ESTIMATE = "--"  # line style of equation 13
 # as printed: after and before a hit, and "true" average [rad/s]; 17.80 is a misprint of 14.80
 PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
 # hits per second: Chapman's simulation, LMGC90, experiment
@@ -90,12 +91,16 @@ def markdown() -> str:
     second = ("pitch", "model", "Chapman", "LMGC90", "experiment", "model against experiment")
     return "\n".join([
         "# Chapman's tables, solved to rounding", "",
-        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; printed values in brackets.", "",
+        "For readers of Chapman, *The physics of toppling dominoes*: its two tables, computed by",
+        "this simulator for standard dominoes (48 × 24 × 7.5 mm) and g = 9.8 m/s²; in brackets the",
+        "printed values. ω− and ω+ are the angular velocities of the leading domino just after and",
+        "just before a hit in the steady wave; *closed* means the article's closed forms.", "",
         "## Table 1: angular velocities without friction [rad/s]", "",
         *markdown_table(first, velocities), "",
         "\\* misprint of 14.80", "",
         f"## Table 2: hits per second, friction {FRICTION}", "",
         *markdown_table(second, hits), "",
+        "Continue with [the model](../physics.md) or [measured chains](../measured.md).", "",
     ])  # fmt: skip
 
 
@@ -140,7 +145,8 @@ def angular_velocity(axes: Axes) -> None:
     speeds = np.column_stack([wave.release_velocity[:-1], wave.impact_velocity]).ravel()
     average = np.arcsin((PITCHES[0] - THICKNESS) / HEIGHT) * _steady(PITCHES[0]).frequency
     axes.plot(times, speeds, color=BLUE, label="leading domino")
-    axes.axhline(average, color=RED, linestyle="--", label=f"average {average:.3f} rad/s")
+    name = f"average of the steady wave, {average:.3f} rad/s"
+    axes.axhline(average, color=RED, linestyle="--", label=name)
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
 
 
@@ -150,18 +156,18 @@ def correction_factor(axes: Axes) -> None:
         thick = ratio * HEIGHT
         low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
         x, estimate, simulated = _speeds(np.linspace(low, existence_limit(thick), 60)[:-1], thick)
-        axes.plot(x, estimate, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
-        axes.plot(x, simulated, color=colour, linestyle=":")
-    axes.plot([], [], color="0.4", label="equation 13")
-    axes.plot([], [], color="0.4", linestyle=":", label="simulated")
+        axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
+        axes.plot(x, estimate, color=colour, linestyle=ESTIMATE)
+    axes.plot([], [], color="0.4", label="simulated")
+    axes.plot([], [], color="0.4", linestyle=ESTIMATE, label="equation 13")
     axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT, ylim=(0.5, 3.0))
 
 
 def formula(axes: Axes) -> None:
     """Draw the speed over √(3gL) by d/λ, by equation 13 and simulated."""
     x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
-    axes.plot(x, estimate, color=PINK, linestyle="--", label="equation 13")
     axes.plot(x, simulated, color=BLUE, label="simulated")
+    axes.plot(x, estimate, color=BLUE, linestyle=ESTIMATE, label="equation 13")
     axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT)
 
 
@@ -179,9 +185,9 @@ def friction(axes: Axes) -> None:
         speed = np.array([_steady(pitch, friction=float(m)).speed for m in mu])
         share = _steady(pitch, friction=FRICTION).speed / speed[0]
         power = np.log(share) / np.log(1.0 + FRICTION)
-        name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} as (1+μ)^{power:.2f}"
+        name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} equal to (1+μ)$^{{{power:.2f}}}$"
         axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=name)
-    name = "Cantor & Wojtacki: (1+μ)^−0.4, not this model"
+    name = "Cantor & Wojtacki: (1+μ)$^{-0.4}$, not this model"
     axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=name)
     axes.set(
         xlabel="friction coefficient μ",
@@ -191,10 +197,14 @@ def friction(axes: Axes) -> None:
 
 
 FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
-    "one-fall": ("One interval between hits, domino by domino (16 mm, no friction)", one_interval),
-    "kinetic-energy": ("Kinetic energy of a chain (16 mm, no friction)", kinetic_energy),
+    "one-fall": (
+        "One interval between hits, domino by domino (pitch 16 mm, no friction)", one_interval
+    ),
+    "kinetic-energy": (
+        "Kinetic energy of thirty dominoes (pitch 16 mm, no friction)", kinetic_energy
+    ),
     "angular-velocity": (
-        "Angular velocity of the leading domino (16 mm, no friction)", angular_velocity
+        "Angular velocity of the leading domino (pitch 16 mm, no friction)", angular_velocity
     ),
     "correction-factor": (
         "Steady speed by equation 13 and simulated, no friction", correction_factor

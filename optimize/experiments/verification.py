@@ -110,7 +110,8 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             score = f"{rigid.mean_speed:.4f} m/s"
         else:
             scored = replace(wave, arrival_times=rigid.arrival_times)
-            score = scene.in_words(scene.score(scored), scored)
+            one = scene.as_placed  # the layout as simulated, without further placement errors
+            score = one.in_words(one.score(scored), scored)
         # a layout of which a domino does not topple has no gain
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None

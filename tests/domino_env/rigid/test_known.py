@@ -37,6 +37,10 @@ def test_every_layout_that_ships_is_verified_as_it_is(name):
     assert uniform.largest < 1e-3
 
 
+def test_scores_are_those_of_the_simulated_wave():
+    assert len({check.score for check in KEPT["tempo-noise"].floors}) == 4
+
+
 def test_the_page_shows_what_is_kept():
     page = (Path(__file__).parents[3] / PAGE).read_text("utf-8")
     assert fill(page, {"known": known_table(KEPT)}) == page, AGAIN

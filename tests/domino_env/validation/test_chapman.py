@@ -1,5 +1,7 @@
 """Chapman's tables and figures."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,8 @@ def test_the_tables_are_those_of_the_independent_solution():
 
 
 def test_one_printed_number_differs():
+    page = Path(__file__).parents[3] / "docs" / "figures" / "tables.md"
+    assert page.read_text("utf-8") == markdown(), "run domino figures --out docs/figures"
     assert markdown().count("(17.80*)") == markdown().count("*)") == 1
 
 
