@@ -248,13 +248,10 @@ def _violations_of_bends(
             continue
         where = f"the {name} near x = {place:.4g} m, of radius {1.0 / bend:.3g} m"
         if way > 0.0 and height * _turned(bend, low + thick) >= low:
-            # the gap that is just wide enough, and 2 % more
-            reach = height * bend
-            need = f"at least {1020.0 * reach * thick / (1.0 - reach):.3g} mm" * (reach < 0.9)
             yield (
                 f"spacing from {1e3 * low:.4g} mm on is too narrow for {where}: dominoes would "
                 "lean against each other, or strike above the next one's top; make spacing.min "
-                f"{need or 'larger'}, or the ground less hollow"
+                "larger, or the ground less hollow"
             )
         offset = 0.5 * high * _turned(bend, high + thick)
         if high >= height or offset > min(high, 0.999 * math.sqrt(height**2 - high**2)):
