@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     require_output(target, ".html")
     compared, title = read_compared(paths, chosen.scene, chosen.physics if chosen.changed else None)
-    size = write_report(compared, title, target, progress=None)
+    size = write_report(compared, title, target)
     result = headline(compared)
     print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
@@ -56,9 +55,7 @@ class ComparedLayout:
     unit: str = "m/s"
 
 
-def comparison_data(
-    compared: Sequence[ComparedLayout], progress: bool | None = False
-) -> dict[str, Any]:
+def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     """Return the data of the page.
 
     Raises
@@ -76,9 +73,7 @@ def comparison_data(
     return {
         "headline": headline(compared),
         "best": first if len(compared) > 1 and merits[first] > 0.0 else None,
-        "compared": [
-            _data_of(one) for one in progress_bar(progress, iterable=compared, unit=" layouts")
-        ],
+        "compared": [_data_of(one) for one in compared],
     }
 
 

@@ -48,9 +48,7 @@ class VerificationDocument(Document):
     floors: tuple[FloorDocument, ...] = ()
 
 
-def write_report(
-    compared: Sequence[ComparedLayout], title: str, path: Path, progress: bool | None = False
-) -> int:
+def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> int:
     """Write the page.
 
     Parameters
@@ -61,9 +59,6 @@ def write_report(
         Title of the page.
     path
         Output file.
-    progress
-        Whether to show how many layouts are computed; None: on a terminal, and where standard error
-        is none, a line every 30 s.
 
     Returns
     -------
@@ -80,7 +75,7 @@ def write_report(
     def read(name: str) -> str:
         return (assets / name).read_text("utf-8")
 
-    data = json.dumps(comparison_data(compared, progress), allow_nan=False, separators=(",", ":"))
+    data = json.dumps(comparison_data(compared), allow_nan=False, separators=(",", ":"))
     parts = {
         "title": escape(title),
         "styles": read("uPlot.min.css") + read("report.css"),

@@ -68,11 +68,6 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts():
     assert comparison_data(scored)["best"] == 1
 
 
-def test_a_report_shows_its_progress(capfd, tmp_path):
-    write_report(COMPARED, "test", tmp_path / "page.html", progress=True)
-    assert "2/2" in capfd.readouterr().err
-
-
 def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     scene = de.load_scene("sprint")
     run = tmp_path / "one"
