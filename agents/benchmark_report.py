@@ -104,7 +104,7 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
     path
         The file; a missing one has no results.
     targets
-        Scenes and distributions in addition to those that ship.
+        Scenes and distributions in addition to the shipped ones.
 
     Raises
     ------

@@ -258,7 +258,7 @@ def scenes_of(
     Parameters
     ----------
     name
-        A scene distribution, the name of one that ships, or the path of its file.
+        A scene distribution, the name of a shipped one, or the path of its file.
     number
         Number of scenes; of a test set its first, at most 200.
     seed
@@ -300,7 +300,7 @@ def evaluate_scenes(
         One or more scenes.
     policy
         The designer, a policy that was trained on sampled scenes, or a scripted one; None for the
-        designer that ships.
+        shipped designer.
     searched
         (S,) scores of searches, to compare with; None for none.
     progress

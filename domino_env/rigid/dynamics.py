@@ -14,9 +14,9 @@ of second order.  A step ends where a tip reaches the next domino, and the impac
 length. Nothing is assumed about which contacts are closed, and nothing of the analytic model is
 used.
 
-A box is followed by one reference point: its centre where it stands free, its front bottom edge,
-which then does not move, where it turns about a fixed pivot.  Leans and angular velocities are
-positive towards +x: a point (rx, ry) from the reference point moves with (vx + omega ry,
+A box is followed by one reference point: its centre where it is free-standing, its front bottom
+edge, which then does not move, where it turns about a fixed pivot.  Leans and angular velocities
+are positive towards +x: a point (rx, ry) from the reference point moves with (vx + omega ry,
 vy - omega rx).
 
 J. J. Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics, and M. Jean

@@ -72,7 +72,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verified:
-    """Checks of one layout that ships and of its uniform baselines.
+    """Checks of one shipped layout and of its uniform baselines.
 
     Attributes
     ----------

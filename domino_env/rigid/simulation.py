@@ -149,7 +149,7 @@ def simulate_standing(
     progress: bool | None = False,
     stop: Callable[[], bool] | None = None,
 ) -> RigidWave:
-    """Simulate rigid bodies that stand free on a floor, or turn about fixed pivots.
+    """Simulate free-standing rigid bodies on a floor, or rigid bodies on fixed pivots.
 
     The analytic model of `simulate` holds every pivot to the floor and keeps every contact closed.
     Here neither is assumed: feet may slip and lift, contacts open and close, all without

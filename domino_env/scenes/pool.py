@@ -1,6 +1,6 @@
 """Pools of sampled scenes with their uniform baselines, and test sets of scenes.
 
-`python -m domino_env.scenes.shipping NAME …` samples those that ship anew.
+`python -m domino_env.scenes.shipping NAME …` samples the shipped ones anew.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
 
 
 def _table(distribution: SceneDistribution, kind: str) -> Floats | None:
-    """Return the table that ships with a distribution; None if it was made for another one."""
+    """Return the shipped table of a distribution; None if it was made for another one."""
     file = DISTRIBUTIONS / f"{distribution.name}.{kind}.csv"
     if not file.is_file():
         return None

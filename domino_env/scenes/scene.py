@@ -76,7 +76,7 @@ class Scene(Specification):
     settings
         Table of the objective: a `Tempo` for "tempo", a `Placement` for "robust"; None for others.
     floor_friction
-        Coulomb coefficient of the floor on which the dominoes stand free, 0 or more: the score is
+        Coulomb coefficient of the floor of free-standing dominoes, 0 or more: the score is
         then the speed by `domino_env.simulate_standing`, if all dominoes topple. None for fixed
         pivots, as in the analytic model.
     ground

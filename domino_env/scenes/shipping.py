@@ -1,4 +1,4 @@
-"""Computation of the files that ship with scenes and distributions.
+"""Computation of the shipped files of scenes and distributions.
 
 python -m domino_env.scenes.shipping            JSON Schema and uniform baselines of the scenes
 python -m domino_env.scenes.shipping NAME …     pool and test set of distributions

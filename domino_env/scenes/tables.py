@@ -140,7 +140,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
 
     floor_friction: Annotated[
         Part | None,
-        Meta(description="of the floor on which dominoes stand free; without it pivots are fixed"),
+        Meta(description="of the floor of free-standing dominoes; without it pivots are fixed"),
     ] = None
 
 

@@ -43,7 +43,7 @@ class LayoutBatch:
     ground
         Ground on which they stand; None for flat ground.
     stop
-        As of `simulate_standing`, where they stand free on a floor; None for no such end.
+        As of `simulate_standing`, where they are free-standing on a floor; None for no such end.
     """
 
     spacing: Floats

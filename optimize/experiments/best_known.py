@@ -58,7 +58,7 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     Parameters
     ----------
     path
-        JSON file; None for the one that ships. A missing file has no records.
+        JSON file; None for the shipped one. A missing file has no records.
 
     Raises
     ------

@@ -236,7 +236,7 @@ def _about_uniform(scene: Scene) -> Layout:
 
 @lru_cache(8)
 def known_record(scene: Scene) -> tuple[Layout, float] | None:
-    """Return the best known layout of a scene that ships and its score; None for other scenes."""
+    """Return the best known layout of a shipped scene and its score; None for other scenes."""
     record = best_known().get(scene.name)
     if record is None or scene.name not in scene_names() or load_scene(scene.name) != scene:
         return None

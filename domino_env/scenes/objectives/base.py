@@ -196,7 +196,7 @@ class Objective(ABC):
     ground
         Ground on which layouts stand; None for flat ground.
     floor_friction
-        Coulomb coefficient of the floor on which layouts stand free; None for fixed pivots.
+        Coulomb coefficient of the floor of free-standing layouts; None for fixed pivots.
     """
 
     settings: Any

@@ -1,4 +1,4 @@
-"""Waves of layouts that stand free on a floor, as rigid bodies."""
+"""Waves of free-standing layouts on a floor, as rigid bodies."""
 
 from __future__ import annotations
 
