@@ -2,26 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 import domino_env as de
 from optimize import search
 from optimize.methods.search import long_layouts
-from optimize.methods.search.long_layouts import best_steady
-
-
-def test_no_steady_wave_beats_the_best_one():
-    scene = de.load_scene("gentle")
-    gap, thickness = best_steady(scene)
-
-    def speed(s: float, d: float) -> float:
-        return de.steady_wave(s + d, d, scene.height, scene.physics).speed
-
-    best = speed(gap, thickness)
-    random = np.random.default_rng(2)
-    for s, d in random.uniform(*np.array([scene.spacing, scene.thickness]).T, (100, 2)):
-        assert speed(s, d) <= best
-    assert best_steady(replace(scene, length=1.0)) is None
 
 
 def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
