@@ -9,12 +9,23 @@ from typing import Any
 import numpy as np
 
 from agents.network import Policy
-from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformBaseline, Wave
+from domino_env import (
+    DominoChain,
+    DominoChainVector,
+    Layout,
+    Scene,
+    SceneDistribution,
+    UniformBaseline,
+    Wave,
+)
+from domino_env.core.types import Floats
 from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
 from optimize.searching import compile_for
 
-EVALUATION_SEEDS = range(10_000, 10_200)  # of placement noise and orders; no plan is for them
+PLANNING_SEEDS = range(64)  # of placement noise and orders that plans and policies are chosen by
+EVALUATION_SEEDS = range(10_000, 10_200)  # of those that scores are reported for; no plan is
+TRAINING_SEEDS = 10**6  # one training begins at this seed of its environments, the next at twice it
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +74,7 @@ def build(
     reference_speed: float | None = None,
     *,
     distribution: SceneDistribution | None = None,
+    seeds: range | None = None,
 ) -> Rollout:
     """Build a layout with a policy, domino by domino.
 
@@ -80,26 +92,58 @@ def build(
     distribution
         The scene distribution that the policy was trained on, if any: the policy then observes the
         features of the scene.
+    seeds
+        Seeds of the episodes over which the score is the mean; None for `evaluation_seeds`.
 
     Returns
     -------
     Rollout
         The layout with its wave and score.
     """
-    uniform = scene.uniform()
+    uniform, seeds = scene.uniform(), seeds or evaluation_seeds(scene)
     compile_for(scene, episodes=True)
     env = DominoChain(distribution or scene, reference_speed=reference_speed)
     options = None if distribution is None else {"scene": scene}
     began = time.perf_counter()
-    seeds = evaluation_seeds(scene)
     layout = completed(_last_info(env, policy, seeds[0], options)["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     score = scene.score(wave)
     if len(seeds) > 1:
-        others = [_last_info(env, policy, seed, options)["score"] for seed in seeds[1:]]
-        score, uniform = float(np.mean([score, *others])), uniform_as_placed(scene)
+        score = float(scores_of(policy, scene, seeds, reference_speed).mean())
+        uniform = uniform_as_placed(scene, seeds)
     return Rollout(scene, layout, wave, score, uniform, seconds)
+
+
+def scores_of(
+    policy: Policy, scene: Scene, seeds: range, reference_speed: float | None = None
+) -> Floats:
+    """Return the scores of a policy in episodes with some seeds, built side by side.
+
+    Parameters
+    ----------
+    policy
+        Maps observations (S, O) to actions (S, A).
+    scene, reference_speed
+        As of `build`.
+    seeds
+        S seeds, one after another.
+
+    Returns
+    -------
+    ndarray
+        (S,) scores.
+    """
+    options: Any = {"reference_speed": reference_speed, "autoreset_mode": "SameStep"}
+    env = DominoChainVector(len(seeds), scene, **options)
+    observations, _ = env.reset(seed=list(seeds))
+    scores = np.full(len(seeds), np.nan)
+    while np.isnan(scores).any():
+        observations, _, terminated, _, info = env.step(policy(observations))
+        first = terminated & np.isnan(scores)
+        if first.any():
+            scores[first] = info["final_info"]["score"][first]
+    return scores
 
 
 def evaluation_seeds(scene: Scene) -> range:
@@ -126,10 +170,10 @@ def as_placed(rollout: Rollout) -> Rollout:
     return replace(rollout, score=score, uniform=uniform_as_placed(scene))
 
 
-def uniform_as_placed(scene: Scene) -> UniformBaseline:
-    """Return the uniform baseline with its mean score over `evaluation_seeds`."""
+def uniform_as_placed(scene: Scene, seeds: range | None = None) -> UniformBaseline:
+    """Return the uniform baseline with its mean score over seeds, or `evaluation_seeds`."""
     baseline = scene.uniform()
-    scores = scene.score_placed(baseline.layout, evaluation_seeds(scene))
+    scores = scene.score_placed(baseline.layout, seeds or evaluation_seeds(scene))
     return replace(baseline, score=float(scores.mean()))
 
 

@@ -31,6 +31,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
 from agents.network import Policy, acting, actor_of
+from agents.rollout import TRAINING_SEEDS, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
 from domino_env.core.files import naming, write_bytes
@@ -70,6 +71,8 @@ class Learner:
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
             self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)
         self.model.set_logger(Logger(folder=None, output_formats=[]))
+        if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
+            self.env.seed(TRAINING_SEEDS * (1 + seed))
 
     @property
     def steps(self) -> int:

@@ -34,7 +34,7 @@ from agents.policy import (
     SUMMARY,
     ScenePolicy,
 )
-from agents.rollout import Rollout, build
+from agents.rollout import PLANNING_SEEDS, Rollout, build, evaluation_seeds
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
 from domino_env.core.files import naming, read_json, require_unused, write_text
@@ -364,7 +364,8 @@ class Training:
         learner, (seconds, processor_seconds) = self.learner, self.seconds
         policy, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
-            rollout = build(policy, self.target)
+            seeds = PLANNING_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
+            rollout = build(policy, self.target, seeds=seeds)
             score = rollout.score
         else:
             score = float(np.median(gains_of(policy, self.target, self.scenes)))
