@@ -23,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
+from agents.reacting import Episodes, follows
 from domino_env import Scene
 from domino_env.envs.spaces import closeness
 
@@ -71,13 +72,17 @@ class APG(OnPolicyAlgorithm):
         require_smooth(env.vector.scenes[0])  # of the same kind as all others
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
+        scene = env.vector.scenes[0]
+        self._mask = np.zeros(env.observation_space.shape, np.float32)
+        self._mask[first:last] = 1.0
+        for name in follows(scene):
+            self._mask[parts[name]] = 1.0
         layouts = [scene.uniform().layout for scene in env.vector.scenes]
         env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
         start = env.vector.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
             weight = self._actor.mlp_extractor.policy_net[0].weight
-            weight[:, :first] = 0.0
-            weight[:, last:] = 0.0
+            weight[:, self._mask == 0.0] = 0.0
             self._actor.action_net.bias.copy_(torch.from_numpy(start))
 
     @property
@@ -90,6 +95,11 @@ class APG(OnPolicyAlgorithm):
         """Build a layout with noise in each environment, and compute the loss."""
         callback.on_rollout_start()
         number = env.num_envs
+        if follows(env.vector.scenes[0]):
+            episodes = Episodes(self._actor, env, torch.from_numpy(self._mask))
+            self._loss, infos = episodes.loss(), episodes.infos
+            self.num_timesteps += number * (env.vector.scenes[0].count - 1)
+            return self._told(callback, infos)
         scenes, observations = _begin(env)
         normal = self._actor.get_distribution(observations.flatten(0, 1)).distribution
         mean, deviation = (
@@ -102,6 +112,10 @@ class APG(OnPolicyAlgorithm):
         units = [100.0 / (abs(scene.uniform().score) or 1.0) / number for scene in scenes]
         self._loss = -(scores * torch.tensor(units, dtype=torch.double)).sum()  # mean return
         self.num_timesteps += sum(scene.count - 1 for scene in scenes)
+        return self._told(callback, infos)
+
+    def _told(self, callback: Any, infos: list[dict[str, Any]]) -> bool:
+        """Pass on the infos of episodes; False where the training is to end."""
         callback.update_locals({"infos": infos})
         proceed = callback.on_step()
         callback.on_rollout_end()
@@ -207,7 +221,7 @@ class _Placing(torch.autograd.Function):
 def require_smooth(scene: Scene) -> None:
     """Raise ValueError for a scene whose layouts are no smooth function of actions."""
     lists = (scene.spacing_values, scene.thickness_values, scene.stock)
-    if any(rule is not None for rule in lists):
+    if not follows(scene) and any(rule is not None for rule in lists):
         raise ValueError(
             f"scene '{scene.name}' has a list of values, a step or a stock: its score has no "
             "gradient with respect to actions, which apg needs; remove them, or use ppo"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -116,7 +117,7 @@ def build(
 
 
 def scores_of(
-    policy: Policy, scene: Scene, seeds: range, reference_speed: float | None = None
+    policy: Policy, scene: Scene, seeds: Sequence[int], reference_speed: float | None = None
 ) -> Floats:
     """Return the scores of a policy in episodes with some seeds, built side by side.
 
@@ -127,7 +128,7 @@ def scores_of(
     scene, reference_speed
         As of `build`.
     seeds
-        S seeds, one after another.
+        S seeds.
 
     Returns
     -------

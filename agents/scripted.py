@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize.elementwise import find_root
 
+from agents.draw import fixed, numbers
+from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
 from domino_env import DominoChain
 from domino_env.core.types import Floats, Ints
@@ -110,14 +112,35 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
 
 
 def plan(scene: Scene) -> Rollout:
-    """Build the best known layout, without a reaction to what happens."""
+    """Build the best known layout, without a reaction to what happens: open loop.
+
+    Where pieces are drawn in random order, gaps and wished thicknesses are a fixed sequence.
+    """
+    if scene.hand:
+        actions = numbers()["plan"]
+        if len(actions) != scene.count - 1:
+            raise ValueError(
+                f"scene '{scene.name}' has {scene.count} dominoes: the plan that ships is for the "
+                f'{len(actions) + 1} of "draw"; use rule'
+            )
+        return build(fixed(scene, actions), scene)
     known = best_known().get(scene.name)
     if known is None or scene.violations(known.layout):
         raise ValueError(
             f"no best known layout of scene '{scene.name}' ships: search one with `domino optimize`"
         )
     wave, baseline = scene.simulate(known.layout), scene.uniform()
-    return Rollout(scene, known.layout, wave, known.score, baseline, 0.0)
+    return as_placed(Rollout(scene, known.layout, wave, known.score, baseline, 0.0))
+
+
+def rule(scene: Scene) -> Rollout:
+    """Take pieces by a template over the position, and gaps that react to the pieces."""
+    if not scene.hand:
+        raise ValueError(
+            f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
+            "hand; use another policy"
+        )
+    return build(rule_policy(scene, numbers()["rule"]), scene)
 
 
 def controller(scene: Scene) -> Rollout:
@@ -164,9 +187,9 @@ def controller(scene: Scene) -> Rollout:
 
 
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
-    policy.__name__: policy for policy in (uniform, greedy, ramp, plan, controller)
+    policy.__name__: policy for policy in (uniform, greedy, ramp, plan, rule, controller)
 }
-REACTING = {"controller"}  # policies whose rollouts are already with placement noise
+MEANS = {"plan", "rule", "controller"}  # policies whose scores are already means over episodes
 
 
 @dataclass(frozen=True)
@@ -187,10 +210,10 @@ class ScriptedPolicy:
                 "environment with the same placement noise and order of pieces, so its choice "
                 "would depend on what is still to come; use another policy"
             )
-        if self.name in ("ramp", "plan") and scene.hand:
+        if self.name == "ramp" and scene.hand:
             raise ValueError(
-                f"scene '{scene.name}' draws its pieces in random order: {self.name} chooses them "
+                f"scene '{scene.name}' draws its pieces in random order: ramp chooses them "
                 "without knowing what is in hand; use another policy"
             )
         rollout = SCRIPTED[self.name](scene)
-        return rollout if self.name in REACTING else as_placed(rollout)
+        return rollout if self.name in MEANS else as_placed(rollout)

@@ -194,7 +194,7 @@ def train(
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
     else:
         require_unused(home, FILES)
-    sampled = isinstance(target, SceneDistribution)
+    sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
     chosen = hyperparameters or default_hyperparameters(
         algorithm, episode_of(target), sampled=sampled
     )

@@ -1,7 +1,8 @@
 """Compare the layout that an agent builds with the uniform baseline and the best known layout.
 
 RUN is the folder of a training, the name of a shipped policy (sprint, designer), or a scripted
-policy: uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule); or an
+policy: uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule), rule (takes
+pieces from a hand); or an
 archive (.zip) of Stable-Baselines3 or sb3-contrib with a --scene. Plain multilayer perceptrons are
 read without running code, others need --trust.
 `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it on many scenes
@@ -30,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent", metavar="RUN",
-        help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan or "
-        "controller",
+        help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan, "
+        "controller or rule",
     )  # fmt: skip
     parser.add_argument(
         "--scene",
@@ -110,7 +111,12 @@ def _evaluate_scenes(
 
 
 def sentence(rollout: Rollout) -> str:
-    """Return a score, its gain over the uniform baseline and its distance to the best known."""
+    """Return a score, its gain over the uniform baseline and its distance to the best known.
+
+    Where episodes are random, the best known is the plan that reacts to nothing, as it is built.
+    """
+    from agents.rollout import evaluation_seeds
+    from agents.scripted import plan
     from domino_env.scenes.uniform import gain, gain_in_words
     from optimize.experiments.best_known import best_known
 
@@ -119,7 +125,10 @@ def sentence(rollout: Rollout) -> str:
     if rollout.gain is not None:
         words += f", {gain_in_words(rollout.gain)} the uniform baseline ({uniform:.6f})"
     known = best_known().get(scene.name)
-    gap = None if known is None else gain(score, known.score)
-    if known is not None and gap is not None:
-        words += f", {gain_in_words(gap, 3)} the best known ({known.score:.6f})"
+    best, which = known and known.score, "the best known"
+    if known is not None and (number := len(evaluation_seeds(scene))) > 1:
+        best, which = plan(scene).score, f"the open-loop plan over the same {number} episodes"
+    gap = None if best is None else gain(score, best)
+    if gap is not None:
+        words += f", {gain_in_words(gap, 3)} {which} ({best:.6f})"
     return f"{words}; built in {rollout.seconds * 1e3:.1f} ms"

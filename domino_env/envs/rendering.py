@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import Any
 
@@ -55,6 +55,8 @@ class Snapshot:
         Mean speed of the scene's uniform baseline [m/s].
     wave
         The wave through these dominoes; None while it runs on.
+    hand
+        Thicknesses of the pieces in hand [m], where they are drawn in random order.
     """
 
     layout: Layout
@@ -62,6 +64,7 @@ class Snapshot:
     time: float
     uniform_speed: float
     wave: Wave | None = None
+    hand: Floats = field(default_factory=lambda: np.zeros(0))
 
     __repr__ = brief
 
@@ -102,7 +105,7 @@ class Renderer:
         leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
             return _text(snapshot, leader, leans)
-        from domino_env.view.drawing import Scale, strip
+        from domino_env.view.drawing import Scale, show_hand, strip
         from domino_env.view.ground import relief
 
         if self._scaled_to is not scene:
@@ -112,6 +115,8 @@ class Renderer:
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
         image = strip(layout, leans, leader, self._scale, _line(snapshot), ground=scene.ground)
+        if len(snapshot.hand):
+            show_hand(image, snapshot.hand, scene.height, self._scale)
         if self.mode != "human":
             return np.array(image)
         if self._window is None:
@@ -148,6 +153,8 @@ def _line(snapshot: Snapshot) -> str:
         line += f"   {speed:.4f} m/s so far"
         if snapshot.uniform_speed > 0.0:
             line += f" ({speed / snapshot.uniform_speed - 1.0:+.1%} against uniform)"
+    if len(snapshot.hand):
+        line += "   in hand " + ", ".join(f"{1e3 * d:g}" for d in snapshot.hand) + " mm"
     if snapshot.wave is not None:
         line += f"   {snapshot.wave.outcome.name.lower().replace('_', ' ')}"
     return line

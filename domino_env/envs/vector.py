@@ -401,6 +401,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
         height = batch.height[env % len(batch.height)]
         sizes = batch.spacing[env], batch.thickness[env], height
+        drawn = self._scene(env).hand > 0
+        hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int)) if drawn else np.zeros(0)
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
         return Snapshot(
             layout=placed_layout(self._scene(env), placed, *sizes),
@@ -408,6 +410,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             time=float(time),
             uniform_speed=float(self.source.speed[self._which[env]]),
             wave=wave,
+            hand=hand,
         )
 
     def render(self) -> tuple[Any, ...] | None:

@@ -143,6 +143,29 @@ def strip(
     return image
 
 
+def show_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale) -> None:
+    """Draw the pieces in hand at the top right of a strip, upright and to scale.
+
+    Parameters
+    ----------
+    image
+        The strip.
+    thickness
+        Thicknesses of the pieces [m].
+    height
+        Their height [m].
+    scale
+        Scale of the strip.
+    """
+    draw, k = ImageDraw.Draw(image), scale.pixels
+    top, right = 34.0, scale.width - 20.0
+    for size in thickness[::-1]:
+        box = right - size * k, top, right, top + height * k
+        draw.rectangle(box, fill=STANDS, outline=INK)
+        right = box[0] - 8.0
+    draw.text((scale.width - 20, 10), "in hand", fill=INK, font=font(15), anchor="ra")
+
+
 def _finish_line(draw: ImageDraw.ImageDraw, x: float, ground: float) -> None:
     """Draw a dashed line at the last pivot, from above the chain to below the ground."""
     dash = 6 * FINER

@@ -16,6 +16,7 @@ Companion, 2389-2396.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import cma
@@ -95,3 +96,41 @@ def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         "verbose": -10,  # at -9 it would still read a file in the working directory
         "verb_log": 0,
     }
+
+
+def maximize(
+    function: Callable[[Floats], Floats],
+    start: Floats,
+    step: float,
+    size: int,
+    generations: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """Maximise a function of numbers without bounds by one run of CMA-ES.
+
+    Parameters
+    ----------
+    function
+        Values (B,) of points (B, n).
+    start
+        (n,) point to begin at.
+    step
+        First standard deviation.
+    size
+        Points of a generation.
+    generations
+        Number of generations.
+    rng
+        Source of randomness.
+
+    Returns
+    -------
+    ndarray
+        (n,) the mean of the last generation: the best point of a noisy function is a lucky one.
+    """
+    options = _options(rng, len(start), size) | {"bounds": None}
+    strategy = cma.CMAEvolutionStrategy(start, step, options)
+    for _ in range(generations):
+        proposed = strategy.ask()
+        strategy.tell(proposed, -function(np.array(proposed)))
+    return np.asarray(strategy.result.xfavorite)

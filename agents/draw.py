@@ -1,0 +1,280 @@
+"""References of scenes whose pieces are drawn in random order, all with the same hand.
+
+- rule: pieces by a template of thickness over the position, gaps by the position, the piece that is
+  placed and the one before it; 25 numbers, fitted by CMA-ES;
+- open loop: a fixed sequence of gaps and wished thicknesses, by exact gradients and by exchanges;
+- hindsight: the order is known; feasible exchanges of pieces, and local searches over the gaps. It
+  is the best known, and no bound.
+
+Rule and open loop are fitted to the orders of `PLANNING_SEEDS`. `python -m agents.draw` fits all
+three to the scene "draw" and writes `draw.json` beside this file.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from agents.network import Policy
+from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, scores_of
+from domino_env import DominoChain, DominoChainVector, Scene, load_scene
+from domino_env.core.files import read_json, write_text
+from domino_env.core.types import Floats, Ints
+from optimize.methods.gradient.local_search import LocalSearch
+from optimize.methods.search.cma_es import maximize
+
+PATH = Path(__file__).with_name("draw.json")
+PARTS = 7, 10, 4, 4  # knots of template and gap, and of the gap's change with both thicknesses
+GENERATIONS, POPULATION = 400, 16
+PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
+LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
+FEW = 4  # changes that are refined in a round
+ROUNDS = 40
+GAIN = 1e-5  # a smaller relative gain of a round ends the search
+
+
+@cache
+def numbers() -> dict[str, Floats]:
+    """Return the numbers that were fitted to the scene "draw": rule (25,) and plan (39, 2)."""
+    return {name: np.array(values) for name, values in read_json(PATH).items()}
+
+
+def rule(scene: Scene, numbers: Floats) -> Policy:
+    """Return the policy with some numbers of the rule.
+
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    numbers
+        (25,), or (B, 25) for B environments: knots over the position, dense near both ends, of the
+        wished thickness, the gap, and its change with the thickness placed and the one before. All
+        are in units of actions.
+    """
+    assert scene.stock is not None
+    layout, pairs = DominoChain(scene).observation_layout, scene.count - 1
+    low, high = scene.thickness
+    kinds = 2.0 * (np.array(scene.stock.thickness) - low) / (high - low) - 1.0
+    first = 2.0 * (scene.first_thickness - low) / (high - low) - 1.0
+    parts = np.split(numbers, np.cumsum(PARTS)[:-1], axis=-1)
+
+    def policy(observation: Floats) -> Floats:
+        n = np.rint(observation[..., layout["placed"].start] * pairs)
+        place = 0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs)
+        wish, gap, own, before = (_between(place, knots) for knots in parts)
+        wish = np.clip(wish, -1.0, 1.0)
+        away = np.abs(kinds - wish[..., None])
+        away[~(observation[..., layout["hand"]] > 0.0)] = np.inf
+        piece = kinds[np.argmin(away, axis=-1)]
+        last = np.where(n > 0, observation[..., layout["thicknesses"].start], first)
+        return np.stack([gap + own * piece + before * last, wish], axis=-1)
+
+    return policy
+
+
+def _between(place: Floats, knots: Floats) -> Floats:
+    """Interpolate values at knots (…, K), which are evenly spaced, at places in [0, 1]."""
+    last = knots.shape[-1] - 1
+    away = np.abs(place[..., None] * last - np.arange(last + 1))
+    return np.asarray(np.sum(np.maximum(1.0 - away, 0.0) * knots, axis=-1))
+
+
+def fixed(scene: Scene, actions: Floats) -> Policy:
+    """Return the policy that takes (N-1, 2) actions one after another, whatever it observes."""
+    placed = DominoChain(scene).observation_layout["placed"].start
+    pairs = scene.count - 1
+    return lambda seen: actions[np.rint(seen[..., placed] * pairs).astype(int)]
+
+
+def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
+    """Return the (25,) numbers of the rule with the best mean score on the planning orders."""
+    low, high = scene.spacing
+    start = np.zeros(sum(PARTS))
+    start[PARTS[0] : PARTS[0] + PARTS[1]] = (
+        2.0 * (scene.uniform().layout.spacing[0] - low) / (high - low) - 1.0
+    )
+
+    def mean_scores(candidates: Floats) -> Floats:
+        orders = len(PLANNING_SEEDS)
+        policy = rule(scene, np.repeat(candidates, orders, axis=0))
+        scores = scores_of(policy, scene, [*PLANNING_SEEDS] * len(candidates))
+        return scores.reshape(-1, orders).mean(axis=1)
+
+    return maximize(mean_scores, start, 0.3, POPULATION, generations, rng)
+
+
+def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
+    """Return the (N-1, 2) actions with the best mean score on the planning orders found.
+
+    actions: those to begin at.
+    """
+    env, seeds = DominoChainVector(len(PLANNING_SEEDS), scene), [*PLANNING_SEEDS]
+
+    def pieces(wishes: Floats) -> Floats:
+        env.reset(seed=seeds)
+        both = np.stack([np.zeros(len(wishes)), wishes], axis=1)
+        return env.place_all(np.tile(both, (len(seeds), 1, 1)))[1]
+
+    def refined(gap: Floats, thickness: Floats, gradients: int) -> tuple[float, Floats]:
+        search = LocalSearch(gap)
+        while not search.done and search.evaluations < gradients:
+            search.update(*_mean(scene, search.wanted, thickness))
+        return search.score, search.design
+
+    gap, wishes = 0.5 * (np.clip(actions[:, 0], -1.0, 1.0) + 1.0), actions[:, 1]
+    score, gap = refined(gap, pieces(wishes), LONG)
+    for _ in range(rounds):
+        changes = [(n, wish) for n in range(len(wishes)) for wish in PREFERENCES]
+        tried = np.repeat(wishes[None], len(changes), axis=0)
+        for one, (n, wish) in zip(tried, changes, strict=True):
+            one[n] = wish
+        placed = [pieces(one) for one in tried]
+        gaps = np.broadcast_to(_gaps(scene, gap), (len(tried) * len(seeds), len(gap)))
+        scores = scene.evaluate(scene.batch(gaps, np.concatenate(placed))).score
+        best = np.argsort(-scores.reshape(len(tried), -1).mean(axis=1), kind="stable")[:FEW]
+        found = [(*refined(gap, placed[i], SHORT), int(i)) for i in best]
+        ahead, there, i = max(found, key=lambda one: one[0])
+        if ahead <= score * (1.0 + GAIN):
+            break
+        score, gap, wishes = ahead, there, tried[i]
+    gap = refined(gap, pieces(wishes), LONG)[1]
+    return np.stack([2.0 * gap - 1.0, wishes], axis=1)
+
+
+def _gaps(scene: Scene, design: Floats) -> Floats:
+    """Return the gaps [m] of values in [0, 1]."""
+    return scene.spacing[0] + design * (scene.spacing[1] - scene.spacing[0])
+
+
+def _mean(scene: Scene, design: Floats, thickness: Floats) -> tuple[float, Floats]:
+    """Return the mean score of gaps with the pieces of each order, and its gradient."""
+    gaps = np.tile(_gaps(scene, design), (len(thickness), 1))
+    found = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
+    assert found.gradient is not None
+    by = found.gradient.spacing.mean(axis=0) * (scene.spacing[1] - scene.spacing[0])
+    return float(found.score.mean()), by
+
+
+def hindsight(
+    scene: Scene, seeds: range, policies: list[Policy], rounds: int = ROUNDS
+) -> tuple[Floats, Floats, Floats]:
+    """Search the best layout for each order of pieces, with the order known.
+
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    seeds
+        S seeds of orders.
+    policies
+        Policies whose layouts are improved, each for itself at first.
+    rounds
+        Largest number of rounds.
+
+    Returns
+    -------
+    tuple of ndarray
+        Scores (S,), gaps and thicknesses (S, N-1) [m].
+    """
+    orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
+    starts = [_built(policy, scene, seeds) for policy in policies]
+    found = [_refined(scene, *start, SHORT) for start in starts]
+    best = np.argmax([scores for scores, _ in found], axis=0)
+    each = np.arange(len(orders))
+    thickness = np.array([start[1] for start in starts])[best, each]
+    score = np.array([scores for scores, _ in found])[best, each]
+    gaps = np.array([gap for _, gap in found])[best, each]
+    live = each
+    for _ in range(rounds):
+        which, others = _exchanges(orders[live], thickness[live], scene.hand)
+        scores = scene.evaluate(scene.batch(gaps[live][which], others)).score
+        ranked = np.lexsort((-scores, which))
+        place = np.arange(len(ranked)) - np.searchsorted(which[ranked], which[ranked])
+        few = ranked[place < FEW]
+        tried, there = _refined(scene, gaps[live][which[few]], others[few], SHORT)
+        better = np.zeros(len(live), np.bool_)
+        for i in np.argsort(tried):  # the best of each order last
+            b = live[which[few[i]]]
+            if tried[i] > score[b] * (1.0 + GAIN):
+                score[b], gaps[b], thickness[b] = tried[i], there[i], others[few[i]]
+                better[which[few[i]]] = True
+        live = live[better]
+        if not len(live):
+            break
+    score, gaps = _refined(scene, gaps, thickness, LONG)
+    return score, gaps, thickness
+
+
+def _built(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
+    """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
+    env = DominoChainVector(len(seeds), scene, autoreset_mode="Disabled")
+    seen, _ = env.reset(seed=list(seeds))
+    for _ in range(scene.count - 1):
+        seen, _, _, _, info = env.step(policy(seen))
+    layouts = info["layout"]
+    return np.array([one.spacing for one in layouts]), np.array(
+        [one.thickness[1:] for one in layouts]
+    )
+
+
+def _refined(
+    scene: Scene, gaps: Floats, thickness: Floats, gradients: int
+) -> tuple[Floats, Floats]:
+    """Return scores (B,) and gaps (B, N-1) [m] of local searches over the gaps, side by side."""
+    (low, high), searches = scene.spacing, list[LocalSearch]()
+    searches = [LocalSearch((gap - low) / (high - low)) for gap in gaps]
+    for _ in range(gradients):
+        live = [b for b, one in enumerate(searches) if not one.done]
+        if not live:
+            break
+        wanted = _gaps(scene, np.array([searches[b].wanted for b in live]))
+        found = scene.evaluate(scene.batch(wanted, thickness[live]), gradient=True)
+        assert found.gradient is not None
+        for b, score, by in zip(live, found.score, found.gradient.spacing, strict=True):
+            searches[b].update(float(score), by * (high - low))
+    return (
+        np.array([one.score for one in searches]),
+        _gaps(scene, np.array([one.design for one in searches])),
+    )
+
+
+def _exchanges(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats]:
+    """Return all exchanges of two pieces that a hand allows, and the layout that each changes."""
+    kinds = np.unique(orders)
+    drawn = (orders[:, :, None] == kinds).cumsum(axis=1)
+    ready = np.minimum(np.arange(orders.shape[1]) + hand - 1, orders.shape[1] - 1)
+    which, others = [], []
+    for i, j in combinations(range(orders.shape[1]), 2):
+        b = np.flatnonzero(thickness[:, i] != thickness[:, j])
+        other = thickness[b]
+        other[:, [i, j]] = other[:, [j, i]]
+        taken = (other[:, :, None] == kinds).cumsum(axis=1)
+        allowed = (taken <= drawn[b][:, ready]).all(axis=(1, 2))
+        which.append(b[allowed])
+        others.append(other[allowed])
+    return np.concatenate(which), np.concatenate(others)
+
+
+def main() -> None:
+    """Fit rule, open loop and hindsight to the scene "draw", and write them."""
+    scene, rng = load_scene("draw"), np.random.default_rng(0)
+    fitted = fit_rule(scene, rng)
+    policy = rule(scene, fitted)
+    spacing, _ = _built(policy, scene, PLANNING_SEEDS)
+    low, high = scene.spacing
+    gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
+    seen = np.ones((scene.count - 1, *(DominoChain(scene).observation_space.shape or ())))
+    place = np.arange(scene.count - 1) / (scene.count - 1)
+    seen[:, DominoChain(scene).observation_layout["placed"].start] = place
+    plan = fit_fixed(scene, np.stack([gaps, policy(seen)[:, 1]], axis=1))
+    best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
+    found = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
+    write_text(PATH, json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

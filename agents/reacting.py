@@ -1,0 +1,146 @@
+"""Analytic policy gradients of policies that observe what is random.
+
+An episode is built in the environment itself, and its gradient is exact for the errors and pieces
+that were drawn. Entries of an observation that the policy does not follow are zero for it.
+
+- Pieces in random order: the policy follows position, hand, box and the latest thicknesses, which
+  do not depend on the gaps. It takes the pieces that the rule takes (`agents.draw`) and learns its
+  wishes by regression; the gradient is that by the gaps.
+- Placement noise and a schedule: the policy follows position, lateness, the next intervals, and the
+  latest gaps and thicknesses. The gradient passes through what is observed of earlier dominoes: the
+  arrival times are linearised, with their exact derivatives by all gaps and thicknesses.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from agents.draw import numbers, rule
+from domino_env import Scene
+from domino_env.core.types import Floats
+
+RTOL = 1e-5  # relative error allowed in the arrival times
+WISHES = 10.0  # weight of the mean square error of the wishes, beside a return in per cent
+HAND = "thicknesses", "hand", "stock"  # what is followed besides the position
+TEMPO = "lateness", "intervals", "gaps", "thicknesses"
+
+
+def follows(scene: Scene) -> tuple[str, ...]:
+    """Return the random parts of an observation that a policy can follow; none for other scenes."""
+    if scene.hand and scene.spacing_values is None and scene.largest_change is None:
+        return HAND
+    return TEMPO if scene.placement_deviation and scene.as_placed.tempo is not None else ()
+
+
+class Episodes:
+    """Episodes of B environments, built with noise.
+
+    Parameters
+    ----------
+    actor
+        A `ScheduledPolicy`.
+    env
+        A `DominoVecEnv` of one scene.
+    mask
+        (O,) 1 for the entries of an observation that are followed.
+    """
+
+    def __init__(self, actor: Any, env: Any, mask: torch.Tensor) -> None:
+        scene: Scene = env.vector.scenes[0]
+        self.scene, self.actor, self.parts = scene, actor, env.vector.observation_layout
+        number, pairs = env.num_envs, scene.count - 1
+        size = env.action_space.shape[0]
+        half = torch.randn((number + 1) // 2, pairs, size)
+        self.noise = torch.cat([half, -half])[:number]
+        observations = torch.zeros(number, pairs, len(mask))
+        wishes = rule(scene, numbers()["rule"]) if scene.hand else None
+        self.wishes, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
+        seen, running = env.reset(), np.ones(number, np.bool_)
+        for n in range(pairs):
+            observations[:, n] = torch.from_numpy(seen) * mask
+            with torch.no_grad():
+                actions = self.actions(observations[:, n], n)[1].double().numpy()
+            if wishes is not None:
+                self.wishes[:, n] = torch.from_numpy(wishes(seen)[:, 1])
+                actions[:, 1] = self.wishes[:, n]
+            seen, _, ended, infos = env.step(actions)
+            for b in np.flatnonzero(ended & running):
+                self.infos[b] = infos[b]
+            running &= ~ended
+        built = [b for b, info in enumerate(self.infos) if info["layout"].count == scene.count]
+        self.observations, self.noise = observations[built], self.noise[built]
+        self.wishes = self.wishes[built]
+        layouts = [self.infos[b]["layout"] for b in built]
+        self.spacing = np.array([one.spacing for one in layouts]).reshape(-1, pairs)
+        self.thickness = np.array([one.thickness[1:] for one in layouts]).reshape(-1, pairs)
+
+    def actions(self, observations: torch.Tensor, n: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return means, and actions with noise, (B, A) of step n."""
+        normal = self.actor.get_distribution(observations).distribution
+        return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
+
+    def loss(self) -> torch.Tensor:
+        """Return minus the mean return [%], up to a constant."""
+        uniform = self.scene.uniform().score
+        if not len(self.spacing):  # all waves stopped
+            return 0.0 * sum(part.sum() for part in self.actor.parameters())
+        return self._loss_of_hand(uniform) if self.scene.hand else self._loss_of_tempo(uniform)
+
+    def _loss_of_hand(self, uniform: float) -> torch.Tensor:
+        normal = self.actor.get_distribution(self.observations.flatten(0, 1)).distribution
+        mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
+        actions = (mean + deviation * self.noise).double()[..., 0]
+        batch = self.scene.batch(self.spacing, self.thickness, rtol=RTOL)
+        by = self.scene.evaluate(batch, gradient=True).gradient
+        assert by is not None
+        score = (torch.from_numpy(by.spacing) * _sizes(actions, self.scene.spacing)).sum(dim=1)
+        error = (mean[..., 1] - self.wishes) ** 2
+        return -100.0 / uniform * score.mean() + WISHES * error.mean()
+
+    def _loss_of_tempo(self, uniform: float) -> torch.Tensor:
+        scene, tempo = self.scene, self.scene.as_placed.tempo
+        assert tempo is not None
+        times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
+        due = torch.from_numpy(tempo.schedule(scene.count))
+        changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # zero but for their gradient
+        for n in range(scene.count - 1):
+            seen = self.observations[:, n].clone()
+            if n:
+                past = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
+                late = times[:, n - 1] - due[n - 1] + (past * changes).sum(dim=(1, 2))
+                lateness = late / (3.0 * tempo.tolerance)
+                seen[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
+                bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
+                for k, (name, (low, high)) in enumerate(bounds.items()):
+                    part = self.parts[name]
+                    latest = changes[:, :n, k].flip(1)[:, : part.stop - part.start].float()
+                    end = part.start + latest.shape[1]
+                    seen[:, part.start : end] += 2.0 / (high - low) * latest
+            actions = self.actions(seen, n)[1].double()
+            sizes = [_sizes(actions[:, 0], scene.spacing), _sizes(actions[:, 1], scene.thickness)]
+            change = torch.stack([size - size.detach() for size in sizes], dim=1)
+            changes = torch.cat([changes, change[:, None]], dim=1)
+        moved = (by_gap * changes[:, None, :, 0] + by_thickness * changes[:, None, :, 1]).sum(dim=2)
+        error = ((times + moved - due) ** 2).mean(dim=1).sqrt()
+        return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
+
+    def _derivatives(self) -> tuple[Floats, Floats, Floats]:
+        """Return arrival times (B, P), and their derivatives (B, P, P) by gap and thickness."""
+        number, pairs = self.spacing.shape
+        each = (np.repeat(part, pairs, axis=0) for part in (self.spacing, self.thickness))
+        waves = self.scene.batch(*each, rtol=RTOL).simulate(record=True)
+        one = np.eye(pairs, pairs + 1, 1)
+        found = waves.pullback(np.tile(one, (number, 1)))
+        shape = number, pairs, -1
+        times = waves.arrival_times.reshape(shape)[:, 0, 1:]
+        by_thickness = found.thickness.reshape(shape)[..., 1:]
+        return times.copy(), found.spacing.reshape(shape), by_thickness.copy()
+
+
+def _sizes(actions: torch.Tensor, bounds: tuple[float, float]) -> torch.Tensor:
+    """Return the sizes that actions stand for [m]."""
+    low, high = bounds
+    return low + 0.5 * (high - low) * (actions.clamp(-1.0, 1.0) + 1.0)
