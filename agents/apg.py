@@ -126,7 +126,7 @@ class APG(OnPolicyAlgorithm):
         optimizer = self._actor.optimizer
         self._update_learning_rate(optimizer)
         optimizer.zero_grad()
-        self._loss.backward()  # type: ignore[no-untyped-call]
+        self._loss.backward()
         torch.nn.utils.clip_grad_norm_(self._actor.parameters(), self.max_grad_norm)
         optimizer.step()
         self._n_updates += 1

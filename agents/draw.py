@@ -3,8 +3,8 @@
 - rule: pieces by a template of thickness over the position, gaps by the position, the piece that is
   placed and the one before it; 25 numbers, fitted by CMA-ES;
 - open loop: a fixed sequence of gaps and wished thicknesses, by exact gradients and by exchanges;
-- hindsight: the order is known; feasible exchanges of pieces, and local searches over the gaps. It
-  is the best known, and no bound.
+- hindsight: the order is known; exchanges and moves of pieces that the hand allows, and local
+  searches over the gaps. It is the best known, and no bound.
 
 Rule and open loop are fitted to the orders of `PLANNING_SEEDS`. `python -m agents.draw` fits all
 three to the scene "draw" and writes `draw.json` beside this file.
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from itertools import combinations
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from agents.network import Policy
 from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, scores_of
 from domino_env import DominoChain, DominoChainVector, Scene, load_scene
 from domino_env.core.files import read_json, write_text
-from domino_env.core.types import Floats, Ints
+from domino_env.core.types import Floats, Ints, Singles
 from optimize.methods.gradient.local_search import LocalSearch
 from optimize.methods.search.cma_es import maximize
 
@@ -32,7 +32,7 @@ PARTS = 7, 10, 4, 4  # knots of template and gap, and of the gap's change with b
 GENERATIONS, POPULATION = 400, 16
 PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
-FEW = 4  # changes that are refined in a round
+FEW = 8  # changes that are refined in a round
 ROUNDS = 40
 GAIN = 1e-5  # a smaller relative gain of a round ends the search
 
@@ -62,7 +62,7 @@ def rule(scene: Scene, numbers: Floats) -> Policy:
     first = 2.0 * (scene.first_thickness - low) / (high - low) - 1.0
     parts = np.split(numbers, np.cumsum(PARTS)[:-1], axis=-1)
 
-    def policy(observation: Floats) -> Floats:
+    def policy(observation: Singles) -> Floats:
         n = np.rint(observation[..., layout["placed"].start] * pairs)
         place = 0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs)
         wish, gap, own, before = (_between(place, knots) for knots in parts)
@@ -87,7 +87,7 @@ def fixed(scene: Scene, actions: Floats) -> Policy:
     """Return the policy that takes (N-1, 2) actions one after another, whatever it observes."""
     placed = DominoChain(scene).observation_layout["placed"].start
     pairs = scene.count - 1
-    return lambda seen: actions[np.rint(seen[..., placed] * pairs).astype(int)]
+    return lambda seen: np.asarray(actions[np.rint(seen[..., placed] * pairs).astype(np.int64)])
 
 
 def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
@@ -102,7 +102,8 @@ def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATI
         orders = len(PLANNING_SEEDS)
         policy = rule(scene, np.repeat(candidates, orders, axis=0))
         scores = scores_of(policy, scene, [*PLANNING_SEEDS] * len(candidates))
-        return scores.reshape(-1, orders).mean(axis=1)
+        means: Floats = scores.reshape(-1, orders).mean(axis=1)
+        return means
 
     return maximize(mean_scores, start, 0.3, POPULATION, generations, rng)
 
@@ -181,16 +182,21 @@ def hindsight(
         Scores (S,), gaps and thicknesses (S, N-1) [m].
     """
     orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
-    starts = [_built(policy, scene, seeds) for policy in policies]
-    found = [_refined(scene, *start, SHORT) for start in starts]
-    best = np.argmax([scores for scores, _ in found], axis=0)
+    found = [_improved(scene, orders, *_built(policy, scene, seeds), rounds) for policy in policies]
+    best = np.argmax([one[0] for one in found], axis=0)
     each = np.arange(len(orders))
-    thickness = np.array([start[1] for start in starts])[best, each]
-    score = np.array([scores for scores, _ in found])[best, each]
-    gaps = np.array([gap for _, gap in found])[best, each]
-    live = each
+    score, gaps, thickness = (np.array(part)[best, each] for part in zip(*found, strict=True))
+    return score, gaps, thickness
+
+
+def _improved(
+    scene: Scene, orders: Floats, gaps: Floats, thickness: Floats, rounds: int
+) -> tuple[Floats, Floats, Floats]:
+    """Return scores (S,), gaps and thicknesses (S, N-1) of searches that begin at S layouts."""
+    score, gaps = _refined(scene, gaps, thickness, SHORT)
+    live = np.arange(len(orders))
     for _ in range(rounds):
-        which, others = _exchanges(orders[live], thickness[live], scene.hand)
+        which, others = _changes(orders[live], thickness[live], scene.hand)
         scores = scene.evaluate(scene.batch(gaps[live][which], others)).score
         ranked = np.lexsort((-scores, which))
         place = np.arange(len(ranked)) - np.searchsorted(which[ranked], which[ranked])
@@ -205,8 +211,7 @@ def hindsight(
         live = live[better]
         if not len(live):
             break
-    score, gaps = _refined(scene, gaps, thickness, LONG)
-    return score, gaps, thickness
+    return *_refined(scene, gaps, thickness, LONG), thickness
 
 
 def _built(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
@@ -242,20 +247,28 @@ def _refined(
     )
 
 
-def _exchanges(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats]:
-    """Return all exchanges of two pieces that a hand allows, and the layout that each changes."""
-    kinds = np.unique(orders)
+def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats]:
+    """Return the sequences after one change that a hand allows, and the layout that each changes.
+
+    Two pieces are exchanged, or one is moved.
+    """
+    pairs, kinds = orders.shape[1], np.unique(orders)
     drawn = (orders[:, :, None] == kinds).cumsum(axis=1)
-    ready = np.minimum(np.arange(orders.shape[1]) + hand - 1, orders.shape[1] - 1)
+    ready = np.minimum(np.arange(pairs) + hand - 1, pairs - 1)
+    places = []
+    for i, j in permutations(range(pairs), 2):
+        exchanged = np.arange(pairs)
+        exchanged[[i, j]] = j, i
+        places += [exchanged, np.insert(np.delete(np.arange(pairs), i), j, i)]
     which, others = [], []
-    for i, j in combinations(range(orders.shape[1]), 2):
-        b = np.flatnonzero(thickness[:, i] != thickness[:, j])
-        other = thickness[b]
-        other[:, [i, j]] = other[:, [j, i]]
-        taken = (other[:, :, None] == kinds).cumsum(axis=1)
-        allowed = (taken <= drawn[b][:, ready]).all(axis=(1, 2))
-        which.append(b[allowed])
-        others.append(other[allowed])
+    indices = np.unique(places, axis=0)
+    for b, sequence in enumerate(thickness):
+        tried = np.unique(sequence[indices], axis=0)
+        tried = tried[(tried != sequence).any(axis=1)]
+        taken = (tried[:, :, None] == kinds).cumsum(axis=1)
+        allowed = tried[(taken <= drawn[b, ready]).all(axis=(1, 2))]
+        which.append(np.full(len(allowed), b))
+        others.append(allowed)
     return np.concatenate(which), np.concatenate(others)
 
 
@@ -267,7 +280,8 @@ def main() -> None:
     spacing, _ = _built(policy, scene, PLANNING_SEEDS)
     low, high = scene.spacing
     gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
-    seen = np.ones((scene.count - 1, *(DominoChain(scene).observation_space.shape or ())))
+    size = DominoChain(scene).observation_space.shape or ()
+    seen = np.ones((scene.count - 1, *size), np.float32)
     place = np.arange(scene.count - 1) / (scene.count - 1)
     seen[:, DominoChain(scene).observation_layout["placed"].start] = place
     plan = fit_fixed(scene, np.stack([gaps, policy(seen)[:, 1]], axis=1))

@@ -70,7 +70,7 @@ class Episodes:
             for b in np.flatnonzero(ended & running):
                 self.infos[b] = infos[b]
             running &= ~ended
-        built = [b for b, info in enumerate(self.infos) if info["layout"].count == scene.count]
+        built = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
         self.observations, self.noise = observations[built], self.noise[built]
         self.wishes = self.wishes[built]
         layouts = [self.infos[b]["layout"] for b in built]
@@ -82,14 +82,14 @@ class Episodes:
         normal = self.actor.get_distribution(observations).distribution
         return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
 
-    def loss(self) -> torch.Tensor:
+    def loss(self) -> Any:
         """Return minus the mean return [%], up to a constant."""
         uniform = self.scene.uniform().score
         if not len(self.spacing):  # all waves stopped
-            return 0.0 * sum(part.sum() for part in self.actor.parameters())
+            return 0.0 * self.actor.action_net.bias.sum()
         return self._loss_of_hand(uniform) if self.scene.hand else self._loss_of_tempo(uniform)
 
-    def _loss_of_hand(self, uniform: float) -> torch.Tensor:
+    def _loss_of_hand(self, uniform: float) -> Any:
         normal = self.actor.get_distribution(self.observations.flatten(0, 1)).distribution
         mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
         actions = (mean + deviation * self.noise).double()[..., 0]
@@ -100,7 +100,7 @@ class Episodes:
         error = (mean[..., 1] - self.wishes) ** 2
         return -100.0 / uniform * score.mean() + WISHES * error.mean()
 
-    def _loss_of_tempo(self, uniform: float) -> torch.Tensor:
+    def _loss_of_tempo(self, uniform: float) -> Any:
         scene, tempo = self.scene, self.scene.as_placed.tempo
         assert tempo is not None
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
@@ -130,8 +130,10 @@ class Episodes:
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
         """Return arrival times (B, P), and their derivatives (B, P, P) by gap and thickness."""
         number, pairs = self.spacing.shape
-        each = (np.repeat(part, pairs, axis=0) for part in (self.spacing, self.thickness))
-        waves = self.scene.batch(*each, rtol=RTOL).simulate(record=True)
+        spacing, thickness = (
+            np.repeat(part, pairs, axis=0) for part in (self.spacing, self.thickness)
+        )
+        waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
         one = np.eye(pairs, pairs + 1, 1)
         found = waves.pullback(np.tile(one, (number, 1)))
         shape = number, pairs, -1

@@ -12,6 +12,7 @@ that it was not trained on, as it does policies trained on `varied`.
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -125,9 +126,12 @@ def sentence(rollout: Rollout) -> str:
     if rollout.gain is not None:
         words += f", {gain_in_words(rollout.gain)} the uniform baseline ({uniform:.6f})"
     known = best_known().get(scene.name)
-    best, which = known and known.score, "the best known"
-    if known is not None and (number := len(evaluation_seeds(scene))) > 1:
-        best, which = plan(scene).score, f"the open-loop plan over the same {number} episodes"
+    best: float | None = None if known is None else known.score
+    which = "the best known"
+    if (number := len(evaluation_seeds(scene))) > 1:
+        best, which = None, f"the open-loop plan over the same {number} episodes"
+        with suppress(ValueError):  # of a scene without a plan
+            best = plan(scene).score
     gap = None if best is None else gain(score, best)
     if gap is not None:
         words += f", {gain_in_words(gap, 3)} {which} ({best:.6f})"

@@ -1,0 +1,152 @@
+"""References of the scene draw, and learning where episodes are random."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from agents.draw import _changes, fit_fixed, fit_rule, fixed, hindsight, numbers, rule
+from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, TRAINING_SEEDS, scores_of
+from agents.scripted import ScriptedPolicy
+from domino_env import DominoChain
+from domino_env.cli.main import main
+
+DRAW = de.load_scene("draw")
+SMALL = DRAW.replace(count=8, stock=de.Stock((0.005, 0.0075, 0.010), (2, 3, 3), 2))
+
+
+def feasible(order, sequence, hand):
+    """Place pieces one after another from a hand."""
+    held, box = list(order[:hand]), list(order[hand:])
+    for piece in sequence:
+        if piece not in held:
+            return False
+        held.remove(piece)
+        held += box[:1]
+        box = box[1:]
+    return True
+
+
+def test_changes_of_a_sequence_are_all_those_that_the_hand_allows():
+    orders = SMALL.orders([*map(np.random.default_rng, range(5))])
+    which, others = _changes(orders, orders, SMALL.hand)
+    expected = set()
+    for b, order in enumerate(orders):
+        for i, j in permutations(range(len(order)), 2):
+            exchanged = order.copy()
+            exchanged[[i, j]] = exchanged[[j, i]]
+            for other in (exchanged, np.insert(np.delete(order, i), j, order[i])):
+                if (other != order).any() and feasible(order, other, SMALL.hand):
+                    expected.add((b, *other))
+    found = [(b, *other) for b, other in zip(which, others, strict=True)]
+    assert set(found) == expected
+    assert len(found) == len(expected)
+
+
+def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand():
+    policies = [rule(DRAW, numbers()["rule"]), fixed(DRAW, numbers()["plan"])]
+    seeds = EVALUATION_SEEDS[:3]
+    best, _, thickness = hindsight(DRAW, seeds, policies, rounds=1)
+    for policy in policies:
+        assert (best >= scores_of(policy, DRAW, seeds) * (1.0 - 1e-6)).all()
+    orders = DRAW.orders([np.random.default_rng(seed) for seed in seeds])
+    for order, sequence in zip(orders, thickness, strict=True):
+        assert feasible(order, sequence, DRAW.hand)
+
+
+def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders():
+    uniform = SMALL.uniform().score
+    fitted = fit_rule(SMALL, np.random.default_rng(0), generations=12)
+    again = fit_rule(SMALL, np.random.default_rng(0), generations=12)
+    assert fitted.tolist() == again.tolist()
+    assert scores_of(rule(SMALL, fitted), SMALL, PLANNING_SEEDS).mean() > uniform
+    low, high = SMALL.spacing
+    start = np.zeros((7, 2))
+    start[:, 0] = 2.0 * (SMALL.uniform().layout.spacing - low) / (high - low) - 1.0
+    plan = fixed(SMALL, fit_fixed(SMALL, start, rounds=1))
+    assert scores_of(plan, SMALL, PLANNING_SEEDS).mean() > uniform
+
+
+def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(capsys):
+    found = {name: ScriptedPolicy(name).build(DRAW) for name in ("uniform", "plan", "rule")}
+    scores = [found[name].score for name in ("uniform", "plan", "rule")]
+    assert scores == sorted(scores)
+    assert scores[-1] < numbers()["hindsight"]
+    assert main(["evaluate", "rule", "--scene", "draw"]) == 0
+    assert "over the open-loop plan over the same 200 episodes" in capsys.readouterr().out
+    with pytest.raises(ValueError, match='40 of "draw"; use rule'):
+        ScriptedPolicy("plan").build(SMALL)
+    with pytest.raises(ValueError, match="draws no pieces in random order"):
+        ScriptedPolicy("rule").build(de.load_scene("stock"))
+
+
+def test_the_rule_of_many_environments_is_that_of_each():
+    several = np.random.default_rng(1).normal(size=(3, 25))
+    env = DominoChain(SMALL)
+    seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
+    together = rule(SMALL, several)(seen)
+    for own, observation, expected in zip(several, seen, together, strict=True):
+        assert rule(SMALL, own)(observation) == pytest.approx(expected)
+
+
+def test_frames_show_the_hand():
+    env = DominoChain(DRAW, render_mode="ansi")
+    env.reset(seed=10_000)
+    assert "in hand 7.5, 7.5, 10 mm" in env.render()
+
+
+def test_training_seeds_meet_neither_planning_nor_evaluation_seeds():
+    pytest.importorskip("stable_baselines3")
+    from agents.algorithms import default_hyperparameters
+    from agents.sb3 import Learner
+
+    chosen = replace(default_hyperparameters("ppo", 7), num_envs=4, options={"n_steps": 7})
+    used = set()
+    for seed in range(2):
+        learner = Learner(SMALL, "ppo", chosen, seed)
+        learner.learn(28, lambda: None, lambda _: None)
+        seeds = learner.env.vector.np_random_seed
+        assert min(seeds) >= TRAINING_SEEDS > max(*PLANNING_SEEDS, *EVALUATION_SEEDS)
+        assert not used & {*seeds}
+        used |= {*seeds}
+
+
+@pytest.mark.parametrize("name", ["draw", "tempo-noise"])
+def test_apg_follows_what_is_random_with_the_exact_gradient(name, monkeypatch):
+    """Compare with differences of the mean score of the same episodes."""
+    pytest.importorskip("stable_baselines3")
+    import torch
+
+    from agents import reacting
+    from agents.algorithms import default_hyperparameters
+    from agents.sb3 import Learner
+
+    scene, seeds = de.load_scene(name), range(TRAINING_SEEDS, TRAINING_SEEDS + 2)
+    learner = Learner(scene, "apg", replace(default_hyperparameters("apg", 39), num_envs=2), 0)
+    policy, mask = learner.model.policy, torch.from_numpy(learner.model._mask)
+    policy.deviation, policy.penalty = 1e-9, 0.0
+    bias = policy.mlp_extractor.policy_net[0].bias
+    with torch.no_grad():
+        policy.action_net.weight.mul_(20.0)  # of a policy that reacts
+        if name == "draw":  # it wishes for one thickness
+            policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
+            monkeypatch.setattr(
+                reacting, "numbers", lambda: {"rule": np.repeat([0.1, 0.0], [7, 18])}
+            )
+    learner.env.seed(TRAINING_SEEDS)
+    episodes = reacting.Episodes(policy, learner.env, mask)
+    episodes.loss().backward()
+    gradient, start = bias.grad.numpy().copy(), bias.detach().clone()
+
+    def loss(at):
+        with torch.no_grad():
+            bias.copy_(at)
+        mean = scores_of(learner.policy(), scene, seeds).mean()
+        return -100.0 * mean / scene.uniform().score
+
+    for i in np.argsort(-np.abs(gradient))[:2]:
+        step = torch.eye(len(start))[i] * 1e-3
+        difference = (loss(start + step) - loss(start - step)) / 2e-3
+        assert gradient[i] == pytest.approx(difference, rel=2e-2)
