@@ -98,7 +98,7 @@ class Hyperparameters:
 
 
 def default_hyperparameters(
-    algorithm: str, episode: int, *, sampled: bool = False
+    algorithm: str, episode: int, *, sampled: bool = False, scheduled: bool = False
 ) -> Hyperparameters:
     """Return the default hyperparameters of an algorithm.
 
@@ -109,7 +109,10 @@ def default_hyperparameters(
     episode
         Steps of an episode.
     sampled
-        Whether scenes are sampled; APG then takes more environments and more updates.
+        Whether episodes are random; APG then takes more environments and more updates.
+    scheduled
+        Whether hits have a schedule too, which the smallest change of all gaps misses; APG then
+        takes small steps and little noise.
 
     Raises
     ------
@@ -147,6 +150,17 @@ def default_hyperparameters(
         )
         if not sampled:
             return fixed
+        if scheduled:
+            return replace(
+                fixed,
+                num_envs=8,
+                steps=300 * 8 * episode,
+                width=128,
+                learning_rate=3e-4,
+                first_deviation=0.004,
+                middle_deviation=0.003,
+                last_deviation=0.002,
+            )
         return replace(
             fixed,
             num_envs=32,

@@ -195,8 +195,9 @@ def train(
     else:
         require_unused(home, FILES)
     sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
+    scheduled = isinstance(target, Scene) and target.as_placed.tempo is not None
     chosen = hyperparameters or default_hyperparameters(
-        algorithm, episode_of(target), sampled=sampled
+        algorithm, episode_of(target), sampled=sampled, scheduled=scheduled
     )
     steps = steps or chosen.steps
     return Training(target, algorithm, chosen, steps, seed, home, progress).run(resume)

@@ -7,10 +7,12 @@ of the pages; a test fails where a page holds another one. ``--list`` prints nam
 
 from __future__ import annotations
 
+import csv
 import re
 import sys
 import tomllib
 from pathlib import Path
+from statistics import mean
 
 import domino_env as de
 from domino_env.rigid.known import Verified, known_verification, read_verified
@@ -28,6 +30,7 @@ WORDS = (
 def numbers() -> dict[str, str]:
     """Return all numbers by name, as they are written."""
     found = measured_numbers() | scene_numbers() | verification_numbers() | source_numbers()
+    found |= uncertainty_numbers()
     course = de.load_scene("course")
     found["seconds.course.uniform"] = f"{course.uniform().wave.arrival_times[-1]:.3f}"
     best = course.simulate(best_known()["course"].layout)
@@ -73,6 +76,19 @@ def scene_numbers() -> dict[str, str]:
             if check.gain is not None and kept and kept.first == kept.count:
                 found[f"floor.{check.floor or 'none'}.{name}"] = f"{100.0 * check.gain:.1f}"
                 found[f"floor2.{check.floor or 'none'}.{name}"] = f"{100.0 * check.gain:.2f}"
+    return found
+
+
+def uncertainty_numbers() -> dict[str, str]:
+    """Return means over the trainings of uncertainty.csv, and its references."""
+    found, lines = {}, dict[str, list[dict[str, str]]]()
+    with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            lines.setdefault(f"{line['scene']}.{line['policy']}", []).append(line)
+    for name, runs in lines.items():
+        for key, digits in {"score": 4, "gain": 2, "hindsight_score": 2, "rms_ms": 2}.items():
+            if runs[0][key]:
+                found[f"{name}.{key}"] = f"{mean(float(run[key]) for run in runs):.{digits}f}"
     return found
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.draw import numbers
-from agents.policy import CONFIG, ScenePolicy
+from agents.policy import CONFIG, PROGRESS, ScenePolicy
 from agents.rollout import EVALUATION_SEEDS, scores_of
 from agents.scripted import ScriptedPolicy
 from domino_env import Scene, load_scene
@@ -40,7 +40,8 @@ def main() -> None:
         lines += [(name, one, "", "", score) for one, score in scores.items()]
     for folder in map(Path, sys.argv[1:]):
         config, run = read_json(folder / CONFIG), ScenePolicy.load(folder)
-        how = (config[key] for key in ("algorithm", "seed", "steps"))
+        steps = (folder / PROGRESS).read_text("utf-8").splitlines()[-1].partition(",")[0]
+        how = config["algorithm"], config["seed"], steps
         score = scores_of(run.policy, run.scene, EVALUATION_SEEDS).mean()
         lines.append((run.scene.name, *how, score))
     by = {line[:2]: line[4] for line in lines if line[2] == ""}
