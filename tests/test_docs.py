@@ -73,14 +73,15 @@ PARSED = {
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
     "domino studio": "serves a page, see tests/optimize/interactive/test_page.py",
+    "--steps 750000": "some minutes, see tests/agents/test_draw.py",
     "domino dataset": "half an hour, see tests/agents/test_dataset.py",
 }
 """Parts of commands that are parsed only, and the reasons."""
 
 
-def few_steps(algorithm: str, episode: int, *, sampled: bool = False) -> Hyperparameters:
+def few_steps(algorithm: str, episode: int, **kinds: bool) -> Hyperparameters:
     """Return hyperparameters of a training that takes a second."""
-    chosen = default_hyperparameters(algorithm, episode, sampled=sampled)
+    chosen = default_hyperparameters(algorithm, episode, **kinds)
     return replace(chosen, num_envs=2, steps=4 * episode)
 
 
