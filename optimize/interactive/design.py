@@ -18,7 +18,7 @@ from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import best_known
 
 SPACING, THICKNESS = "spacing", "thickness"
-NAME = "own"  # of a scene that was changed
+NAME, TITLE = "own", "your own scene"  # of a scene that was changed
 GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
 
 
@@ -167,7 +167,7 @@ class Design:
         ValueError
             As of `Scene.replace`; nothing changes then.
         """
-        scene = self.scene.replace(**{"name": NAME, "title": None} | fields)
+        scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
         space = _space(scene)
         parts = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (parts.shape[1], scene.count - 1))

@@ -18,7 +18,7 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
 from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
-from optimize.interactive.design import NAME, Design
+from optimize.interactive.design import NAME, TITLE, Design
 
 LARGEST_UPLOAD = 8 * 2**20  # [bytes]; 5 000 dominoes are drawn at most, which take 1 MB
 LARGEST_LINK = 2**20  # [bytes] of what a link contains
@@ -64,7 +64,8 @@ def _scene_for(layout: Layout, like: Scene | None) -> Scene:
         return like
     thick, gaps = layout.thickness, layout.spacing
     return Scene(
-        name=NAME, count=layout.count, height=float(layout.height[0]), width=layout.width,
+        name=NAME, title=TITLE, count=layout.count,
+        height=float(layout.height[0]), width=layout.width,
         density=float(layout.density[0]), first_thickness=float(thick[0]),
         spacing=(min(USUAL_GAPS[0], float(gaps.min())), max(USUAL_GAPS[1], float(gaps.max()))),
         thickness=(float(thick[1:].min()), float(thick[1:].max())),

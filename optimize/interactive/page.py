@@ -41,8 +41,11 @@ STYLE = """
 h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
 .numbers { display: flex; flex-wrap: wrap; gap: 4px 28px; font-size: 13px; color: #5c636d; }
 .numbers b { font-size: 20px; color: #1d2126; }
-.error { color: #b03a00; }
+.message { padding: 10px 16px; font-size: 14px; background: #fff; border-top: 2px solid #5c636d; }
+.error { color: #b03a00; border-color: #b03a00; }
 """
+# in sight of every button
+FOOT = {"position": "fixed", "bottom": "0", "left": "0", "z-index": "9"}
 NOTHING, KEPT = "nothing", "kept layout"
 
 Schedule = Callable[[Callable[[], None]], object]
@@ -172,11 +175,12 @@ class Page:
         self.title, self.numbers, self.message, self.link = (
             pn.pane.HTML(stylesheets=[STYLE], **WIDE) for _ in range(4)
         )
+        self.message.param.update(styles=FOOT, margin=0)
         self.clock = pn.pane.HTML(width=150)
         self.progress = pn.indicators.Progress(value=-1, visible=False, **WIDE)
         player = pn.widgets.Player(
             start=0, end=FRAMES, interval=INTERVAL, loop_policy="once", show_loop_controls=False,
-            visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=60,
+            visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=72,
         )  # fmt: skip
         self.player = with_change(player, self._draw_chains)
         race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
@@ -285,7 +289,9 @@ class Page:
 
     def tell(self, words: str, kind: str = "") -> None:
         """Show a sentence; the kind "error" has its own colour."""
-        self.message.object = f'<p role="status" class="{kind}">{escape(words)}</p>' * bool(words)
+        self.message.object = f'<p role="status" class="message {kind}">{escape(words)}</p>' * bool(
+            words
+        )
 
     # from the design to the page ----------------------------------------------------------------
 
@@ -351,7 +357,7 @@ class Page:
         waves = {"your layout": design.wave} | ({self.race.value: other} if other else {})
         self._waves, self._motions = [*waves.values()], []
         self.compared.figure.visible = other is not None
-        self.compared.figure.title.text = self.race.value
+        self.compared.figure.title.text = self.race.value.capitalize()
         shown = [ComparedLayout(name, wave) for name, wave in waves.items()]
         verdict = f"<p><b>{escape(headline(shown)['who'])}</b></p>" if other else ""
         cells = (
@@ -366,14 +372,14 @@ class Page:
     def _draw_chains(self, frame: int | None = None) -> None:
         """Draw the dominoes at the time of the player; with a new frame the view follows them."""
         layouts, part = [wave.layout for wave in self._waves], self.player.value / FRAMES
-        poses = [(layout.tilt, -1) for layout in layouts]
-        self.clock.object = "0 s"
+        poses, clock = [(layout.tilt, -1) for layout in layouts], "0 s"
         if part:  # a drag of a chain at rest does not wait for its motion
             self._motions = self._motions or [Motion(w.layout, w.physics) for w in self._waves]
             end = max(motion.end for motion in self._motions)
             now = [part * end]
             poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in self._motions]
-            self.clock.object = f"{now[0]:.3f} s of {end:.3f} s"
+            clock = f"{now[0]:.3f} s of {end:.3f} s"
+        self.clock.object = clock
         stops = (self.design.stop, None)
         for chain, layout, pose, stop in zip(
             (self.chain, self.compared), layouts, poses, stops, strict=False

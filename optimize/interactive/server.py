@@ -25,7 +25,7 @@ TEMPLATE = """
 {% block postamble %}
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto;
-padding: 8px 20px 8px 8px; max-width: 1500px; }</style>
+padding: 8px 20px 80px 8px; max-width: 1500px; }</style>
 {% endblock %}
 {% block contents %}{{ embed(roots.page) }}{% endblock %}
 """
