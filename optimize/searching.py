@@ -182,7 +182,7 @@ def search(
     if not evaluator.finalists:
         if interrupted:
             raise KeyboardInterrupt
-        raise ValueError(f"method '{method}' ended without asking its evaluator for a score")
+        raise ValueError(f"method '{method}' ended without evaluating a layout")
     layout, wave, score = _best(scene, evaluator, uniform)
     end = (evaluator.evaluations, evaluator.falls, took, evaluator.best_score)
     result = SearchResult(

@@ -253,8 +253,8 @@ def _require_choice(scene: Scene) -> None:
         )
     if scene.length is not None and not scene.replace(limits=None).plain:
         raise ValueError(
-            f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
-            "too: an environment cannot tell domino by domino what remains reachable; leave one "
+            f"scene '{scene.name}' has a length and also lists, a stock or a largest change: "
+            "an environment cannot compute domino by domino what remains reachable; leave one "
             "out, or search with `optimize`"
         )
 

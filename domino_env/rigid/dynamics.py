@@ -90,14 +90,14 @@ RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for n
 
 def start(chain: Chain, setting: Setting, push: float) -> State:
     """Return the state at the push, an angular velocity of the first domino [rad/s]."""
-    count, hinged = len(chain.height), setting.floor == FIXED_PIVOTS
+    count, fixed = len(chain.height), setting.floor == FIXED_PIVOTS
     sine, cosine = chain.slope.T
     ex, ey = chain.edge.T
     x = chain.pivots[:, 0] - ex * cosine - ey * sine
     y = chain.pivots[:, 1] + ex * sine - ey * cosine
     velocity, inverse_mass, inverse_inertia = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     velocity[0, 2], inverse_inertia[0] = push, 1.0 / chain.inertia[0]
-    if not hinged:
+    if not fixed:
         velocity[0, 0] = push * (y[0] - chain.pivots[0, 1])
         velocity[0, 1] = push * (chain.pivots[0, 0] - x[0])
         inverse_mass[0] = 1.0 / chain.mass[0]
@@ -119,7 +119,7 @@ def advance(chain, setting, state, record, most_steps):
     """Advance by at most so many steps, fill the record; returns RUNNING, ENDED or FAILED."""
     run = state.run[0]
     place, velocity, impulse = state.place, state.velocity, state.impulse
-    hinged, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
+    fixed, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
     scale = math.sqrt(chain.height.max() / setting.gravity)
     for _ in range(most_steps):
         low, leader = run.low, run.leader
@@ -131,7 +131,7 @@ def advance(chain, setting, state, record, most_steps):
             _pose(state.mid, i, place, velocity, 0.5 * step)
         for i in range(low, leader + 1):
             state.before[i - low] = velocity[i]
-            if hinged:
+            if fixed:
                 sine, cosine = state.now[i, 2], state.now[i, 3]
                 arm = 0.5 * (chain.height[i] * sine - chain.thickness[i] * cosine)
                 moment = kick * chain.mass[i] * setting.gravity * arm
@@ -171,7 +171,7 @@ def advance(chain, setting, state, record, most_steps):
             record.arrivals[leader] = run.progress = run.time
             run.share, run.furthest = 0.0, place[leader, 2]
             state.inverse_inertia[leader] = 1.0 / chain.inertia[leader]
-            state.inverse_mass[leader] = 0.0 if hinged else 1.0 / chain.mass[leader]
+            state.inverse_mass[leader] = 0.0 if fixed else 1.0 / chain.mass[leader]
             if leader - low >= setting.window:
                 state.inverse_mass[low] = state.inverse_inertia[low] = 0.0
                 velocity[low] = 0.0
@@ -223,11 +223,11 @@ def _slip(i, place, chain):
 def _find_contacts(chain, setting, state):
     """Write every contact that is closed half a step ahead; return how many there are."""
     found, low, leader = 0, state.run[0].low, state.run[0].leader
-    hinged, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
+    fixed, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
         sine, cosine = chain.slope[i, 0], chain.slope[i, 1]
         for kind in range(REAR, TIP):
-            if i < low or (hinged and kind == FRONT):
+            if i < low or (fixed and kind == FRONT):
                 continue
             px = chain.edge[i, 0] - (chain.thickness[i] if kind == REAR else 0.0)
             py = chain.edge[i, 1] + (chain.height[i] if kind == LYING else 0.0)
@@ -240,7 +240,7 @@ def _find_contacts(chain, setting, state):
             _write_directions(state.contact, found, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
             _write_directions(state.contact, found, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
-            _couple(state, found, i, FLOOR, kind, 0.0 if hinged else setting.floor)
+            _couple(state, found, i, FLOOR, kind, 0.0 if fixed else setting.floor)
             found += 1
         if i == leader:
             break

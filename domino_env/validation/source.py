@@ -140,10 +140,12 @@ class Source(Table):
     def __post_init__(self) -> None:
         """Check that every chain can stand and be hit, in every reading."""
         if not all(isinstance(one.get("what"), str) for one in self.instead):
-            raise ValueError("instead: a reading has no what: describe the difference in words")
+            raise ValueError(
+                "instead: 'what' is missing: describe the difference of the reading in words"
+            )
         for setting in (self.setting, *self.readings.values()):
             if not self.chains_of(setting):
-                raise ValueError(f"rows: none stands on the floor '{setting.floor}'")
+                raise ValueError(f"rows: no chain is on the floor '{setting.floor}'")
             for chain in self.chains_of(setting):
                 gap = setting.pitch(chain.x) - setting.thickness
                 if not 0.0 < gap < setting.height:

@@ -52,15 +52,15 @@ FAR = 0.3  # correlation length of the residuals, as a distance of design vector
 NOISE = 3e-5  # relative, of a free-standing score beside those of similar layouts
 
 
-def run(evaluator: Evaluator, rng: np.random.Generator, hinged_method: Method) -> None:
+def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method) -> None:
     """Search for the layout that is fastest on the floor of the scene.
 
-    hinged_method: the method that searches the analytic model.
+    analytic_method: the method that searches the analytic model.
     """
-    hinged = Problem(replace(evaluator.problem.scene, floor_friction=None))
-    known = _Known(evaluator, hinged)
+    analytic = Problem(replace(evaluator.problem.scene, floor_friction=None))
+    known = _Known(evaluator, analytic)
     known.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
-    known.evaluate(_candidates(evaluator, hinged, hinged_method, rng))
+    known.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
     while idle < PATIENCE:
         before, designs = known.score, _proposed(known, rng)
@@ -73,7 +73,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator, hinged_method: Method) -
 
 
 def _candidates(
-    evaluator: Evaluator, hinged: Problem, method: Method, rng: np.random.Generator
+    evaluator: Evaluator, analytic: Problem, method: Method, rng: np.random.Generator
 ) -> Floats:
     """Return (C, n) layouts that are good on the analytic model and not alike.
 
@@ -85,7 +85,7 @@ def _candidates(
             raise BudgetSpent
         limit = evaluator.max_seconds
         seconds = None if limit is None else max(limit - evaluator.seconds, 1e-9)
-        inner = Evaluator(hinged, ANALYTIC, seconds)
+        inner = Evaluator(analytic, ANALYTIC, seconds)
         with suppress(BudgetSpent):
             method(inner, child)
         found += inner.finalists
@@ -101,15 +101,15 @@ def _candidates(
 class _Known:
     """Free-standing layouts simulated so far, and the ratios of their scores to the analytic."""
 
-    def __init__(self, evaluator: Evaluator, hinged: Problem) -> None:
-        self.evaluator, self.hinged = evaluator, hinged
-        self.designs = np.empty((0, hinged.dimension))
+    def __init__(self, evaluator: Evaluator, analytic: Problem) -> None:
+        self.evaluator, self.analytic = evaluator, analytic
+        self.designs = np.empty((0, analytic.dimension))
         self.scores, self.ratios = np.empty(0), np.empty(0)
-        place = np.arange(hinged.dimension)
+        place = np.arange(analytic.dimension)
         near = np.exp(-0.5 * ((place[:, None] - place[None]) / NEIGHBOURS) ** 2)
-        pairs = hinged.scene.count - 1
+        pairs = analytic.scene.count - 1
         near[place[:, None] // pairs != place[None] // pairs] = 0.0  # gaps and thicknesses differ
-        self.prior = COEFFICIENT**2 * (0.5 * near + 0.5 * np.eye(hinged.dimension))
+        self.prior = COEFFICIENT**2 * (0.5 * near + 0.5 * np.eye(analytic.dimension))
 
     @property
     def score(self) -> float:
@@ -124,7 +124,7 @@ class _Known:
     def evaluate(self, designs: Floats) -> None:
         """Simulate layouts in both models and add them."""
         scores = self.evaluator.evaluate(designs).score
-        analytic = self.hinged.evaluate(designs).score
+        analytic = self.analytic.evaluate(designs).score
         both = (scores > 0.0) & (analytic > 0.0)
         ratios = np.log(np.where(both, scores, 1.0) / np.where(both, analytic, 1.0))
         self.designs = np.concatenate([self.designs, designs])
@@ -150,7 +150,7 @@ class _Known:
 
     def corrected(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
         """Return scores (B,) and gradients (B, n) of the analytic model times the ratio."""
-        found = self.hinged.evaluate(designs, True, differences=False)
+        found = self.analytic.evaluate(designs, True, differences=False)
         scores, gradients = found.score, found.gradient
         exponent = np.sum(coefficients * self._offset(designs), axis=1)
         factor = np.where(scores > 0.0, np.exp(exponent), 1.0)
@@ -184,7 +184,7 @@ def _correlation(some: Floats, others: Floats) -> Floats:
 
 def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
     """Return (B, n) layouts of high predicted score that are not alike."""
-    problem, hinged = known.evaluator.problem, known.hinged
+    problem, analytic = known.evaluator.problem, known.analytic
     order = np.argsort(-known.scores, kind="stable")[:PARENTS]
     pairs = problem.scene.count - 1
     designs = [known.best]
@@ -194,7 +194,7 @@ def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
         changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, other, rng)
         designs.append(np.clip(changed.ravel(), 0.0, 1.0))
     coefficients = known.coefficients(SEARCHES, rng)
-    arms = [LocalSearch(design, hinged.project) for design in designs]
+    arms = [LocalSearch(design, analytic.project) for design in designs]
     _refine(known, arms, coefficients)
     ends = np.array([arm.design for arm in arms])
     predicted = known.predicted(ends, coefficients[0])

@@ -385,7 +385,7 @@ def test_misuse_is_explained(kind):
         ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
         ("sprint", {"rtol": 0.1}, r"rtol = 0\.1: give a finite number from 1e-13 to 0.001"),
         (de.load_scene("sprint").replace(spacing=(0.02, 0.02)), {}, "leaves nothing free"),
-        (de.load_scene("course").replace(largest_change=0.001), {}, "asks for a length and for"),
+        (de.load_scene("course").replace(largest_change=0.001), {}, "has a length and also"),
     ):
         with pytest.raises(ValueError, match=words):
             kind(scene, **options)

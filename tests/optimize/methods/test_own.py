@@ -81,7 +81,7 @@ def test_it_runs_in_other_processes(folder, scenes):
     ("my_methods:runn", "has no attribute 'runn'; name a function"),
     ("my_methods:np", "it is not called as run(evaluator, rng)"),
     ("my_methods:number", "it is not called as run(evaluator, rng)"),
-    ("my_methods:nothing", "'my_methods:nothing' ended without asking its evaluator for a score"),
+    ("my_methods:nothing", "'my_methods:nothing' ended without evaluating a layout"),
     ("my_broken:run", "No module named 'no_such_thing_here'"),
     ("my_typo:run", "'(' was never closed"),
     ("my_methods:", "method = 'my_methods:': choose one of auto, "),
