@@ -1,6 +1,7 @@
 """Learners and trained policies as search methods: budgets, clocks, repeatability."""
 
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -80,6 +81,7 @@ def test_unknown_methods_are_rejected(tmp_path):
 
 def test_without_the_extra_the_error_has_the_command_that_installs_it(monkeypatch, capsys):
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
+    monkeypatch.delitem(sys.modules, "agents.methods", raising=False)  # checked when it is imported
     load("agent:sprint")
     with pytest.raises(ImportError, match=r'pip install "domino-chains\[rl\]"'):
         load("ppo")
