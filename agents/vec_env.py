@@ -18,7 +18,7 @@ NOTHING: dict[str, Any] = {}
 
 
 class DominoVecEnv(VecEnv):
-    """B environments that are stepped together by one compiled call.
+    """Vector environment of Stable-Baselines3: B environments, stepped by one compiled call.
 
     The next episode begins in the step in which one ends, whose info then has
     `terminal_observation`, `TimeLimit.truncated` (always False), `episode` (return, length,

@@ -22,7 +22,7 @@ Trace = tuple[tuple[int, int, float, float], ...]
 
 @dataclass(frozen=True, eq=False)
 class SearchResult(MadeForScene):
-    """The best layout of a search, simulated closely, beside the uniform baseline.
+    """The best layout of a search, simulated at a tight tolerance, and the uniform baseline.
 
     Attributes
     ----------

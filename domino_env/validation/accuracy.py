@@ -239,6 +239,8 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
         headline=f"{len(answers)} edge cases: {wrong or 'none'} with a fault",
         subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
     )  # fmt: skip
+    groups = list(dict.fromkeys(one.group for one in answers))
+    answers = sorted(answers, key=lambda one: groups.index(one.group))
     places: list[float] = []
     ticks, names, right = [], [], 0.0
     for k, (name, group) in enumerate(groupby(answers, lambda one: one.group)):
@@ -256,7 +258,8 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
         where = [p for p, _ in mine]
         errors = [max(one.error, FLOOR) for _, one in mine]
         estimates = [max(one.estimate, FLOOR) for _, one in mine]
-        label = f"{outcome.lower().replace('_', ' ')} ({len(mine)})"
+        ended = "completes" if outcome == "PROPAGATED" else outcome.lower().replace("_", " ")
+        label = f"{ended} ({len(mine)})"
         axes.vlines(where, errors, estimates, color=colour, linewidth=1.0, alpha=0.45)
         axes.plot(where, estimates, "_", color=colour, markersize=6)
         axes.plot(where, errors, "o", color=colour, markersize=3.2, label=label)

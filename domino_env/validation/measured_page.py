@@ -105,7 +105,7 @@ def draw(validations: Sequence[Validation], path: Path) -> None:
 
     Frequencies and times are drawn as the speeds that they mean.
     """
-    figure, panels = new_panels(len(validations), 3, (4.2, 3.3), (0.0, 0.7))
+    figure, panels = new_panels(len(validations), 2, (4.6, 3.0), (0.0, 0.7))
     for axes, validation in zip(panels, validations, strict=True):
         _draw_panel(axes, validation)
     figure.suptitle(

@@ -45,7 +45,7 @@ METHODS = {
     "random": "baselines:random",
     "uniform": "baselines:uniform",
 }
-"""Name of each method, and its module and function in this folder."""
+"""Module and function of each search method, by its name; modules are those of this folder."""
 
 PEERS = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe", "optuna")}
 """Methods of other projects to compare with: module and function, and the package needed."""

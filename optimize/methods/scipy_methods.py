@@ -10,9 +10,9 @@
 - `nelder-mead`: a simplex with the step sizes of Gao and Han (2012) for several variables.
 - `direct`: the box in ever finer thirds, locally biased (Jones et al. 1993, Gablonsky and Kelley
   2001). When a box is divided finely enough, a smaller one around the best so far is next.
-- `dual-annealing`: random leaps that cool, and local searches after good ones (Xiang et al. 1997).
-- `differential-evolution`: populations that move along their own differences (Storn and Price
-  1997), each with the uniform baseline in it.
+- `dual-annealing`: generalised simulated annealing, with local searches (Xiang et al. 1997).
+- `differential-evolution`: populations that change by differences of their members (Storn and
+  Price 1997), each with the uniform baseline in it.
 
 Methods without gradients handle few variables: they search long layouts as schedules.
 

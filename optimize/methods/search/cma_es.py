@@ -1,4 +1,4 @@
-"""CMA-ES with restarts (BIPOP), on ask and tell.
+"""CMA-ES with restarts (BIPOP), by the package cma.
 
 A run starts at the uniform baseline with a wide step: on the scenes here that ends in a good basin
 more often than a small step, a start in the middle of the box, or a random one. Restarts alternate
