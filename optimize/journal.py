@@ -23,7 +23,6 @@ from msgspec import MsgspecError, msgpack
 from domino_env.core.types import Floats
 
 PAUSE = 1.0  # [s] of work that a kill may lose
-SIDE_FILES = ("-wal", "-shm", "-journal")  # of a database, while it is open or after a kill
 SETTINGS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
 TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
 
@@ -57,14 +56,13 @@ class Journal:
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
         self._waiting: list[tuple[bytes, float, bytes]] = []
         self._saved = float("-inf")
-        if not resume:
-            for end in ("", *SIDE_FILES):
-                path.with_name(path.name + end).unlink(missing_ok=True)
         self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
         with self._errors_in_words():
             for setting in SETTINGS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)
+            if not resume:  # rather than of the file, which another search may have open
+                self._database.execute("DELETE FROM answers")
 
     def digest(self, kind: str, designs: Floats) -> bytes:
         """Return the digest of a request.
