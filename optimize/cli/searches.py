@@ -1,4 +1,4 @@
-"""Search a layout that scores better than the uniform baseline of a scene.
+"""Search for a layout that scores better than the uniform baseline of a scene.
 
 SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The folder of the run
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
