@@ -19,11 +19,11 @@ from selenium import webdriver
 from optimize import studio
 
 HERE = Path(__file__).parent
-SIZE = 1000, 780
+SIZE = 1000, 860
 WIDTH = 800  # [px] of the picture
-CROP = 0, 0, 560, 535  # numbers, dominoes and curves, without the column of the scene
+CROP = 0, 0, 516, 680  # numbers, dominoes and curves, without the column of the scene
 HOLD = 12  # frames for which a state is shown
-EVERY = 0.4  # [s] between two frames of the search
+LONGEST = 40.0  # [s] after which the search is stopped
 
 
 def main() -> None:
@@ -45,18 +45,21 @@ def main() -> None:
     def take(number: int = 1) -> None:
         picture: Any = Image.open(io.BytesIO(window.get_screenshot_as_png())).convert("RGB")
         picture = picture.resize((WIDTH, WIDTH * picture.height // picture.width)).crop(CROP)
-        frames.extend([picture.quantize(48, dither=Image.Dither.NONE)] * number)
+        frames.extend([picture.quantize(96, dither=Image.Dither.NONE)] * number)
 
     tab = Tab(window, page.url)
     take(HOLD)
     tab.drag(12, 40, take)
     take(HOLD)
     tab.click("Search")
-    score, began = tab.speed, time.monotonic()
+    speed, end = tab.speed, time.monotonic() + LONGEST
     while "layouts in" not in tab.status:
-        if tab.speed != score and time.monotonic() > began + EVERY:
-            score, began = tab.speed, time.monotonic()
+        if tab.speed != speed:
+            speed = tab.speed
             take()
+        if time.monotonic() > end:
+            tab.click("Stop")
+            tab.wait(lambda: "layouts in" in tab.status)
     take(2 * HOLD)
     window.quit()
     more: dict[str, Any] = {"append_images": frames[1:], "duration": 150, "loop": 0}

@@ -96,6 +96,7 @@ CONTROLS = (
     Control("Number of dominoes", 2, 200, 1, lambda s: None if s.stock else s.count,
             lambda _, v: {"count": int(v)}, pn.widgets.EditableIntSlider),
     Control("Height [mm]", 5, 200, 0.1, lambda s: _mm(s.height), lambda _, v: {"height": v / MM}),
+    Control("Width [mm]", 5, 200, 0.1, lambda s: _mm(s.width), lambda _, v: {"width": v / MM}),
     Control("Thickness [mm]", 1, 50, 0.1, _one_thickness,
             lambda _, v: {THICKNESS: (v / MM, v / MM), "first_thickness": v / MM}),
     Control("Allowed gaps [mm]", 0.5, 100, 0.1, *_bounds(SPACING), pn.widgets.EditableRangeSlider),
