@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from domino_env.core.checks import require
-from domino_env.core.progress import progress_bar
+from domino_env.core.progress import notice, progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -22,7 +22,7 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
 from domino_env.scenes.waves import Waves
-from optimize.evaluator import TOLERANCE, BudgetSpent, Evaluator
+from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.problem import Problem, Scores
@@ -34,6 +34,12 @@ if TYPE_CHECKING:
 
 Callback = Callable[[Evaluator], None]
 
+NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
+LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
+BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
+LONG = 20.0  # [s] of processor time from which on a search announces its duration
+TIMED = 8  # gradients that are timed for that
+AS_LONG = 130  # variables of which the local search takes as long as the simulation
 NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
@@ -166,6 +172,8 @@ def search(
         evaluator.add_seconds(spent + clock() - began)
         if seconds is not None and scene.floor_friction is not None:
             _record_baseline(evaluator, uniform)
+        if method == "auto":
+            _announce_duration(evaluator)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -298,3 +306,23 @@ def _best(
     waves = [scene.simulate(layout) for layout in layouts]
     scores = scene.evaluate_waves(waves).score.tolist()
     return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])
+
+
+def _announce_duration(evaluator: Evaluator) -> None:
+    """Log about how long a search by `auto` without a limit takes, where that is long.
+
+    Those that take more than `LONG` end by their effort: within a factor of two of this estimate.
+    """
+    problem = evaluator.problem
+    if evaluator.tolerance is None or problem.scene.floor_friction is not None:
+        return
+    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TIMED, axis=0)
+    began = time.process_time()
+    problem.evaluate(designs, True, differences=False)
+    gradient = (time.process_time() - began) / TIMED * (1.0 + problem.dimension / AS_LONG)
+    seconds = gradient * evaluator.most_effort / GRADIENT_COST
+    if seconds > LONG:
+        notice(
+            f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
+            "of processor time; --seconds or --budget limit it"
+        )
