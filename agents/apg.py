@@ -99,7 +99,7 @@ class APG(OnPolicyAlgorithm):
             episodes = Episodes(self._actor, env, torch.from_numpy(self._mask))
             self._loss, infos = episodes.loss(), episodes.infos
             self.num_timesteps += number * (env.vector.scenes[0].count - 1)
-            return self._told(callback, infos)
+            return self._reported(callback, infos)
         scenes, observations = _begin(env)
         normal = self._actor.get_distribution(observations.flatten(0, 1)).distribution
         mean, deviation = (
@@ -112,9 +112,9 @@ class APG(OnPolicyAlgorithm):
         units = [100.0 / (abs(scene.uniform().score) or 1.0) / number for scene in scenes]
         self._loss = -(scores * torch.tensor(units, dtype=torch.double)).sum()  # mean return
         self.num_timesteps += sum(scene.count - 1 for scene in scenes)
-        return self._told(callback, infos)
+        return self._reported(callback, infos)
 
-    def _told(self, callback: Any, infos: list[dict[str, Any]]) -> bool:
+    def _reported(self, callback: Any, infos: list[dict[str, Any]]) -> bool:
         """Pass on the infos of episodes; False where the training is to end."""
         callback.update_locals({"infos": infos})
         proceed = callback.on_step()

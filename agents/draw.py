@@ -87,7 +87,7 @@ def fixed(scene: Scene, actions: Floats) -> Policy:
     """Return the policy that takes (N-1, 2) actions one after another, whatever it observes."""
     placed = DominoChain(scene).observation_layout["placed"].start
     pairs = scene.count - 1
-    return lambda seen: np.asarray(actions[np.rint(seen[..., placed] * pairs).astype(np.int64)])
+    return lambda o: np.asarray(actions[np.rint(o[..., placed] * pairs).astype(np.int64)])
 
 
 def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
@@ -182,7 +182,9 @@ def hindsight(
         Scores (S,), gaps and thicknesses (S, N-1) [m].
     """
     orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
-    found = [_improved(scene, orders, *_built(policy, scene, seeds), rounds) for policy in policies]
+    found = [
+        _improved(scene, orders, *_layouts_of(policy, scene, seeds), rounds) for policy in policies
+    ]
     best = np.argmax([one[0] for one in found], axis=0)
     each = np.arange(len(orders))
     score, gaps, thickness = (np.array(part)[best, each] for part in zip(*found, strict=True))
@@ -214,12 +216,12 @@ def _improved(
     return *_refined(scene, gaps, thickness, LONG), thickness
 
 
-def _built(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
+def _layouts_of(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
     """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
     env = DominoChainVector(len(seeds), scene, autoreset_mode="Disabled")
-    seen, _ = env.reset(seed=list(seeds))
+    observed, _ = env.reset(seed=list(seeds))
     for _ in range(scene.count - 1):
-        seen, _, _, _, info = env.step(policy(seen))
+        observed, _, _, _, info = env.step(policy(observed))
     layouts = info["layout"]
     return np.array([one.spacing for one in layouts]), np.array(
         [one.thickness[1:] for one in layouts]
@@ -277,14 +279,14 @@ def main() -> None:
     scene, rng = load_scene("draw"), np.random.default_rng(0)
     fitted = fit_rule(scene, rng)
     policy = rule(scene, fitted)
-    spacing, _ = _built(policy, scene, PLANNING_SEEDS)
+    spacing, _ = _layouts_of(policy, scene, PLANNING_SEEDS)
     low, high = scene.spacing
     gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
     size = DominoChain(scene).observation_space.shape or ()
-    seen = np.ones((scene.count - 1, *size), np.float32)
+    observed = np.ones((scene.count - 1, *size), np.float32)
     place = np.arange(scene.count - 1) / (scene.count - 1)
-    seen[:, DominoChain(scene).observation_layout["placed"].start] = place
-    plan = fit_fixed(scene, np.stack([gaps, policy(seen)[:, 1]], axis=1))
+    observed[:, DominoChain(scene).observation_layout["placed"].start] = place
+    plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
     best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
     found = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
     write_text(PATH, json.dumps(found, indent=1) + "\n")

@@ -1,6 +1,6 @@
 """Analytic policy gradients of policies that observe what is random.
 
-An episode is built in the environment itself, and its gradient is exact for the errors and pieces
+An episode is played in the environment itself, and its gradient is exact for the errors and pieces
 that were drawn. Entries of an observation that the policy does not follow are zero for it.
 
 - Pieces in random order: the policy follows position, hand, box and the latest thicknesses, which
@@ -36,7 +36,7 @@ def follows(scene: Scene) -> tuple[str, ...]:
 
 
 class Episodes:
-    """Episodes of B environments, built with noise.
+    """Episodes of B environments, played with noise.
 
     Parameters
     ----------
@@ -58,22 +58,22 @@ class Episodes:
         observations = torch.zeros(number, pairs, len(mask))
         wishes = rule(scene, numbers()["rule"]) if scene.hand else None
         self.wishes, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
-        seen, running = env.reset(), np.ones(number, np.bool_)
+        observed, running = env.reset(), np.ones(number, np.bool_)
         for n in range(pairs):
-            observations[:, n] = torch.from_numpy(seen) * mask
+            observations[:, n] = torch.from_numpy(observed) * mask
             with torch.no_grad():
                 actions = self.actions(observations[:, n], n)[1].double().numpy()
             if wishes is not None:
-                self.wishes[:, n] = torch.from_numpy(wishes(seen)[:, 1])
+                self.wishes[:, n] = torch.from_numpy(wishes(observed)[:, 1])
                 actions[:, 1] = self.wishes[:, n]
-            seen, _, ended, infos = env.step(actions)
+            observed, _, ended, infos = env.step(actions)
             for b in np.flatnonzero(ended & running):
                 self.infos[b] = infos[b]
             running &= ~ended
-        built = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
-        self.observations, self.noise = observations[built], self.noise[built]
-        self.wishes = self.wishes[built]
-        layouts = [self.infos[b]["layout"] for b in built]
+        complete = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
+        self.observations, self.noise = observations[complete], self.noise[complete]
+        self.wishes = self.wishes[complete]
+        layouts = [self.infos[b]["layout"] for b in complete]
         self.spacing = np.array([one.spacing for one in layouts]).reshape(-1, pairs)
         self.thickness = np.array([one.thickness[1:] for one in layouts]).reshape(-1, pairs)
 
@@ -107,19 +107,19 @@ class Episodes:
         due = torch.from_numpy(tempo.schedule(scene.count))
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # zero but for their gradient
         for n in range(scene.count - 1):
-            seen = self.observations[:, n].clone()
+            observed = self.observations[:, n].clone()
             if n:
                 past = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 late = times[:, n - 1] - due[n - 1] + (past * changes).sum(dim=(1, 2))
                 lateness = late / (3.0 * tempo.tolerance)
-                seen[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
+                observed[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
                 bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
                 for k, (name, (low, high)) in enumerate(bounds.items()):
                     part = self.parts[name]
                     latest = changes[:, :n, k].flip(1)[:, : part.stop - part.start].float()
                     end = part.start + latest.shape[1]
-                    seen[:, part.start : end] += 2.0 / (high - low) * latest
-            actions = self.actions(seen, n)[1].double()
+                    observed[:, part.start : end] += 2.0 / (high - low) * latest
+            actions = self.actions(observed, n)[1].double()
             sizes = [_sizes(actions[:, 0], scene.spacing), _sizes(actions[:, 1], scene.thickness)]
             change = torch.stack([size - size.detach() for size in sizes], dim=1)
             changes = torch.cat([changes, change[:, None]], dim=1)

@@ -270,8 +270,8 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
 
 
 def _draw_bar(axes: Axes) -> None:
-    marks, y = MARGIN * MM + np.linspace(0.0, BAR * MM, 11), 14.0
-    axes.hlines(y, marks[0], marks[-1], color="black", lw=0.8)
-    axes.vlines(marks, y, y + 3.0, color="black", lw=LINE)
+    ticks, y = MARGIN * MM + np.linspace(0.0, BAR * MM, 11), 14.0
+    axes.hlines(y, ticks[0], ticks[-1], color="black", lw=0.8)
+    axes.vlines(ticks, y, y + 3.0, color="black", lw=LINE)
     words = f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page"
-    axes.text(marks[-1] + 3.0, y, words, va="center", size=7)
+    axes.text(ticks[-1] + 3.0, y, words, va="center", size=7)
