@@ -45,6 +45,7 @@ def make_dataset(
     executor: Executor | None = None,
     *,
     noise: float = NOISE,
+    code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
     """Sample scenes, search a layout for each, build episodes of them, and write everything.
@@ -68,6 +69,8 @@ def make_dataset(
         Runs the searches; None: this process.
     noise
         Standard deviation of the actions of the noisy episodes, each from -1 to 1.
+    code_link
+        Address of this program, for users of the dataset.
     progress
         Whether to show a progress line; None: on a terminal.
 
@@ -110,7 +113,7 @@ def make_dataset(
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, chosen, layouts, seed, noise)
+    returns = write_episodes(partial, source, chosen, layouts, seed, noise, code_link)
     partial.rename(home / EPISODES)
     write_text(home / CARD, _card(source, results, returns, seed, budget, noise))
     return home / CARD
@@ -192,6 +195,7 @@ def write_episodes(
     layouts: Sequence[Layout],
     seed: int,
     noise: float = NOISE,
+    code_link: str | None = None,
 ) -> dict[str, float]:
     """Write a Minari dataset of each quality, with an episode per scene, in their order.
 
@@ -209,6 +213,8 @@ def write_episodes(
         Seed of the noise.
     noise
         Standard deviation of the actions of "noisy", see `build_episode`.
+    code_link
+        As of `make_dataset`.
 
     Returns
     -------
@@ -237,7 +243,7 @@ def write_episodes(
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,
-                eval_env=single, ref_min_score=returns["uniform"],
+                eval_env=single, code_permalink=code_link, ref_min_score=returns["uniform"],
                 ref_max_score=returns["searched"],
             )  # fmt: skip
     return returns

@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise", type=number(low=0.0), metavar="SD", default=0.1,
         help="standard deviation of the noise on actions, which are from -1 to 1 (0.1)",
     )  # fmt: skip
+    parser.add_argument(
+        "--code-link", metavar="URL", help="address of this program, which the data sets name"
+    )
     add_executor_options(parser)
 
 
@@ -43,7 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
     with open_executor(arguments.workers, arguments.dask) as executor:
         card = make_dataset(
             arguments.folder, arguments.distribution, arguments.scenes, arguments.seed,
-            arguments.budget, executor, noise=arguments.noise, progress=None,
+            arguments.budget, executor, noise=arguments.noise, code_link=arguments.code_link,
+            progress=None,
         )  # fmt: skip
     print(card.read_text("utf-8"))
     return 0

@@ -25,6 +25,7 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
         raise KeyboardInterrupt
 
     words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
+    words += ["--code-link", "x.org/y"]
     with monkeypatch.context() as patched:
         patched.setattr(dataset, "run_experiment", stops)
         assert main(words) != 0
@@ -40,6 +41,7 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
         returns[quality] = [np.sum(one.rewards) for one in data.iterate_episodes()]
         assert data.recover_environment(eval_env=True).spec.kwargs == {"scene": "varied-course"}
         about = data.storage.metadata
+        assert about["code_permalink"] == "x.org/y"
         assert about["ref_min_score"] == pytest.approx(np.mean(returns["uniform"]))
     for i, line in enumerate(table):
         assert about["ref_max_score"] == pytest.approx(np.mean(returns["searched"]))
