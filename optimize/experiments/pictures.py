@@ -209,7 +209,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
 def draw_intervals(experiment: Experiment, path: Path) -> None:
     """Draw the interquartile means with their intervals, and the performance profile."""
     figure, (means, profile) = new_panels(
-        2, 2, (4.6, 3.4), headline="Normalised scores in the end",
+        2, 2, (4.6, 3.4), headline="Normalised scores at the end of the runs",
         subtitle="95 % intervals of five or more runs, all scenes with equal weights",
     )  # fmt: skip
     order = [name for name in experiment.ranked(())[::-1] if name in experiment.complete]
@@ -219,22 +219,23 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
         if mean.interval is not None:
             means.plot(mean.interval, [y, y], color=colour, linewidth=5, alpha=0.35)
         means.plot([mean.value], [y], "o", color=colour, markersize=5)
-        part = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
-        profile.plot(PROFILE_TARGETS, part.value, label=name, **lines[name])
-        if part.interval is not None:
+        fraction = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
+        profile.plot(PROFILE_TARGETS, fraction.value, label=name, **lines[name])
+        if fraction.interval is not None:
             profile.fill_between(
-                PROFILE_TARGETS, *part.interval, color=colour, alpha=0.12, linewidth=0
+                PROFILE_TARGETS, *fraction.interval, color=colour, alpha=0.12, linewidth=0
             )
     style(means, "interquartile mean")
     means.set_xlim(LOWEST, HIGHEST)
     means.set_yticks(range(len(order)), order)
     means.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
-    style(profile, "part of the runs beyond a normalised score")
+    style(profile, "fraction of runs with a higher normalised score")
     profile.set_ylim(0.0, 1.02)
     profile.set_xlim(PROFILE_TARGETS[0], PROFILE_TARGETS[-1])
     profile.legend(loc="lower left", **LEGEND)
     for axes in (means, profile):
         axes.set_xticks([0.0, 0.5, 1.0], ["uniform", "50 %", "best known"])
+        axes.set_xlabel("normalised score")
     write_png(figure, path)
 
 
