@@ -25,7 +25,6 @@ from domino_env import DominoChain, DominoChainVector, Scene, load_scene
 from domino_env.core.files import read_json, write_text
 from domino_env.core.types import Floats, Ints, Singles
 from optimize.methods.gradient.local_search import LocalSearch
-from optimize.methods.search.cma_es import maximize
 
 PATH = Path(__file__).with_name("draw.json")
 PARTS = 7, 10, 4, 4  # knots of template and gap, and of the gap's change with both thicknesses
@@ -92,6 +91,8 @@ def fixed(scene: Scene, actions: Floats) -> Policy:
 
 def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
     """Return the (25,) numbers of the rule with the best mean score on the planning orders."""
+    from optimize.methods.search.cma_es import maximize  # loads cma
+
     low, high = scene.spacing
     start = np.zeros(sum(PARTS))
     start[PARTS[0] : PARTS[0] + PARTS[1]] = (

@@ -62,7 +62,7 @@ ADDED = {
     "domino benchmark": "sprint --algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
     "domino evaluate .*--scenes": "--scenes 2",
     "domino verify": "--no-engine --floor 0.5",
-    "domino accuracy": "--quick --seconds 0.01 --scene sprint",
+    "domino accuracy": "--quick --seconds 0.01",
     "domino render .*--gif": "--rate 2",
 }
 """First pattern that fits the beginning of a command, and the options that it gets."""

@@ -51,8 +51,8 @@ class Outer(Table):
          "inner.part = 0: give a finite number, more than 0, at most 1 (of the whole)"),
         ({"count": 2, "inner": {"flag": 1}}, "inner.flag = 1: give true or false"),
         ({"count": 2, "sizes": "x"},
-         "sizes = 'x': give a finite number from 1e-09 to 1e+09 or a list: a finite number from "
-         "1e-09 to 1e+09 each (of all [m])"),
+         "sizes = 'x': give a finite number from 1e-09 to 1e+09 or a list, each a finite number "
+         "from 1e-09 to 1e+09 (of all [m])"),
         ({"count": 2, "sizes": [1.0, float("nan")]},
          "sizes[1] = nan: give a finite number from 1e-09 to 1e+09 (of all [m])"),
         ({"count": 2, "pair": {"low": 2.0, "high": 1.0}},

@@ -51,9 +51,10 @@ def test_layouts_are_compared_by_means_over_the_same_errors():
     gap = SCENE.uniform().layout.spacing[0]
     assert SCENE.uniform().score == steady.uniform().score
     low, high = SCENE.spacing
-    action = np.array([2.0 * (gap - low) / (high - low) - 1.0])
-    rollout, scripted = build(lambda _: action, SCENE), as_placed(uniform(SCENE))
-    assert rollout.score == pytest.approx(scripted.score, rel=1e-6)
+    action = 2.0 * (gap - low) / (high - low) - 1.0
+    same = build(lambda o: np.full((*o.shape[:-1], 1), action), SCENE)
+    scripted = as_placed(uniform(SCENE))
+    assert same.score == pytest.approx(scripted.score, rel=1e-6)
     assert scripted.gain == pytest.approx(0.0, abs=1e-12)
     assert (
         scripted.score
