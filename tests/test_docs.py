@@ -73,7 +73,8 @@ PARSED = {
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
     "domino studio": "serves a page, see tests/optimize/interactive/test_page.py",
-    "--steps 750000": "some minutes, see tests/agents/test_draw.py",
+    "domino train draw": "minutes, see tests/agents/test_draw.py",
+    "domino train tempo-noise": "minutes, see tests/agents/test_draw.py",
     "domino dataset": "half an hour, see tests/agents/test_dataset.py",
 }
 """Parts of commands that are parsed only, and the reasons."""
