@@ -23,7 +23,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from agents.reacting import Episodes, follows
+from agents.reacting import Episodes, antithetic_noise, follows
 from domino_env import Scene
 from domino_env.envs.spaces import closeness
 
@@ -105,8 +105,7 @@ class APG(OnPolicyAlgorithm):
         mean, deviation = (
             part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
         )
-        half = torch.randn((number + 1) // 2, *mean.shape[1:])
-        noise = torch.cat([half, -half])[:number]  # antithetic
+        noise = antithetic_noise(number, *mean.shape[1:])
         actions = (mean + deviation * noise).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
         units = [100.0 / (abs(scene.uniform().score) or 1.0) / number for scene in scenes]

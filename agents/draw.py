@@ -233,7 +233,7 @@ def _refined(
     scene: Scene, gaps: Floats, thickness: Floats, gradients: int
 ) -> tuple[Floats, Floats]:
     """Return scores (B,) and gaps (B, N-1) [m] of local searches over the gaps, side by side."""
-    (low, high), searches = scene.spacing, list[LocalSearch]()
+    low, high = scene.spacing
     searches = [LocalSearch((gap - low) / (high - low)) for gap in gaps]
     for _ in range(gradients):
         live = [b for b, one in enumerate(searches) if not one.done]
@@ -283,10 +283,10 @@ def main() -> None:
     spacing, _ = _layouts_of(policy, scene, PLANNING_SEEDS)
     low, high = scene.spacing
     gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
-    size = DominoChain(scene).observation_space.shape or ()
-    observed = np.ones((scene.count - 1, *size), np.float32)
+    env = DominoChain(scene)
+    observed = np.ones((scene.count - 1, *(env.observation_space.shape or ())), np.float32)
     place = np.arange(scene.count - 1) / (scene.count - 1)
-    observed[:, DominoChain(scene).observation_layout["placed"].start] = place
+    observed[:, env.observation_layout["placed"].start] = place
     plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
     best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
     found = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}

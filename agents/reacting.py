@@ -53,8 +53,7 @@ class Episodes:
         self.scene, self.actor, self.parts = scene, actor, env.vector.observation_layout
         number, pairs = env.num_envs, scene.count - 1
         size = env.action_space.shape[0]
-        half = torch.randn((number + 1) // 2, pairs, size)
-        self.noise = torch.cat([half, -half])[:number]
+        self.noise = antithetic_noise(number, pairs, size)
         observations = torch.zeros(number, pairs, len(mask))
         wishes = rule(scene, numbers()["rule"]) if scene.hand else None
         self.wishes, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
@@ -140,6 +139,12 @@ class Episodes:
         times = waves.arrival_times.reshape(shape)[:, 0, 1:]
         by_thickness = found.thickness.reshape(shape)[..., 1:]
         return times.copy(), found.spacing.reshape(shape), by_thickness.copy()
+
+
+def antithetic_noise(number: int, *shape: int) -> torch.Tensor:
+    """Return normal noise (number, …) whose second half is the negative of the first."""
+    half = torch.randn((number + 1) // 2, *shape)
+    return torch.cat([half, -half])[:number]
 
 
 def _sizes(actions: torch.Tensor, bounds: tuple[float, float]) -> torch.Tensor:
