@@ -191,12 +191,12 @@ class Curve:
 
 def _figure(view: Range1d, height: int, tools: str, title: str) -> Any:
     """Return an empty figure in the style of all drawings."""
-    made = figure(
+    plot = figure(
         x_range=view, height=height, sizing_mode="stretch_width", tools=tools, title=title,
         toolbar_location=None, min_border_left=48, min_border_right=12, outline_line_color=None,
     )  # fmt: skip
-    made.title.update(text_font_size="13px", text_color=INK, text_font_style="normal")
-    made.grid.grid_line_color, made.axis.axis_line_color = FAINT, SOFT
-    made.axis.major_label_text_color = made.axis.axis_label_text_color = SOFT
-    made.axis.minor_tick_line_color = None
-    return made
+    plot.title.update(text_font_size="13px", text_color=INK, text_font_style="normal")
+    plot.grid.grid_line_color, plot.axis.axis_line_color = FAINT, SOFT
+    plot.axis.major_label_text_color = plot.axis.axis_label_text_color = SOFT
+    plot.axis.minor_tick_line_color = None
+    return plot

@@ -140,7 +140,7 @@ class Page:
         self._moved: Control | None = None  # whose changes are one step of the history
         self._uniform_of: Scene | None = None  # scene of the uniform baseline
         self._kept: Layout | None = None
-        self._waves: list[Wave] = []  # of this layout, and of the other one in a race
+        self._waves: list[Wave] = []  # of this layout, and of the one that it is compared with
         self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
         self._view = Range1d(-1.0, 1.0)
         self.chain, self.compared = Chain(self._view), Chain(self._view)
@@ -168,10 +168,10 @@ class Page:
 
         def button(name: str, action: Callable[..., Any], *values: Any) -> Any:
             kind = "primary" if name in ("Improve", "Search") else "default"
-            made = pn.widgets.Button(name=name, button_type=kind)
-            made.on_click(lambda _: self._schedule(lambda: self._guarded(action, *values)))
-            self.buttons[name] = made
-            return made
+            widget = pn.widgets.Button(name=name, button_type=kind)
+            widget.on_click(lambda _: self._schedule(lambda: self._guarded(action, *values)))
+            self.buttons[name] = widget
+            return widget
 
         self.title, self.numbers, self.message, self.link = (
             pn.pane.HTML(stylesheets=[STYLE], **WIDE) for _ in range(4)
@@ -184,8 +184,8 @@ class Page:
             visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=72,
         )  # fmt: skip
         self.player = with_change(player, self._draw_chains)
-        race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
-        self.race = with_change(race, lambda _: self._show())
+        compare = pn.widgets.Select(name="Compare with", options=[NOTHING], **WIDE)
+        self.compare = with_change(compare, lambda _: self._show())
         self.controls = {}
         for control in CONTROLS:
             widget = control.kind(
@@ -218,7 +218,7 @@ class Page:
         )  # fmt: skip
         side = pn.Column(
             card("Scene", *self.controls.values()),
-            card("Compare", self.race, button("Keep to compare", self._keep)),
+            card("Compare", self.compare, button("Keep to compare", self._keep)),
             card(
                 "Will it work?",
                 line(self.floor, button("Check on a floor", self._check_floor)),
@@ -344,21 +344,21 @@ class Page:
         """Show the layout: its numbers, its curves and its picture."""
         design, scene, uniform = self.design, self.design.scene, self.design.uniform
         record, kept = known_record(scene), self._kept
-        rivals = {
+        others = {
             UNIFORM_NAME: uniform.layout if uniform else None,
             "best known layout": record[0] if record else None,
             KEPT: kept if kept and not scene.violations(kept) else None,
         }
         # a name stays while its layout is computed
-        self.race.options = [NOTHING, UNIFORM_NAME, *(n for n in [*rivals][1:] if rivals[n])]
-        compared = rivals.get(self.race.value)
+        self.compare.options = [NOTHING, UNIFORM_NAME, *(n for n in [*others][1:] if others[n])]
+        compared = others.get(self.compare.value)
         other = None if compared is None else scene.simulate(compared)
         for curve in self.curves.values():
             curve.draw((design.wave, uniform.wave if uniform else None, other))
-        waves = {"your layout": design.wave} | ({self.race.value: other} if other else {})
+        waves = {"your layout": design.wave} | ({self.compare.value: other} if other else {})
         self._waves, self._motions = [*waves.values()], []
         self.compared.figure.visible = other is not None
-        self.compared.figure.title.text = self.race.value.capitalize()
+        self.compared.figure.title.text = self.compare.value.capitalize()
         shown = [ComparedLayout(name, wave) for name, wave in waves.items()]
         verdict = f"<p><b>{escape(headline(shown)['who'])}</b></p>" if other else ""
         cells = (
@@ -427,7 +427,7 @@ class Page:
     def _keep(self) -> None:
         self._kept = self.design.layout
         self._redraw()
-        self.race.value = KEPT
+        self.compare.value = KEPT
 
     def _receive(self, names: list[str], data: list[bytes] | None) -> None:
         if data:

@@ -16,7 +16,7 @@ from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, of_link, open_des
 from optimize.searching import compile_for
 
 HOST = "localhost"
-CHECK = 1_000  # [ms] between looks for closed tabs
+CHECK = 1_000  # [ms] between checks for closed tabs
 UNUSED = 3  # of them without a tab, after there was one, end the server; a tab may be loaded anew
 LIFETIME = 60_000  # [ms] until a slow browser has to connect
 TALL = 1200  # [px] of the page in a notebook
@@ -85,9 +85,9 @@ class Studio:
             location=False, websocket_max_message_size=2 * LARGEST_UPLOAD,
             check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=LIFETIME,
         )  # fmt: skip
-        left = 0  # looks without a tab before the end
+        left = 0  # checks without a tab before the end
 
-        def look() -> None:
+        def end_without_tabs() -> None:
             nonlocal left
             if any(session.connection_count for session in server.get_sessions()):
                 left = UNUSED
@@ -97,7 +97,7 @@ class Studio:
 
         server.start()
         if until_closed:
-            PeriodicCallback(look, CHECK).start()
+            PeriodicCallback(end_without_tabs, CHECK).start()
         self.url = f"http://{HOST}:{server.port}/"
         opened(self.url)
         try:
