@@ -12,7 +12,4 @@ pip install "domino-chains[rl]".
 
 import lazy_loader
 
-from domino_env.core.results import register as register_drawings
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-register_drawings({"training": "agents.picture:picture"})

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.reacting import Episodes, antithetic_noise, follows
@@ -41,6 +40,8 @@ class APG(OnPolicyAlgorithm):
     max_grad_norm
         Largest norm of the gradient with respect to the weights.
     """
+
+    policy: Any  # a `ScheduledPolicy`
 
     def __init__(
         self,
@@ -81,52 +82,46 @@ class APG(OnPolicyAlgorithm):
         env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
         start = env.vector.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
-            weight = self._actor.mlp_extractor.policy_net[0].weight
+            weight = self.policy.mlp_extractor.policy_net[0].weight
             weight[:, self._mask == 0.0] = 0.0
-            self._actor.action_net.bias.copy_(torch.from_numpy(start))
-
-    @property
-    def _actor(self) -> Any:
-        return self.policy
+            self.policy.action_net.bias.copy_(torch.from_numpy(start))
 
     def collect_rollouts(
         self, env: Any, callback: Any, rollout_buffer: Any, n_rollout_steps: int
     ) -> bool:
         """Build a layout with noise in each environment, and compute the loss."""
         callback.on_rollout_start()
-        number = env.num_envs
         if follows(env.vector.scenes[0]):
-            episodes = Episodes(self._actor, env, torch.from_numpy(self._mask))
+            episodes = Episodes(self.policy, env, torch.from_numpy(self._mask))
             self._loss, infos = episodes.loss(), episodes.infos
-            self.num_timesteps += number * (env.vector.scenes[0].count - 1)
-            return self._reported(callback, infos)
-        scenes, observations = _begin(env)
-        normal = self._actor.get_distribution(observations.flatten(0, 1)).distribution
-        mean, deviation = (
-            part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
-        )
-        noise = antithetic_noise(number, *mean.shape[1:])
-        actions = (mean + deviation * noise).double()
-        scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
-        units = [100.0 / (abs(scene.uniform().score) or 1.0) / number for scene in scenes]
-        self._loss = -(scores * torch.tensor(units, dtype=torch.double)).sum()  # mean return
-        self.num_timesteps += sum(scene.count - 1 for scene in scenes)
-        return self._reported(callback, infos)
-
-    def _reported(self, callback: Any, infos: list[dict[str, Any]]) -> bool:
-        """Pass on the infos of episodes; False where the training is to end."""
+        else:
+            self._loss, infos = self._simulated(env)
+        self.num_timesteps += sum(scene.count - 1 for scene in env.vector.scenes)
         callback.update_locals({"infos": infos})
         proceed = callback.on_step()
         callback.on_rollout_end()
         return bool(proceed)
 
+    def _simulated(self, env: Any) -> tuple[torch.Tensor, list[dict[str, Any]]]:
+        """Return minus the mean return [%] of layouts that are simulated as a whole, and infos."""
+        scenes, observations = _begin(env)
+        normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
+        mean, deviation = (
+            part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
+        )
+        noise = antithetic_noise(env.num_envs, *mean.shape[1:])
+        actions = (mean + deviation * noise).double()
+        scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
+        units = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]
+        return -(scores * torch.tensor(units, dtype=torch.double)).sum(), infos
+
     def train(self) -> None:
         """Take a step along the gradient of the mean return."""
-        optimizer = self._actor.optimizer
+        optimizer = self.policy.optimizer
         self._update_learning_rate(optimizer)
         optimizer.zero_grad()
         self._loss.backward()
-        torch.nn.utils.clip_grad_norm_(self._actor.parameters(), self.max_grad_norm)
+        torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)
         optimizer.step()
         self._n_updates += 1
 
@@ -189,7 +184,7 @@ class _Score(torch.autograd.Function):
                 None if size is None else torch.as_tensor(value, dtype=size.dtype)
                 for size, value in zip(sizes, (by.spacing, by.thickness, by.height), strict=True)
             ]
-        dtype = sizes[0].dtype if sizes[0] is not None else torch.double
+        dtype = sizes[0].dtype
         scores, reach = (torch.tensor(part, dtype=dtype) for part in (result.score, result.reach))
         ctx.mark_non_differentiable(reach)
         return scores, reach
@@ -240,16 +235,16 @@ def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
     longest = max(scene.count for scene in scenes)
     observations = np.zeros((len(first), longest - 1, size), np.float32)
     for episode, scene, observed in zip(observations, scenes, first, strict=False):
-        episode[: scene.count - 1, progress] = progress_of(scene.count)
+        placed, near = (
+            np.arange(scene.count - 1)[:, None] / (scene.count - 1),
+            closeness(scene.count),
+        )
+        episode[: scene.count - 1, progress] = np.concatenate(
+            [placed, near[:-1], near[:0:-1]], axis=1
+        )
         if features is not None:
             episode[:, features] = observed[features]
     return scenes, torch.from_numpy(observations)
-
-
-def progress_of(count: int) -> NDArray[np.float32]:
-    """Return the observed position in a chain of N dominoes at each step, (N-1, 1 + 2 S)."""
-    placed, near = np.arange(count - 1)[:, None] / (count - 1), closeness(count)
-    return np.concatenate([placed.astype(np.float32), near[:-1], near[:0:-1]], axis=1)
 
 
 def _evaluate(
@@ -265,9 +260,9 @@ def _evaluate(
             part[chosen, : scene.count - 1].contiguous() for part in (spacing, thickness, height)
         )
         sizes = gaps, thick, None if scene.growth is None else tall
-        found, reach = _Score.apply(scene, RTOL, *sizes)  # type: ignore[no-untyped-call]
-        scores.append(found)
-        for b, score in enumerate(found.tolist()):
+        results, reach = _Score.apply(scene, RTOL, *sizes)  # type: ignore[no-untyped-call]
+        scores.append(results)
+        for b, score in enumerate(results.tolist()):
             layout = scene.layout(*(size[b].detach().numpy() for size in sizes if size is not None))
             infos.append({"score": score, "reach": float(reach[b]), "layout": layout})
     return torch.cat(scores), infos

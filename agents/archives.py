@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
-from agents.network import NoMLPError, Policy, acting, actor_of
+from agents.network import NoMLPError, Policy, actor_of
 from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
@@ -91,7 +91,7 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
     network = actor_of(arrays, activation.group(1) if activation else None)
     size = network.layers[0][0].shape[1]
     network.require(size, len(network.layers[-1][1]))
-    return acting(network), size
+    return network.act, size
 
 
 def _unpickled(path: Path) -> tuple[Policy, int]:

@@ -10,10 +10,10 @@ import platform
 import re
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,15 +22,15 @@ import msgspec
 import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
-from agents.evaluation import STOPPED, gains_of, searched_scores
-from agents.network import Policy
+from agents.evaluation import gains_of, searched_scores
 from agents.outside import fitted, load_fit
 from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, summary_of
-from agents.rollout import Rollout, build
+from agents.rollout import Rollout
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.training import episode_of, train
-from domino_env import Scene, SceneDistribution, Wave
+from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require
+from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
@@ -50,6 +50,7 @@ ENVIRONMENT = "DominoChain-v1"  # pins reward, observation and scenes
 TRAININGS = Path("runs/benchmark")  # has a folder for each training
 SEARCH_PART = 0.04  # time of the search of a scene of a test set, over that of a single scene
 POINTS = 60  # of the trace of many searches
+STOPPED = -1.0  # gain of a layout whose wave stops
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,22 @@ class BenchmarkTask(Task):
     steps: int | None = None
 
     @property
+    def target(self) -> Target:
+        """The scene or scene distribution."""
+        return problem_of_text(self.scene)
+
+    @property
     def scene_name(self) -> str:
         """Name of the scene or scene distribution."""
-        return problem_of_text(self.scene).name
+        return self.target.name
 
     @property
     def hyperparameters(self) -> Hyperparameters:
         """Hyperparameters of a training, with its steps."""
-        problem = problem_of_text(self.scene)
-        sampled = isinstance(problem, SceneDistribution)
-        chosen = default_hyperparameters(self.method, episode_of(problem), sampled=sampled)
-        steps = chosen.steps if self.steps is None else min(chosen.steps, self.steps)
-        return replace(chosen, steps=steps)
+        sampled = isinstance(self.target, SceneDistribution)
+        defaults = default_hyperparameters(self.method, episode_of(self.target), sampled=sampled)
+        steps = defaults.steps if self.steps is None else min(defaults.steps, self.steps)
+        return replace(defaults, steps=steps)
 
     @property
     def key(self) -> str:
@@ -101,83 +106,70 @@ class BenchmarkTask(Task):
 
     def run(self, clock: Callable[[], float] = time.process_time) -> TaskResult:
         """Train and evaluate, build, or search; a training that was stopped is continued."""
-        problem = problem_of_text(self.scene)
-        sampled = isinstance(problem, SceneDistribution)
-        scenes = load_test_set(problem.name) if sampled else [scene_of(self.scene)]
+        target = self.target
+        scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
         compile_for(scenes[0], gradients=True, episodes=True)  # before any clock
-        if self.method in ALGORITHMS:
-            self._train()
-            policy, summary = ScenePolicy.load(self.folder), summary_of(self.folder)
-            counts = {
-                name: getattr(summary, name) for name in ("simulations", "gradients", "updates")
-            }
-            trace = learning_curve(self.folder)
-            return self._evaluated(policy.policy, policy.build, scenes, trace, **counts)
-        if load_fit(self.method) is not None:
-            act, work, seconds = fitted(self.method, problem, self.steps, self.seed)
-            trace = [(work["steps"], work["steps"], seconds, np.nan)]
-            counts = {"simulations": work["simulations"]}
-            return self._evaluated(act, partial(build, act), scenes, trace, **counts)
+        evaluation: Rollout | Floats
+        if learns(self.method):
+            policy, trace, work = self._learned()
+            if isinstance(target, Scene):
+                evaluation = policy.build(target)
+            else:
+                evaluation = gains_of(policy.policy, target, scenes)
+            return self._evaluated(evaluation, trace, work)
         if self.method in SCRIPTED:
-            return self._scripted(scenes, clock)
-        if sampled:
+            began, scripted = clock(), ScriptedPolicy(self.method)
+            rollouts = [scripted.build(scene) for scene in scenes]
+            seconds = clock() - began
+            evaluation = rollouts[0]
+            if not isinstance(target, Scene):
+                evaluation = np.array([_gain(rollout.gain) for rollout in rollouts])
+            placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)
+            work = {"simulations": sum(rollout.simulations for rollout in rollouts)}
+            return self._evaluated(evaluation, [(placed, placed, seconds, np.nan)], work)
+        if not isinstance(target, Scene):
             return self._search_all(scenes)
         result = super().run(clock)
-        placed = scenes[0].count - 1
+        placed = target.count - 1
         trace = [(placed * n, falls, t, score) for n, falls, t, score in result.trace]
         return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])
 
+    def _learned(self) -> tuple[ScenePolicy, list[Step], Mapping[str, int]]:
+        """Train, and return the policy, its learning curve and the work of the training."""
+        if self.method not in ALGORITHMS:
+            return fitted(self.method, self.target, self.steps, self.seed)
+        folder = self.folder
+        if not ((folder / SUMMARY).exists() and summary_of(folder).finished):
+            import_module("torch._dynamo")  # as the first optimiser would do while the clock runs
+            run = train(
+                self.target, self.method, None, self.seed, folder,
+                resume=(folder / CONFIG).exists(), hyperparameters=self.hyperparameters,
+            )  # fmt: skip
+            if run.interrupted:
+                raise KeyboardInterrupt
+        summary = summary_of(folder)
+        work = {name: getattr(summary, name) for name in ("simulations", "gradients", "updates")}
+        return ScenePolicy.load(folder), learning_curve(folder), work
+
     def _evaluated(
-        self,
-        policy: Policy,
-        build_in: Callable[[Scene], Rollout],
-        scenes: Sequence[Scene],
-        trace: list[Step],
-        **counts: int,
+        self, evaluation: Rollout | Floats, trace: list[Step], work: Mapping[str, int]
     ) -> TaskResult:
-        """Return the result of a policy; its score is that at the end of the trace."""
-        problem = problem_of_text(self.scene)
-        if isinstance(problem, Scene):
-            rollout = build_in(problem)
-            score, uniform = rollout.score, rollout.uniform.score
-            gain, wave = rollout.gain, rollout.wave
+        """Return the result of a policy by its layout, or its gains in all scenes of a test set.
+
+        Its score replaces that at the end of the trace.
+        """
+        if isinstance(evaluation, Rollout):
+            score, uniform = evaluation.score, evaluation.uniform.score
+            gain, wave = evaluation.gain, evaluation.wave
         else:
-            score = gain = float(np.median(gains_of(policy, problem, scenes)))
+            score = gain = float(np.median(evaluation))
             uniform, wave = 0.0, None
         trace[-1] = (*trace[-1][:3], score)
-        return self.result_of(trace, score, uniform, gain, wave, **counts)
-
-    def _scripted(self, scenes: Sequence[Scene], clock: Callable[[], float]) -> TaskResult:
-        """Build a layout for each scene with a scripted policy."""
-        began, policy = clock(), ScriptedPolicy(self.method)
-        rollouts = [policy.build(scene) for scene in scenes]
-        seconds, first = clock() - began, rollouts[0]
-        placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)
-        score, uniform, gain = first.score, first.uniform.score, first.gain
-        wave: Wave | None = first.wave
-        if isinstance(problem_of_text(self.scene), SceneDistribution):
-            score = gain = float(np.median([_gain(rollout.gain) for rollout in rollouts]))
-            uniform, wave = 0.0, None
-        simulations = sum(rollout.simulations for rollout in rollouts)
-        trace = [(placed, placed, seconds, score)]
-        return self.result_of(trace, score, uniform, gain, wave, simulations=simulations)
+        return self.result_of(trace, score, uniform, gain, wave, **work)
 
     def software(self) -> dict[str, str]:
         """Return versions, the commit and the processor."""
         return super().software() | machine()
-
-    def _train(self) -> None:
-        """Train, unless the folder has a finished training."""
-        folder = self.folder
-        if (folder / SUMMARY).exists() and summary_of(folder).finished:
-            return
-        import_module("torch._dynamo")  # as the first optimiser would do while the clock runs
-        done = train(
-            problem_of_text(self.scene), self.method, None, self.seed, folder,
-            resume=(folder / CONFIG).exists(), hyperparameters=self.hyperparameters,
-        )  # fmt: skip
-        if done.interrupted:
-            raise KeyboardInterrupt
 
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
         """Search in each scene of a test set.
@@ -196,13 +188,11 @@ class BenchmarkTask(Task):
         uniform = np.array([result.uniform_score for result in results])
         pairs = np.array([scene.count - 1 for scene in scenes])
         steps: list[Step] = []
-        for at in np.geomspace(max(first, 1e-6), max(last, 1e-6), POINTS):
-            now = np.array([t[np.searchsorted(t[:, 2], at, "right") - 1] for t in traces])
-            gains = np.maximum(now[:, 3] / uniform - 1.0, STOPPED)
-            placed, falls = int(now[:, 0] @ pairs), int(now[:, 1].sum())
-            steps.append(
-                (placed, falls, float(np.minimum(at, ends).sum()), float(np.median(gains)))
-            )
+        for moment in np.geomspace(max(first, 1e-6), max(last, 1e-6), POINTS):
+            latest = np.array([t[np.searchsorted(t[:, 2], moment, "right") - 1] for t in traces])
+            gain = float(np.median(np.maximum(latest[:, 3] / uniform - 1.0, STOPPED)))
+            placed, falls = int(latest[:, 0] @ pairs), int(latest[:, 1].sum())
+            steps.append((placed, falls, float(np.minimum(moment, ends).sum()), gain))
         score = float(np.median([_gain(result.gain) for result in results]))
         counts = {
             name: sum(getattr(result, name) for result in results)
@@ -298,19 +288,19 @@ def hash_of(target: Target) -> str:
 @lru_cache(1)
 def machine() -> dict[str, str]:
     """Return versions of the packages for learning, the commit and the processor, by name."""
-    found = {}
+    names = {}
     for name in ("torch", "stable-baselines3", "sb3-contrib"):
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
+            names[name] = version(name)
     with suppress(OSError, subprocess.CalledProcessError):  # no repository
-        words = ["git", "describe", "--always", "--dirty"]
-        folder = Path(__file__).parent
-        found["commit"] = subprocess.check_output(words, cwd=folder, text=True, stderr=-3).strip()
-    found["processor"] = platform.processor() or platform.machine()
+        command, folder = ["git", "describe", "--always", "--dirty"], Path(__file__).parent
+        output = subprocess.check_output(command, cwd=folder, text=True, stderr=subprocess.DEVNULL)
+        names["commit"] = output.strip()
+    names["processor"] = platform.processor() or platform.machine()
     with suppress(OSError):  # the name that Linux has
-        names = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text("utf-8"))
-        found["processor"] = names[0] if names else found["processor"]
-    return found
+        models = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text("utf-8"))
+        names["processor"] = models[0] if models else names["processor"]
+    return names
 
 
 def known_in(result: TaskResult) -> float:
@@ -322,8 +312,8 @@ def known_in(result: TaskResult) -> float:
     scores = searched_scores(problem.name, len(tests))
     if scores is None:
         return -np.inf
-    some = np.flatnonzero(np.isfinite(scores))
-    return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in some]))
+    searched = np.flatnonzero(np.isfinite(scores))
+    return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in searched]))
 
 
 def _gain(gain: float | None) -> float:

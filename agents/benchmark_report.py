@@ -88,8 +88,8 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 def _shortened(result: TaskResult) -> TaskResult:
     """Return a result as the table of runs has it, with fewer points and digits."""
     trace = result.trace
-    some = np.unique(np.linspace(0, len(trace) - 1, TRACE_POINTS).round().astype(int))
-    points = [trace[i] for i in some]
+    indices = np.unique(np.linspace(0, len(trace) - 1, TRACE_POINTS).round().astype(int))
+    points = [trace[i] for i in indices]
     return msgspec.structs.replace(
         result, seconds=round(result.seconds, 4),
         trace=[(n, 0, round(t, 4), float(f"{score:.7g}")) for n, _, t, score in points],
@@ -147,12 +147,13 @@ def _result(line: Mapping[str, str], scene: str) -> TaskResult:
 
 def merged(table: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
     """Return an experiment with the runs of a table too, where it has no such run of its own."""
-    chosen = experiment or Experiment((), (), {})
-    runs = {(r.scene_name, r.method, r.seed): r for r in (*table, *chosen.results)}
+    experiment = experiment or Experiment((), (), {})
+    runs = {(r.scene_name, r.method, r.seed): r for r in (*table, *experiment.results)}
     results = tuple(runs.values())
     if not results:
         raise ValueError("no run has a result yet: leave out --page")
-    return replace(chosen, results=results, best=best_of_problems(results, known_in, fixed=True))
+    best = best_of_problems(results, known_in, fixed=True)
+    return replace(experiment, results=results, best=best)
 
 
 def page(experiment: Experiment, command: str) -> str:
@@ -186,9 +187,9 @@ def _overview(experiment: Experiment) -> list[str]:
         counts = Counter(r.problem for r in experiment.runs(name))
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
-        others = [key for key in groups if key[0] == scenes and key[1] > seeds]
-        if others:  # a scripted policy, which has no seeds, is with the others
-            groups[max(others, key=lambda key: key[1])] += groups.pop((scenes, seeds))
+        larger = [key for key in groups if key[0] == scenes and key[1] > seeds]
+        if larger:  # scripted policies have no seeds: they join the largest group of their scenes
+            groups[max(larger, key=lambda key: key[1])] += groups.pop((scenes, seeds))
     return [
         f"{scenes}, {seeds} run{'s' * (seeds > 1)} on each:\n\n"
         + "\n".join(table(experiment, names))
@@ -213,10 +214,10 @@ def table(
     columns = ["algorithm", "runs", "interquartile mean", "median", "optimality gap"]
     columns += [f"after {moment:g} s" for moment in MOMENTS]
     columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
-    chosen = None if names is None else set(names)
+    included = set(experiment.methods if names is None else names)
     lines = []
     for name in experiment.ranked([m for m in experiment.methods if learns(m)], scene):
-        if chosen is not None and name not in chosen:
+        if name not in included:
             continue
         runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
         past = sum(r.score > r.uniform_score for r in runs)
@@ -253,19 +254,19 @@ def _improvement(experiment: Experiment) -> list[str]:
     names = experiment.ranked(())
     lines = []
     for first in names:
-        cells = [
-            None if first == other else experiment.improvement(first, other) for other in names
-        ]
-        lines.append((f"`{first}`", *("" if c is None else _in_words(c, 0) for c in cells)))
+        results = (
+            None if first == second else experiment.improvement(first, second) for second in names
+        )
+        lines.append((f"`{first}`", *("" if r is None else _in_words(r, 0) for r in results)))
     return list(markdown_table(("", *(f"`{name}`" for name in names)), lines))
 
 
-def _in_words(found: Estimate, digits: int = 1) -> str:
+def _in_words(result: Estimate, digits: int = 1) -> str:
     """Return an estimate with its interval, if it has one."""
-    words = f"{float(found.value):.{digits}%}"
-    if found.interval is None:
+    words = f"{float(result.value):.{digits}%}"
+    if result.interval is None:
         return words
-    low, high = map(float, found.interval)
+    low, high = map(float, result.interval)
     return f"{words} ({100.0 * low:.{digits}f} to {100.0 * high:.{digits}f})"
 
 
@@ -275,10 +276,10 @@ def _seconds(seconds: float) -> str:
 
 def _of_scene(experiment: Experiment, scene: str) -> list[str]:
     """Return text and table of one scene as lines of Markdown."""
-    one = next(r for r in experiment.results if r.problem == scene)
-    best = _form(one)(experiment.best[scene])
-    about = f"Uniform baseline {one.uniform_score:.5f}, best known {best}."
-    if not isinstance(problem_of_text(one.scene), Scene):
+    result = next(r for r in experiment.results if r.problem == scene)
+    best = _form(result)(experiment.best[scene])
+    about = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
+    if not isinstance(problem_of_text(result.scene), Scene):
         about = SAMPLED.format(best)
     return ["", f"## {scene}", "", about, "", *table(experiment, None, scene)]
 

@@ -94,26 +94,26 @@ def make_dataset(
     home, source = Path(folder), load_distribution(distribution)
     require_unused(home, (CARD, EPISODES))
     home.mkdir(parents=True, exist_ok=True)
-    chosen = [
+    sampled = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)
     ]
     settings = {"distribution": source.to_toml(), "budget": budget, "seed": seed}
     study = open_store(home / STORE).begin("layouts", "dataset", settings)
     tasks = [
         Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
-        for i, scene in enumerate(chosen)
+        for i, scene in enumerate(sampled)
     ]
-    done = run_experiment(tasks, executor, study, name="layouts", progress=progress)
-    if done.interrupted:
+    experiment = run_experiment(tasks, executor, study, name="layouts", progress=progress)
+    if experiment.interrupted:
         raise KeyboardInterrupt
-    if done.failures:
-        raise ValueError(f"{len(done.failures)} searches failed: {done.failures[0].reason}")
-    results = done.results
+    if failures := experiment.failures:
+        raise ValueError(f"{len(failures)} searches failed: {failures[0].reason}")
+    results = experiment.results
     export_study(study, home / LAYOUTS)
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, chosen, layouts, seed, noise, code_link)
+    returns = write_episodes(partial, source, sampled, layouts, seed, noise, code_link)
     partial.rename(home / EPISODES)
     write_text(home / CARD, _card(source, results, returns, seed, budget, noise))
     return home / CARD

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.network import Policy
-from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, scores_of
+from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, last_infos, scores_of
 from domino_env import DominoChain, DominoChainVector, Scene, load_scene
 from domino_env.core.files import read_json, write_text
 from domino_env.core.types import Floats, Ints, Singles
@@ -110,9 +110,16 @@ def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATI
 
 
 def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
-    """Return the (N-1, 2) actions with the best mean score on the planning orders found.
+    """Return (N-1, 2) actions with a high mean score on the planning orders.
 
-    actions: those to begin at.
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    actions
+        (N-1, 2) actions to begin at.
+    rounds
+        Largest number of rounds, each of which changes one wish.
     """
     env, seeds = DominoChainVector(len(PLANNING_SEEDS), scene), [*PLANNING_SEEDS]
 
@@ -132,17 +139,17 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
     for _ in range(rounds):
         changes = [(n, wish) for n in range(len(wishes)) for wish in PREFERENCES]
         tried = np.repeat(wishes[None], len(changes), axis=0)
-        for one, (n, wish) in zip(tried, changes, strict=True):
-            one[n] = wish
-        placed = [pieces(one) for one in tried]
+        for i, (n, wish) in enumerate(changes):
+            tried[i, n] = wish
+        placed = [pieces(sequence) for sequence in tried]
         gaps = np.broadcast_to(_gaps(scene, gap), (len(tried) * len(seeds), len(gap)))
         scores = scene.evaluate(scene.batch(gaps, np.concatenate(placed))).score
         best = np.argsort(-scores.reshape(len(tried), -1).mean(axis=1), kind="stable")[:FEW]
-        found = [(*refined(gap, placed[i], SHORT), int(i)) for i in best]
-        ahead, there, i = max(found, key=lambda one: one[0])
-        if ahead <= score * (1.0 + GAIN):
+        results = [(*refined(gap, placed[i], SHORT), int(i)) for i in best]
+        new_score, new_gap, i = max(results, key=lambda result: result[0])
+        if new_score <= score * (1.0 + GAIN):
             break
-        score, gap, wishes = ahead, there, tried[i]
+        score, gap, wishes = new_score, new_gap, tried[i]
     gap = refined(gap, pieces(wishes), LONG)[1]
     return np.stack([2.0 * gap - 1.0, wishes], axis=1)
 
@@ -155,10 +162,10 @@ def _gaps(scene: Scene, design: Floats) -> Floats:
 def _mean(scene: Scene, design: Floats, thickness: Floats) -> tuple[float, Floats]:
     """Return the mean score of gaps with the pieces of each order, and its gradient."""
     gaps = np.tile(_gaps(scene, design), (len(thickness), 1))
-    found = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
-    assert found.gradient is not None
-    by = found.gradient.spacing.mean(axis=0) * (scene.spacing[1] - scene.spacing[0])
-    return float(found.score.mean()), by
+    result = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
+    assert result.gradient is not None
+    gradient = result.gradient.spacing.mean(axis=0) * (scene.spacing[1] - scene.spacing[0])
+    return float(result.score.mean()), gradient
 
 
 def hindsight(
@@ -183,12 +190,11 @@ def hindsight(
         Scores (S,), gaps and thicknesses (S, N-1) [m].
     """
     orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
-    found = [
+    results = [
         _improved(scene, orders, *_layouts_of(policy, scene, seeds), rounds) for policy in policies
     ]
-    best = np.argmax([one[0] for one in found], axis=0)
-    each = np.arange(len(orders))
-    score, gaps, thickness = (np.array(part)[best, each] for part in zip(*found, strict=True))
+    best, each = np.argmax([scores for scores, _, _ in results], axis=0), np.arange(len(orders))
+    score, gaps, thickness = (np.array(part)[best, each] for part in zip(*results, strict=True))
     return score, gaps, thickness
 
 
@@ -199,18 +205,18 @@ def _improved(
     score, gaps = _refined(scene, gaps, thickness, SHORT)
     live = np.arange(len(orders))
     for _ in range(rounds):
-        which, others = _changes(orders[live], thickness[live], scene.hand)
-        scores = scene.evaluate(scene.batch(gaps[live][which], others)).score
-        ranked = np.lexsort((-scores, which))
-        place = np.arange(len(ranked)) - np.searchsorted(which[ranked], which[ranked])
+        origin, sequences = _changes(orders[live], thickness[live], scene.hand)
+        scores = scene.evaluate(scene.batch(gaps[live][origin], sequences)).score
+        ranked = np.lexsort((-scores, origin))
+        place = np.arange(len(ranked)) - np.searchsorted(origin[ranked], origin[ranked])
         few = ranked[place < FEW]
-        tried, there = _refined(scene, gaps[live][which[few]], others[few], SHORT)
+        new_scores, new_gaps = _refined(scene, gaps[live][origin[few]], sequences[few], SHORT)
         better = np.zeros(len(live), np.bool_)
-        for i in np.argsort(tried):  # the best of each order last
-            b = live[which[few[i]]]
-            if tried[i] > score[b] * (1.0 + GAIN):
-                score[b], gaps[b], thickness[b] = tried[i], there[i], others[few[i]]
-                better[which[few[i]]] = True
+        for i in np.argsort(new_scores):  # the best of each order last
+            b = live[origin[few[i]]]
+            if new_scores[i] > score[b] * (1.0 + GAIN):
+                score[b], gaps[b], thickness[b] = new_scores[i], new_gaps[i], sequences[few[i]]
+                better[origin[few[i]]] = True
         live = live[better]
         if not len(live):
             break
@@ -219,14 +225,10 @@ def _improved(
 
 def _layouts_of(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
     """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
-    env = DominoChainVector(len(seeds), scene, autoreset_mode="Disabled")
-    observed, _ = env.reset(seed=list(seeds))
-    for _ in range(scene.count - 1):
-        observed, _, _, _, info = env.step(policy(observed))
-    layouts = info["layout"]
-    return np.array([one.spacing for one in layouts]), np.array(
-        [one.thickness[1:] for one in layouts]
-    )
+    env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+    layouts = last_infos(policy, env, "layout", seed=list(seeds))
+    spacing = np.array([layout.spacing for layout in layouts])
+    return spacing, np.array([layout.thickness[1:] for layout in layouts])
 
 
 def _refined(
@@ -236,22 +238,20 @@ def _refined(
     low, high = scene.spacing
     searches = [LocalSearch((gap - low) / (high - low)) for gap in gaps]
     for _ in range(gradients):
-        live = [b for b, one in enumerate(searches) if not one.done]
+        live = [b for b, search in enumerate(searches) if not search.done]
         if not live:
             break
         wanted = _gaps(scene, np.array([searches[b].wanted for b in live]))
-        found = scene.evaluate(scene.batch(wanted, thickness[live]), gradient=True)
-        assert found.gradient is not None
-        for b, score, by in zip(live, found.score, found.gradient.spacing, strict=True):
-            searches[b].update(float(score), by * (high - low))
-    return (
-        np.array([one.score for one in searches]),
-        _gaps(scene, np.array([one.design for one in searches])),
-    )
+        result = scene.evaluate(scene.batch(wanted, thickness[live]), gradient=True)
+        assert result.gradient is not None
+        for b, score, gradient in zip(live, result.score, result.gradient.spacing, strict=True):
+            searches[b].update(float(score), gradient * (high - low))
+    scores = np.array([search.score for search in searches])
+    return scores, _gaps(scene, np.array([search.design for search in searches]))
 
 
 def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats]:
-    """Return the sequences after one change that a hand allows, and the layout that each changes.
+    """Return the layouts that are changed, and their sequences after one change that a hand allows.
 
     Two pieces are exchanged, or one is moved.
     """
@@ -263,16 +263,16 @@ def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats
         exchanged = np.arange(pairs)
         exchanged[[i, j]] = j, i
         places += [exchanged, np.insert(np.delete(np.arange(pairs), i), j, i)]
-    which, others = [], []
+    origin, sequences = [], []
     indices = np.unique(places, axis=0)
     for b, sequence in enumerate(thickness):
         tried = np.unique(sequence[indices], axis=0)
         tried = tried[(tried != sequence).any(axis=1)]
         taken = (tried[:, :, None] == kinds).cumsum(axis=1)
         allowed = tried[(taken <= drawn[b, ready]).all(axis=(1, 2))]
-        which.append(np.full(len(allowed), b))
-        others.append(allowed)
-    return np.concatenate(which), np.concatenate(others)
+        origin.append(np.full(len(allowed), b))
+        sequences.append(allowed)
+    return np.concatenate(origin), np.concatenate(sequences)
 
 
 def main() -> None:
@@ -289,8 +289,8 @@ def main() -> None:
     observed[:, env.observation_layout["placed"].start] = place
     plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
     best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
-    found = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
-    write_text(PATH, json.dumps(found, indent=1) + "\n")
+    document = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
+    write_text(PATH, json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from agents.designer.features import FEATURES, features_of
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, summary_of
-from agents.rollout import Rollout
+from agents.rollout import Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9  # relative gain up to which a layout counts as the uniform one
 LEAST_GAIN = 1e-4  # of a search; a smaller one is no reference for others
-STOPPED = -1.0  # gain of a layout whose wave stops
 SEARCHED = Path(__file__).with_name("searched.csv")
 
 
@@ -148,17 +147,10 @@ def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[S
     Returns
     -------
     ndarray
-        (S,) gains over the uniform baselines; -1 where the wave stops.
+        (S,) gains over the uniform baselines; at most -1 where the wave stops.
     """
     env = DominoChainVector(len(scenes), distribution, autoreset_mode="SameStep")
-    observations, _ = env.reset(options={"scene": list(scenes)})
-    gains = np.full(len(scenes), np.nan)
-    while np.isnan(gains).any():
-        observations, _, terminated, _, info = env.step(policy(observations))
-        for i in np.flatnonzero(terminated & np.isnan(gains)):
-            gain = info["final_info"]["gain"][i]
-            gains[i] = STOPPED if gain is None else gain
-    return gains
+    return np.array(last_infos(policy, env, "gain", options={"scene": list(scenes)}))
 
 
 def searched_scores(name: str, number: int) -> Floats | None:
@@ -225,8 +217,8 @@ class ScenesEvaluation:
         parts, times = ["", ""], ["", ""]
         if "search" in self.scores:
             searched = self.gains("search")
-            some = searched > LEAST_GAIN  # False for nan
-            normalised = self.gains(name)[some] / searched[some]
+            gained = searched > LEAST_GAIN  # False for nan
+            normalised = self.gains(name)[gained] / searched[gained]
             parts = [f"{np.quantile(normalised, q):.1%}" for q in (0.5, 0.1)]
         if name in self.seconds:
             seconds = 1e3 * self.seconds[name]
@@ -310,16 +302,15 @@ def evaluate_scenes(
     -------
     ScenesEvaluation
         Scores and processor times in each scene.
-
     """
-    chosen = policy or shipped_designer()
+    builder = policy or shipped_designer()
     scorers: dict[str, Callable[[Scene], float]] = {
-        "policy": lambda scene: chosen.build(scene).score
+        "policy": lambda scene: builder.build(scene).score
     }
-    if isinstance(chosen, Designer):
+    if isinstance(builder, Designer):
         scorers = {
-            "policy": lambda scene: chosen.design(scene).score,
-            "proposal": lambda scene: chosen.design(scene, steps=0).score,
+            "policy": lambda scene: builder.design(scene).score,
+            "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
     compile_for(scenes[0])
     scorers["policy"](scenes[0])  # what is loaded once is not timed

@@ -24,11 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.algorithms import (
-    Hyperparameters,
-    default_hyperparameters,
-    require_learning,
-)
+from agents.algorithms import Hyperparameters, default_hyperparameters, require_learning
 
 require_learning()
 
@@ -59,25 +55,25 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
         Source of all randomness.
     """
     scene = evaluator.problem.scene
-    chosen = _within(default_hyperparameters(algorithm, scene.count - 1), evaluator)
+    hyperparameters = _within(default_hyperparameters(algorithm, scene.count - 1), evaluator)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
-        _Learning(Learner(scene, algorithm, chosen, seed), evaluator).run()
+        _Learning(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
 
 
-def _within(chosen: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
+def _within(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
     """Return hyperparameters with fewer environments where a budget of evaluations is small."""
     if evaluator.max_evaluations is None:
-        return chosen
-    num_envs = int(min(chosen.num_envs, max(evaluator.max_evaluations // GENERATIONS, 1)))
-    options = dict(chosen.options)
+        return defaults
+    num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // GENERATIONS, 1)))
+    options = dict(defaults.options)
     if "n_steps" in options:  # batches of the same part of a rollout
-        options["batch_size"] = max(options["batch_size"] * num_envs // chosen.num_envs, 2)
+        options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
     if "n_delta" in options:  # of ARS: two environments each
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
-    return replace(chosen, num_envs=num_envs, options=options)
+    return replace(defaults, num_envs=num_envs, options=options)
 
 
 apg = partial(learn, "apg")
@@ -141,8 +137,7 @@ class _Learning:
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
         def design(i: int) -> Floats:
-            vector: Floats = self.problem.design(completed(layouts[i], self.problem.scene))
-            return vector
+            return self.problem.design(completed(layouts[i], self.problem.scene))
 
         self.evaluator.record(Scores(scores, reach, falls), design)
 

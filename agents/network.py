@@ -74,6 +74,12 @@ class Network:
         weight, bias = self.layers[-1]
         return np.asarray(values @ weight.T + bias)
 
+    def act(self, observations: Singles) -> Singles:
+        """Return the actions (…, outputs) without noise for observations (…, inputs)."""
+        means = self(observations)
+        actions = np.tanh(means) if self.squashed else np.clip(means, -1.0, 1.0)
+        return np.asarray(actions, dtype=np.float32)
+
     @classmethod
     def named(
         cls,
@@ -162,17 +168,17 @@ def actor_of(arrays: Mapping[str, Any], activation: str | None = None) -> Networ
     """
     arrays = {name: value for name, value in arrays.items() if not UNUSED.match(name)}
     layers = {name.rpartition(".")[0] for name in arrays}
-    found = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
-    if not found:
+    kinds = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
+    if not kinds:
         raise NoMLPError(f"its policy is no plain multilayer perceptron ({', '.join(arrays)})")
-    function = activation or found[0].activation
+    function = activation or kinds[0].activation
     if function not in ACTIVATIONS:
         raise NoMLPError(f"its activation function is {function}, only Tanh and ReLU are known")
-    names = _names(layers, found[0])
+    names = _names(layers, kinds[0])
     biased = any(name.endswith("bias") for name in arrays)
     for name in [] if biased else names:  # linear policies of ARS
         arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
-    squashed = found[0].squashed and names != ["action_net.0"]  # linear policies are clipped
+    squashed = kinds[0].squashed and names != ["action_net.0"]  # linear policies are clipped
     return Network.named(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)
 
 
@@ -181,14 +187,3 @@ def _names(layers: set[str], kind: Kind) -> list[str]:
     hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
     hidden.sort(key=lambda name: int(name.rpartition(".")[2]))
     return hidden + [kind.last] * (kind.last in layers)
-
-
-def acting(actor: Network) -> Policy:
-    """Return the policy without noise."""
-
-    def act(observation: Singles) -> Singles:
-        means = actor(observation)
-        action = np.tanh(means) if actor.squashed else np.clip(means, -1.0, 1.0)
-        return np.asarray(action, dtype=np.float32)
-
-    return act

@@ -12,14 +12,16 @@ import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.network import Policy
+from agents.policy import ScenePolicy
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.types import Singles
+from optimize.evaluator import Step
 from optimize.methods import registry
 
 Fit = Callable[[Callable[[], DominoChain], int, int], Any]
@@ -65,15 +67,30 @@ def load_fit(name: str) -> Fit | None:
 
 def fitted(
     name: str, target: Scene | SceneDistribution, steps: int | None, seed: int
-) -> tuple[Policy, Counter[str], float]:
+) -> tuple[ScenePolicy, list[Step], dict[str, int]]:
     """Train with an algorithm from outside.
+
+    Parameters
+    ----------
+    name
+        Its name, `package.module:fit`.
+    target
+        The scene, or the distribution that scenes are sampled from.
+    steps
+        Number of dominoes to place; None for `STEPS`.
+    seed
+        Seed of the training.
 
     Returns
     -------
-    tuple
-        The policy, the numbers of "steps" and "simulations", and the processor time [s] with that
-        of ended child processes. Steps in child processes are not seen: there are at least as many
-        as were requested.
+    policy : ScenePolicy
+        The policy.
+    trace : list of tuple
+        Dominoes placed, twice, processor time [s] with that of ended child processes, and nan for
+        the score, which is not known. Steps in child processes are not counted: there are at least
+        as many as were requested.
+    work : dict
+        Number of "simulations".
 
     Raises
     ------
@@ -90,9 +107,15 @@ def fitted(
             f"{name} returned {type(model).__name__}, which has no method predict: return an "
             "object with predict(observations, deterministic=True), as Stable-Baselines3 has it"
         )
-    work["steps"] = max(work["steps"], steps or STEPS)
+    placed = max(work["steps"], steps or STEPS)
 
     def policy(observations: Singles) -> NDArray[Any]:
         return np.asarray(model.predict(observations, deterministic=True)[0])
 
-    return policy, work, seconds
+    (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
+    trace = [(placed, placed, seconds, np.nan)]
+    return (
+        ScenePolicy(Path(name), policy, size, target),
+        trace,
+        {"simulations": work["simulations"]},
+    )

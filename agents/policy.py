@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from agents.network import Policy, acting, actor_of, read_network
+from agents.network import Policy, actor_of, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.files import naming, read_json
@@ -122,7 +122,7 @@ class ScenePolicy:
         (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape  # type: ignore[misc]
         actor = read_network(folder / POLICY, actor_of, inputs, outputs)
         reference = summary_of(folder, (BEST,)).reference_over_uniform
-        return cls(folder, acting(actor), inputs, scene, reference)
+        return cls(folder, actor.act, inputs, scene, reference)
 
     def predict(
         self,
@@ -172,6 +172,8 @@ class ScenePolicy:
         if target is None:
             raise ValueError(f"{self.source} names no scene: name one to build for (--scene)")
         require_size(target, self.size)
+        if self.reference == 1.0:
+            return build(self.policy, target)
         speed = self.reference * target.uniform().wave.mean_speed
         return build(self.policy, target, speed or None)
 

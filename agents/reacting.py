@@ -73,8 +73,9 @@ class Episodes:
         self.observations, self.noise = observations[complete], self.noise[complete]
         self.wishes = self.wishes[complete]
         layouts = [self.infos[b]["layout"] for b in complete]
-        self.spacing = np.array([one.spacing for one in layouts]).reshape(-1, pairs)
-        self.thickness = np.array([one.thickness[1:] for one in layouts]).reshape(-1, pairs)
+        self.spacing = np.array([layout.spacing for layout in layouts]).reshape(-1, pairs)
+        thickness = np.array([layout.thickness[1:] for layout in layouts])
+        self.thickness = thickness.reshape(-1, pairs)
 
     def actions(self, observations: torch.Tensor, n: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Return means, and actions with noise, (B, A) of step n."""
@@ -93,9 +94,11 @@ class Episodes:
         mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
         actions = (mean + deviation * self.noise).double()[..., 0]
         batch = self.scene.batch(self.spacing, self.thickness, rtol=RTOL)
-        by = self.scene.evaluate(batch, gradient=True).gradient
-        assert by is not None
-        score = (torch.from_numpy(by.spacing) * _sizes(actions, self.scene.spacing)).sum(dim=1)
+        gradient = self.scene.evaluate(batch, gradient=True).gradient
+        assert gradient is not None
+        score = (torch.from_numpy(gradient.spacing) * _sizes(actions, self.scene.spacing)).sum(
+            dim=1
+        )
         error = (mean[..., 1] - self.wishes) ** 2
         return -100.0 / uniform * score.mean() + WISHES * error.mean()
 
@@ -133,12 +136,11 @@ class Episodes:
             np.repeat(part, pairs, axis=0) for part in (self.spacing, self.thickness)
         )
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
-        one = np.eye(pairs, pairs + 1, 1)
-        found = waves.pullback(np.tile(one, (number, 1)))
+        gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (number, 1)))
         shape = number, pairs, -1
         times = waves.arrival_times.reshape(shape)[:, 0, 1:]
-        by_thickness = found.thickness.reshape(shape)[..., 1:]
-        return times.copy(), found.spacing.reshape(shape), by_thickness.copy()
+        by_thickness = gradient.thickness.reshape(shape)[..., 1:]
+        return times.copy(), gradient.spacing.reshape(shape), by_thickness.copy()
 
 
 def antithetic_noise(number: int, *shape: int) -> torch.Tensor:

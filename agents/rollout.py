@@ -106,7 +106,11 @@ def build(
     env = DominoChain(distribution or scene, reference_speed=reference_speed)
     options = None if distribution is None else {"scene": scene}
     began = time.perf_counter()
-    layout = completed(_last_info(env, policy, seeds[0], options)["layout"], scene)
+    observation, _ = env.reset(seed=seeds[0], options=options)
+    ended = False
+    while not ended:
+        observation, _, ended, _, info = env.step(policy(observation))
+    layout = completed(info["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     score = scene.score(wave)
@@ -137,29 +141,42 @@ def scores_of(
     """
     options: Any = {"reference_speed": reference_speed, "autoreset_mode": "SameStep"}
     env = DominoChainVector(len(seeds), scene, **options)
-    observations, _ = env.reset(seed=list(seeds))
-    scores = np.full(len(seeds), np.nan)
-    while np.isnan(scores).any():
-        observations, _, terminated, _, info = env.step(policy(observations))
-        first = terminated & np.isnan(scores)
-        if first.any():
-            scores[first] = info["final_info"]["score"][first]
-    return scores
+    return np.array(last_infos(policy, env, "score", seed=list(seeds)))
+
+
+def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -> list[Any]:
+    """Play one episode in each environment, and return a value of its last info.
+
+    Parameters
+    ----------
+    policy
+        Maps observations (B, O) to actions (B, A).
+    env
+        B environments, each of which begins its next episode in the step that ends one.
+    key
+        Key of the value, such as "score".
+    reset
+        Arguments of the reset of the environments.
+
+    Returns
+    -------
+    list
+        B values.
+    """
+    observations, _ = env.reset(**reset)
+    values: list[Any] = [None] * env.num_envs
+    running = np.ones(env.num_envs, np.bool_)
+    while running.any():
+        observations, _, ended, _, info = env.step(policy(observations))
+        for b in np.flatnonzero(ended & running):
+            values[b] = info["final_info"][key][b]
+        running &= ~ended
+    return values
 
 
 def evaluation_seeds(scene: Scene) -> range:
     """Return the seeds of the episodes over which a score is the mean; one where none is random."""
     return EVALUATION_SEEDS if scene.hand or scene.placement_deviation else range(1)
-
-
-def _last_info(
-    env: DominoChain, policy: Policy, seed: int, options: dict[str, Any] | None
-) -> dict[str, Any]:
-    observation, _ = env.reset(seed=seed, options=options)
-    terminated, info = False, dict[str, Any]()
-    while not terminated:
-        observation, _, terminated, _, info = env.step(policy(observation))
-    return info
 
 
 def as_placed(rollout: Rollout) -> Rollout:
@@ -183,10 +200,6 @@ def completed(layout: Layout, scene: Scene) -> Layout:
     missing = scene.count - layout.count
     if missing == 0:
         return layout
-    return Layout(
-        np.concatenate([layout.spacing, np.full(missing, layout.spacing[-1])]),
-        np.concatenate([layout.thickness, np.full(missing, layout.thickness[-1])]),
-        scene.height,
-        layout.width,
-        scene.density,
-    )
+    sizes = layout.spacing, layout.thickness[1:], layout.height[1:]
+    spacing, thickness, height = (np.pad(size, (0, missing), mode="edge") for size in sizes)
+    return scene.layout(spacing, thickness, None if scene.growth is None else height)

@@ -30,7 +30,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
-from agents.network import Policy, acting, actor_of
+from agents.network import Policy, actor_of
 from agents.rollout import TRAINING_SEEDS, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
@@ -127,7 +127,7 @@ class Learner:
 
     def policy(self) -> Policy:
         """Return the present policy without noise."""
-        return acting(actor_of(weights(self.model.policy)))
+        return actor_of(weights(self.model.policy)).act
 
     def save(self, path: Path) -> None:
         """Write the weights of the policy as plain arrays."""
@@ -146,7 +146,7 @@ class Learner:
         if isinstance(self.model, OffPolicyAlgorithm):
             buffer: Any = self.model.replay_buffer
             filled = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
-            state["transitions"] = {name: torch.from_numpy(one) for name, one in filled.items()}
+            state["transitions"] = {name: torch.from_numpy(part) for name, part in filled.items()}
             state["next_transition"] = int(buffer.pos)
         write_bytes(path, lambda file: torch.save(state, file))
 
@@ -249,8 +249,8 @@ def save_zip(
     arrays
         Weights of the policy by name.
     """
-    chosen = hyperparameters
-    kind, options = "MlpPolicy", dict[str, Any](net_arch=[chosen.width] * chosen.depth)
+    widths = [hyperparameters.width] * hyperparameters.depth
+    kind, options = "MlpPolicy", dict[str, Any](net_arch=widths)
     if algorithm == "ars":
         kind, options = "LinearPolicy", {}
     elif algorithm in ("apg", "ppo"):
@@ -259,7 +259,8 @@ def save_zip(
     model = classes[algorithm](kind, env, policy_kwargs=options, device="cpu")
     state = {name: torch.from_numpy(array) for name, array in arrays.items()}
     if "log_std" in state:
-        state["log_std"] = torch.full_like(state["log_std"], math.log(chosen.last_deviation))
+        deviation = math.log(hyperparameters.last_deviation)
+        state["log_std"] = torch.full_like(state["log_std"], deviation)
     model.policy.load_state_dict(state)
     write_bytes(path, model.save)
 
@@ -318,15 +319,7 @@ class VectorARS(ARS):
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
-        """Build a layout with each candidate; the (P,) returns of their episodes.
-
-        Raises
-        ------
-        ValueError
-            If `async_eval` is given.
-        """
-        if async_eval is not None:
-            raise ValueError("candidates are evaluated in one vector environment: omit async_eval")
+        """Build a layout with each candidate; the (P,) returns of their episodes."""
         callback.on_rollout_start()
         self.ep_info_buffer = deque()
         env: Any = self.env

@@ -8,14 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize.elementwise import find_root
 
 from agents.draw import fixed, numbers
 from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
 from domino_env import DominoChain
-from domino_env.core.types import Floats, Ints
+from domino_env.core.types import Floats, Ints, Singles
 from domino_env.scenes.objectives.robust import placed
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
@@ -30,28 +29,32 @@ GAP_TOLERANCE = 1e-8  # [m] to which the controller solves for a gap
 def uniform(scene: Scene) -> Rollout:
     """Build the uniform baseline."""
     baseline = scene.uniform()
-    return Rollout(scene, baseline.layout, baseline.wave, baseline.score, baseline, 0.0)
+    return as_placed(Rollout(scene, baseline.layout, baseline.wave, baseline.score, baseline, 0.0))
 
 
 def greedy(scene: Scene) -> Rollout:
     """Place each domino where the reward of this step is largest, by simulation of one interval."""
+    if len(evaluation_seeds(scene)) > 1:
+        raise ValueError(
+            f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
+            "environment with the same placement noise and order of pieces, so its choice "
+            "would depend on what is still to come; use another policy"
+        )
     env = DominoChain(scene)
-    began = time.perf_counter()
+    env.reset()
     size = env.action_space.shape[0]  # type: ignore[index]
     values = np.linspace(-1.0, 1.0, ACTIONS[size > 1])
     actions = np.stack(np.meshgrid(*[values] * size, indexing="ij"), axis=-1).reshape(-1, size)
     actions = actions.astype(np.float32)
-    chosen: list[NDArray[np.float32]] = []
-    env.reset()
-    terminated = False
-    while not terminated:
+
+    def policy(_: Singles) -> Singles:
         rewards = [copy.deepcopy(env).step(action)[1] for action in actions]
-        chosen.append(actions[int(np.argmax(rewards))])
-        terminated = env.step(chosen[-1])[2]
-    steps = iter(chosen)
-    rollout = build(lambda _: next(steps), scene)
+        best: Singles = actions[int(np.argmax(rewards))]
+        env.step(best)
+        return best
+
     # an action is tried by the simulation of one interval of each
-    return replace(rollout, seconds=time.perf_counter() - began, simulations=len(actions) + 1)
+    return replace(build(policy, scene), simulations=len(actions) + 1)
 
 
 def ramp(scene: Scene) -> Rollout:
@@ -60,6 +63,11 @@ def ramp(scene: Scene) -> Rollout:
     First value, plateau, last value, and the part of the chain that each ramp takes; where both
     gaps and thicknesses are free, a fifth number is the thickness, the same for all.
     """
+    if scene.hand:
+        raise ValueError(
+            f"scene '{scene.name}' draws its pieces in random order: ramp chooses them "
+            "without knowing what is in hand; use another policy"
+        )
     baseline = scene.uniform()
     began = time.perf_counter()
     rng = np.random.default_rng(0)
@@ -76,7 +84,8 @@ def ramp(scene: Scene) -> Rollout:
     layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
     wave = scene.simulate(layout)
     seconds = time.perf_counter() - began
-    return Rollout(scene, layout, wave, scene.score(wave), baseline, seconds, simulations)
+    score = scene.score(wave)
+    return as_placed(Rollout(scene, layout, wave, score, baseline, seconds, simulations))
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
@@ -154,25 +163,24 @@ def controller(scene: Scene) -> Rollout:
             f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "
             'schedule of objective = "tempo"; use another policy'
         )
-    generators = [np.random.default_rng(seed) for seed in evaluation_seeds(scene)]
+    generators = map(np.random.default_rng, evaluation_seeds(scene))
     errors = np.array([scene.placement_errors(generator) for generator in generators])
-    which = np.arange(len(errors))
+    episodes = np.arange(len(errors))
     thickness = np.tile(planned.layout.thickness[1:], (len(errors), 1))
     gaps, (low, high) = np.empty(errors.shape), scene.spacing
     began, simulations = time.perf_counter(), 0
     for n, due in enumerate(tempo.schedule(scene.count)):
 
-        def lateness(gap: Floats, which: Ints, n: int = n, due: float = due) -> Floats:
-            chain = np.concatenate([gaps[which, :n], gap[:, None]], axis=1)
-            times = scene.batch(chain, thickness[which, : n + 1]).simulate().total_time
+        def lateness(gap: Floats, live: Ints, n: int = n, due: float = due) -> Floats:
+            chain = np.concatenate([gaps[live, :n], gap[:, None]], axis=1)
+            times = scene.batch(chain, thickness[live, : n + 1]).simulate().total_time
             return np.where(np.isfinite(times), times - due, NEVER)
 
         ends = np.full(len(errors), low), np.full(len(errors), high)
-        found = find_root(lateness, ends, args=(which,), tolerances={"xatol": GAP_TOLERANCE})
-        simulations += int(found.nfev.sum())
-        nearest = np.where(found.f_bracket[0] > 0.0, low, high)  # where neither end is on time
-        chosen = np.where(found.success, found.x, nearest)
-        gaps[:, n] = placed(chosen, errors[:, n])
+        root = find_root(lateness, ends, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
+        simulations += int(root.nfev.sum())
+        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # where neither end is on time
+        gaps[:, n] = placed(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])
     return replace(
@@ -189,7 +197,6 @@ def controller(scene: Scene) -> Rollout:
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
     policy.__name__: policy for policy in (uniform, greedy, ramp, plan, rule, controller)
 }
-MEANS = {"plan", "rule", "controller"}  # policies whose scores are already means over episodes
 
 
 @dataclass(frozen=True)
@@ -204,16 +211,4 @@ class ScriptedPolicy:
             raise ValueError(
                 f"{self.name} was trained on no scene: name one to build for (--scene)"
             )
-        if self.name == "greedy" and len(evaluation_seeds(scene)) > 1:
-            raise ValueError(
-                f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
-                "environment with the same placement noise and order of pieces, so its choice "
-                "would depend on what is still to come; use another policy"
-            )
-        if self.name == "ramp" and scene.hand:
-            raise ValueError(
-                f"scene '{scene.name}' draws its pieces in random order: ramp chooses them "
-                "without knowing what is in hand; use another policy"
-            )
-        rollout = SCRIPTED[self.name](scene)
-        return rollout if self.name in MEANS else as_placed(rollout)
+        return SCRIPTED[self.name](scene)

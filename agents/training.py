@@ -15,12 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
-from agents.algorithms import (
-    ALGORITHMS,
-    Hyperparameters,
-    default_hyperparameters,
-    require_learning,
-)
+from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters, require_learning
 from agents.evaluation import gains_of, scenes_of
 from agents.network import read_arrays
 from agents.policy import (
@@ -40,11 +35,13 @@ from domino_env.core.checks import require, require_choice
 from domino_env.core.files import naming, read_json, require_unused, write_text
 from domino_env.core.models import Document, model_of
 from domino_env.core.progress import progress_bar
-from domino_env.core.results import draw, versions
+from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.pool import ScenePool
+from optimize.experiments.best_known import best_known
+from optimize.result import draw_scores
 
 if TYPE_CHECKING:
     from agents.sb3 import Learner
@@ -106,8 +103,8 @@ class Run:
         result = f"median gain {self.curve[-1][3]:+.2%}"
         if self.rollout is not None:
             result = self.rollout.scene.against_uniform(self.rollout.score, self.rollout.wave)
-        how = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
-        return f"Run({self.algorithm} on {self.scene}: {result}; {how})"
+        work = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
+        return f"Run({self.algorithm} on {self.scene}: {result}; {work})"
 
     def _repr_png_(self) -> bytes | None:
         return None if self.rollout is None else self.rollout._repr_png_()
@@ -125,7 +122,31 @@ class Run:
         ValueError
             If scenes are sampled: there is no single layout.
         """
-        return draw("training", self)
+        from domino_env.view.figures import beside_uniform
+
+        rollout = self.rollout
+        if rollout is None:
+            raise ValueError(
+                f"{self.folder} was trained on sampled scenes of {self.scene}, which have no "
+                "single layout: see progress.csv, or evaluate it in one scene"
+            )
+        return beside_uniform(
+            rollout.scene, rollout.layout, rollout.wave, rollout.score,
+            f"built by {self.algorithm}", self._draw_curve,
+        )  # fmt: skip
+
+    def _draw_curve(self, axes: Any) -> None:
+        """Draw the learning curve, with the uniform baseline and the best known score."""
+        assert self.rollout is not None
+        scene, uniform = self.rollout.scene, self.rollout.uniform.score
+        lines = {f"uniform baseline {uniform:.4f}": uniform}
+        known = best_known().get(scene.name)
+        if known is not None:
+            lines[f"best known {known.score:.4f}"] = known.score
+        table = np.array(self.curve)
+        curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
+        words = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"
+        draw_scores(axes, table[:, 1], curves, lines, scene.unit, words)
 
 
 def train(
@@ -196,11 +217,11 @@ def train(
         require_unused(home, FILES)
     sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
     scheduled = isinstance(target, Scene) and target.as_placed.tempo is not None
-    chosen = hyperparameters or default_hyperparameters(
+    hyperparameters = hyperparameters or default_hyperparameters(
         algorithm, episode_of(target), sampled=sampled, scheduled=scheduled
     )
-    steps = steps or chosen.steps
-    return Training(target, algorithm, chosen, steps, seed, home, progress).run(resume)
+    steps = steps or hyperparameters.steps
+    return Training(target, algorithm, hyperparameters, steps, seed, home, progress).run(resume)
 
 
 def save_zip(folder: str | Path, path: str | Path) -> None:
@@ -248,6 +269,7 @@ def _read_config(folder: Path) -> ConfigDocument:
         return model_of(ConfigDocument, read_json(path))
 
 
+@dataclass(eq=False)
 class Training:
     """A training while it runs; its steps are dominoes.
 
@@ -257,31 +279,28 @@ class Training:
         As of `train`, where `total` is `steps`.
     """
 
-    def __init__(
-        self,
-        target: Scene | SceneDistribution,
-        algorithm: str,
-        hyperparameters: Hyperparameters,
-        total: int,
-        seed: int,
-        folder: Path,
-        progress: bool | None,
-    ) -> None:
-        self.target, self.algorithm, self.hyperparameters = target, algorithm, hyperparameters
-        self.total, self.seed, self.folder = total, seed, folder
+    target: Scene | SceneDistribution
+    algorithm: str
+    hyperparameters: Hyperparameters
+    total: int
+    seed: int
+    folder: Path
+    progress: bool | None
+
+    def __post_init__(self) -> None:
         self.scenes: list[Scene] = []
         self.tests: list[Scene] = []
         self.simulations = 0
-        if isinstance(target, SceneDistribution):
-            pool = ScenePool(target)
+        if isinstance(self.target, SceneDistribution):
+            pool = ScenePool(self.target)
             self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
             with suppress(ValueError):  # of a distribution without a test set
-                self.tests = scenes_of(target, TEST_SCENES)
+                self.tests = scenes_of(self.target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
         self.next_evaluation = 0
         self.began = time.perf_counter(), time.process_time()
-        self.bar = progress_bar(progress, total=total, unit=" dominoes", unit_scale=True)
+        self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
 
     @property
     def seconds(self) -> tuple[float, float]:
@@ -419,7 +438,7 @@ class Training:
                 "gain": rollout.gain,
                 "last_score": self.curve[-1][2],
             }
-            write_png(draw("training", run), self.folder / "result.png")
+            write_png(run.plot(), self.folder / "result.png")
         self._write_json(
             SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
             seed=self.seed, **result, steps=run.steps, seconds=seconds,

@@ -28,6 +28,14 @@ def play(env, policy, **reset):
     return np.array(actions), np.array(observations), np.array(rewards), info
 
 
+def scaled(scene, factor):
+    """Return the scene with all lengths multiplied by a factor, and the same waves in its units."""
+    physics = scene.physics.replace(push=scene.physics.push / np.sqrt(factor))
+    sizes = {name: factor * getattr(scene, name) for name in ("height", "width", "first_thickness")}
+    bounds = {name: factor * np.array(getattr(scene, name)) for name in ("spacing", "thickness")}
+    return scene.replace(physics=physics, **sizes, **{k: tuple(v) for k, v in bounds.items()})
+
+
 def courses():
     """Return scenes with a length: usual, hardly and not at all free, with free thicknesses."""
     course = de.load_scene("course")

@@ -44,9 +44,9 @@ def digests_of(groups: list[str]) -> dict[str, str]:
     """Return all digests of the groups, as GROUP: NAME."""
     digests: dict[str, str] = {}
     for group in groups:
-        began, found = time.perf_counter(), Digests()
-        GROUPS[group](found)
-        words = found.finished()
+        began, group_digests = time.perf_counter(), Digests()
+        GROUPS[group](group_digests)
+        words = group_digests.finished()
         digests |= {f"{group}: {name}": word for name, word in words.items()}
         seconds = time.perf_counter() - began
         print(f"{group}: {len(words)} digests, {seconds:.1f} s", file=sys.stderr, flush=True)
@@ -58,12 +58,12 @@ def check(file: Path, groups: list[str]) -> int:
     written = json.loads(file.read_text("utf-8"))
     for name, value in machine().items():
         if written["machine"].get(name) != value:
-            print(f"{name} is {value}, and was {written['machine'].get(name)}: bits may differ")
+            print(f"{name} is {value}, in the file {written['machine'].get(name)}: bits may differ")
     before = {
         name: word for name, word in written["digests"].items() if name.partition(":")[0] in groups
     }
     if not before:
-        print(f"{file} holds no digests of {', '.join(groups)}")
+        print(f"{file} contains no digests of {', '.join(groups)}")
         return 1
     now = digests_of(groups)
     changed = [name for name in before if now.get(name) != before[name]]
@@ -80,25 +80,25 @@ def check(file: Path, groups: list[str]) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--write", type=Path, metavar="FILE", help="write the digests of this code")
-    what.add_argument("--check", type=Path, metavar="FILE", help="compare this code with FILE")
-    what.add_argument("--list", action="store_true", help="list the groups and their contents")
+    action = parser.add_mutually_exclusive_group(required=True)
+    action.add_argument("--write", type=Path, metavar="FILE", help="write the digests of this code")
+    action.add_argument("--check", type=Path, metavar="FILE", help="compare this code with FILE")
+    action.add_argument("--list", action="store_true", help="list the groups and their contents")
     parser.add_argument("--only", metavar="GROUP[,GROUP]", help="compute only these groups")
-    given = parser.parse_args()
-    if given.list:
+    arguments = parser.parse_args()
+    if arguments.list:
         for name, group in GROUPS.items():
             print(f"{name:10} {group.__doc__}")
         return 0
-    groups = given.only.split(",") if given.only else list(GROUPS)
+    groups = arguments.only.split(",") if arguments.only else list(GROUPS)
     unknown = [group for group in groups if group not in GROUPS]
     if unknown:
         parser.error(f"there is no group {', '.join(unknown)}: choose from {', '.join(GROUPS)}")
-    if given.check:
-        return check(given.check, groups)
+    if arguments.check:
+        return check(arguments.check, groups)
     document = {"machine": machine(), "digests": digests_of(groups)}
-    given.write.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
-    print(f"{len(document['digests'])} digests in {given.write}")
+    arguments.write.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
+    print(f"{len(document['digests'])} digests in {arguments.write}")
     return 0
 
 

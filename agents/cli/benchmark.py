@@ -38,10 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--steps", type=NATURAL, metavar="N", help="actions of a training at most")
     parser.add_argument(
-        "--seconds",
-        type=SECONDS,
-        metavar="S",
-        help="processor time of a search at most [s]",
+        "--seconds", type=SECONDS, metavar="S", help="processor time of a search at most [s]"
     )
     add_out_option(parser, DEFAULT_FOLDER)
     parser.add_argument(
@@ -59,16 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
 
-    chosen = [*ALGORITHMS, *BASELINES]
-    if arguments.algorithms is not None:
-        chosen = arguments.algorithms
+    chosen = arguments.algorithms or [*ALGORITHMS, *BASELINES]
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
     )
     folder = Path(arguments.out)
     before = read_runs(folder / FILES[1], {problem_of_text(task.scene) for task in tasks})
     if arguments.page:
-        done = merged(before)
+        experiment = merged(before)
     else:
         if {*chosen} & {*ALGORITHMS}:
             require_learning()
@@ -79,12 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
             for result in before:
                 if result.key not in stored:
                     study.add(result)
-            done = run_experiment(tasks, executor, study, name="benchmark", progress=None)
-            done = merged(before, done)
-    write(done, folder, _command(arguments))
-    print("\n".join(table(done)))
+            experiment = run_experiment(tasks, executor, study, name="benchmark", progress=None)
+            experiment = merged(before, experiment)
+    write(experiment, folder, _command(arguments))
+    print("\n".join(table(experiment)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
-    return exit_code(done)
+    return exit_code(experiment)
 
 
 def _command(arguments: argparse.Namespace) -> str:

@@ -68,9 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     if isinstance(scene, SceneDistribution):
         arguments.distribution, scene = arguments.scene, None
         arguments.scenes = arguments.scenes or TEST_SCENES
-    sampled = None
-    if arguments.agent.endswith(".zip") and arguments.distribution is not None:
-        sampled = load_distribution(arguments.distribution)
+    sampled = arguments.distribution and load_distribution(arguments.distribution)
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
     if arguments.scenes is not None:
         return _evaluate_scenes(policy, arguments)
@@ -103,10 +101,10 @@ def _evaluate_scenes(
         source = trained_on
     name = source if isinstance(source, str) else source.name
     searched = searched_scores(name, number) if seed is None else None
-    done = evaluate_scenes(scenes_of(source, number, seed), policy, searched, progress=None)
-    print(done.table())
+    evaluation = evaluate_scenes(scenes_of(source, number, seed), policy, searched, progress=None)
+    print(evaluation.table())
     if arguments.csv:
-        done.save(Path(arguments.csv))
+        evaluation.save(Path(arguments.csv))
         print(f"scenes written to {arguments.csv}")
     return 0
 

@@ -37,19 +37,19 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.cli.evaluate import sentence
     from agents.training import save_zip, train
 
-    done = train(
+    result = train(
         arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
         resume=arguments.resume, progress=None,
     )  # fmt: skip
-    if done.rollout is None:
-        print(f"median gain over the uniform baselines of some scenes: {done.curve[-1][3]:+.2%}")
+    if result.rollout is None:
+        print(f"median gain over the uniform baselines of some scenes: {result.curve[-1][3]:+.2%}")
     else:
-        print(sentence(done.rollout))
+        print(sentence(result.rollout))
     print(
-        f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} dominoes placed in "
-        f"{done.seconds:.0f} s, written to {done.folder}"
+        f"{'interrupted after ' if result.interrupted else ''}{result.steps:,} dominoes placed in "
+        f"{result.seconds:.0f} s, written to {result.folder}"
     )
     if arguments.save_zip:
-        save_zip(done.folder, arguments.save_zip)
+        save_zip(result.folder, arguments.save_zip)
         print(f"archive written to {arguments.save_zip}")
     return 0

@@ -60,9 +60,9 @@ def outside(scene: Scene) -> tuple[str, ...]:
     if not free:
         values["thickness fixed"] = values["thickness min"]
     return tuple(
-        f"{name} {values[name]:.4g} is outside {one.min:.4g} to {one.max:.4g}"
-        for name, one in zip(nearest.features, nearest.ranges.values(), strict=True)
-        if not one.min * (1.0 - 1e-9) <= values[name] <= one.max * (1.0 + 1e-9)
+        f"{name} {values[name]:.4g} is outside {bounds.min:.4g} to {bounds.max:.4g}"
+        for name, bounds in zip(nearest.features, nearest.ranges.values(), strict=True)
+        if not bounds.min * (1.0 - 1e-9) <= values[name] <= bounds.max * (1.0 + 1e-9)
     )
 
 
@@ -81,12 +81,12 @@ def require_kind(scene: Scene) -> None:
         "it limits the wave": scene.limits is not None,
         f"it has {scene.count} dominoes": scene.count < 4,
     }
-    other = [reason for reason, applies in reasons.items() if applies]
-    if other:
+    differences = [reason for reason, applies in reasons.items() if applies]
+    if differences:
         raise ValueError(
-            f"scene '{scene.name}': {', '.join(other)}; this policy was trained to maximise the "
-            "mean speed of 4 or more dominoes of one height with free gaps, with or without free "
-            "thickness or a given length: use `domino optimize` for this scene"
+            f"scene '{scene.name}': {', '.join(differences)}; this policy was trained to maximise "
+            "the mean speed of 4 or more dominoes of one height with free gaps, with or without "
+            "free thickness or a given length: use `domino optimize` for this scene"
         )
 
 

@@ -13,17 +13,10 @@ from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs.episodes import objects
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
-from domino_env.envs.vector import (
-    RTOL,
-    WINDOW,
-    DominoEnv,
-    DominoVectorEnv,
-    Indices,
-    Infos,
-    objects,
-)
+from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
@@ -337,20 +330,19 @@ class DominoChainVector(DominoVectorEnv):
         self._rules["reference_speed"] = speed
 
     def begin(
-        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
+        self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
-        """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
-        envs, before = np.flatnonzero(chosen), self._which.copy()
+        """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
+        envs, before = np.flatnonzero(mask), self._which.copy()
         if self.distribution is not None:
-            given = self._one_each(options.get("scene"), Scene, "scenes to build in")
+            scenes = self._one_each(options.get("scene"), Scene, "scenes to build in")
+            source = self.source
             self._which[envs] = [
-                self.source.sample(generators(b))
-                if given is None or given[b] is None
-                else self.source.give(b, given[b])
+                source.sample(generators(b)) if scenes[b] is None else source.give(b, scenes[b])
                 for b in envs.tolist()
             ]
-        layouts = self._one_each(options.get("layout"), Layout, "layouts to start from") or []
-        starts = [(b, one) for b, one in enumerate(layouts) if chosen[b] and one is not None]
+        layouts = self._one_each(options.get("layout"), Layout, "layouts to start from")
+        starts = [(b, start) for b, start in enumerate(layouts) if mask[b] and start is not None]
         try:
             for b, start in starts:
                 _require_start(start, self._scene(b), self.source.rtol)
@@ -366,23 +358,22 @@ class DominoChainVector(DominoVectorEnv):
             batch.thickness[b, : start.count] = start.thickness
             if self._scene(b).growth is not None:
                 batch.height[b, : start.count] = start.height
-        kernels.reset_batch(0, self.num_envs, batch, chosen, placed, observations)
-        self._waves[chosen] = None
+        kernels.reset_batch(0, self.num_envs, batch, mask, placed, observations)
+        self._waves[mask] = None
         if self.distribution is None:
             return {}
         return {"scene": objects(self._scene(b) for b in envs.tolist())}
 
-    def _one_each(self, given: Any, kind: type, what: str) -> list[Any] | None:
-        """Return one for each environment, of one for all or one for each."""
-        if given is None:
-            return None
-        each = [given] * self.num_envs if isinstance(given, kind | str) else list(given)
-        if len(each) != self.num_envs:
+    def _one_each(self, value: Any, kind: type, noun: str) -> list[Any]:
+        """Return a value for each environment, of one for all or one for each; None for none."""
+        shared = value is None or isinstance(value, kind | str)
+        values = [value] * self.num_envs if shared else list(value)
+        if len(values) != self.num_envs:
             raise ValueError(
-                f"{len(each)} {what}: give one for all, or one for each of the {self.num_envs} "
+                f"{len(values)} {noun}: give one for all, or one for each of the {self.num_envs} "
                 "environments"
             )
-        return each
+        return values
 
     def _enter(self, envs: Indices) -> None:
         """Apply the scenes of environments from now on."""
@@ -408,8 +399,8 @@ class DominoChainVector(DominoVectorEnv):
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip
         infos: Infos = {}
-        if np.count_nonzero(ended):
-            envs = np.flatnonzero(ended)
+        envs = np.flatnonzero(ended)
+        if len(envs):
             rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos
 
@@ -447,11 +438,12 @@ class DominoChainVector(DominoVectorEnv):
         ValueError
             For another number of layouts than of environments.
         """
-        layouts = self._one_each(layout, Layout, "layouts to build") or []
+        layouts = self._one_each(layout, Layout, "layouts to build")
         wanted = np.zeros((self.num_envs, 4))
-        for b, (n, one) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
-            if n < one.count - 1:
-                wanted[b] = one.spacing[n], one.thickness[n + 1], *one.height[n : n + 2]
+        for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
+            if n < target.count - 1:
+                sizes = target.spacing[n], target.thickness[n + 1]
+                wanted[b] = *sizes, *target.height[n : n + 2]
         actions = np.zeros(self.action_space.shape or ())
         kernels.encode_batch(0, self.num_envs, self._batch, wanted, actions)
         return actions
@@ -473,8 +465,8 @@ class DominoChainVector(DominoVectorEnv):
             Gaps, and thickness and height of dominoes 1 … P, (B, P) each [m].
         """
         batch, pairs = self._batch._replace(errors=self._batch.errors[:0]), actions.shape[1]
-        chosen = np.ones(self.num_envs, np.bool_)
-        kernels.place_batch(0, self.num_envs, batch, chosen, actions)
+        mask = np.ones(self.num_envs, np.bool_)
+        kernels.place_batch(0, self.num_envs, batch, mask, actions)
         height = np.broadcast_to(batch.height, batch.thickness.shape)
         return (
             batch.spacing[:, :pairs].copy(),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.waves import LayoutBatch
 
-_OUTCOMES = np.array([Outcome(i) for i in range(len(Outcome))], object)
+_OUTCOMES = np.array([*Outcome], object)  # by their values
 
 
 @dataclass(eq=False)
@@ -108,15 +108,13 @@ class EpisodeResults:
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the last info of each episode, an array (E,) for each key."""
-        layouts, waves = (np.empty(len(self.placed), object) for _ in range(2))
-        for i in range(len(self.placed)):
-            layouts[i], waves[i] = LazyLayout.of(self, i), LazyWave.of(self, i)
+        episodes = range(len(self.placed))
         return {
             "score": self.score.copy(),
             "gain": self.returns / 100.0,
             "outcome": _OUTCOMES[self.outcome],
-            "layout": layouts,
-            "wave": waves,
+            "layout": objects(LazyLayout.of(self, i) for i in episodes),
+            "wave": objects(LazyWave.of(self, i) for i in episodes),
         }
 
     def layout(self, i: int) -> Layout:
@@ -135,7 +133,12 @@ class EpisodeResults:
 
 
 class _Lazy:
-    """Result of one episode, computed when an attribute is first read."""
+    """Result of one episode, computed when an attribute is first read.
+
+    `_compute` is the name of the method of `EpisodeResults` that computes it.
+    """
+
+    _compute: ClassVar[str]
 
     @classmethod
     def of(cls, results: EpisodeResults, i: int) -> Self:
@@ -148,18 +151,15 @@ class _Lazy:
         lazy = None if name.startswith("__") else self.__dict__.pop("_lazy", None)
         if lazy is None:
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-        self.__dict__.update(vars(self._computed(*lazy)))
+        results, i = lazy
+        self.__dict__.update(vars(getattr(results, self._compute)(i)))
         return getattr(self, name)
-
-    def _computed(self, results: EpisodeResults, i: int) -> object:
-        raise NotImplementedError
 
 
 class LazyLayout(_Lazy, Layout):
     """Layout whose arrays are made when they are first read."""
 
-    def _computed(self, results: EpisodeResults, i: int) -> Layout:
-        return results.layout(i)
+    _compute = "layout"
 
 
 class LazyWave(_Lazy, Wave):
@@ -168,18 +168,13 @@ class LazyWave(_Lazy, Wave):
     Two such waves are equal if layouts, physics, tolerance and reach are equal.
     """
 
-    def _computed(self, results: EpisodeResults, i: int) -> Wave:
-        return results.wave(i)
+    _compute = "wave"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Wave):
             return NotImplemented
-        return (self.layout, self.physics, self.rtol, self.reach) == (
-            other.layout,
-            other.physics,
-            other.rtol,
-            other.reach,
-        )
+        names = "layout", "physics", "rtol", "reach"
+        return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def __hash__(self) -> int:
         return hash((self.layout, self.physics, self.rtol))
@@ -192,3 +187,11 @@ def placed_layout(
     sizes = spacing[:placed], thickness[: placed + 1], height[: placed + 1]
     parts = *sizes, scene.width, scene.density
     return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
+
+
+def objects(values: Iterable[Any]) -> NDArray[Any]:
+    """Return an array of objects of any type."""
+    listed = list(values)
+    array = np.empty(len(listed), object)
+    array[:] = listed
+    return array

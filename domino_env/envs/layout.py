@@ -14,12 +14,7 @@ from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
-from domino_env.envs.vector import (
-    RTOL,
-    DominoEnv,
-    DominoVectorEnv,
-    Infos,
-)
+from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
 from domino_env.scenes.scene import Scene
 
 PIECE = 16  # environments whose dominoes are placed by one thread, at least
@@ -66,10 +61,7 @@ class DominoLayout(DominoEnv):
     """
 
     def __init__(
-        self,
-        scene: SceneLike = "sprint",
-        render_mode: str | None = None,
-        rtol: float = RTOL,
+        self, scene: SceneLike = "sprint", render_mode: str | None = None, rtol: float = RTOL
     ) -> None:
         super().__init__(DominoLayoutVector(1, scene, None, rtol), render_mode)
 
@@ -113,30 +105,30 @@ class DominoLayoutVector(DominoVectorEnv):
         self._set_spaces(choices(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32))
 
     def begin(
-        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
+        self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
-        """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
-        self._episodes[chosen] = np.zeros(1, kernels.EPISODE)
-        self._episodes["phase"][chosen] = kernels.RUNNING
-        self._batch.states["u"][chosen] = self.scene.physics.push**2
-        self._batch.states["time"][chosen] = 0.0
-        self._waves[chosen] = None
-        self._draw(np.flatnonzero(chosen), generators, {})
-        observations[chosen] = 0.0
+        """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
+        self._episodes[mask] = np.zeros(1, kernels.EPISODE)
+        self._episodes["phase"][mask] = kernels.RUNNING
+        self._batch.states["u"][mask] = self.source.first.physics.push**2
+        self._batch.states["time"][mask] = 0.0
+        self._waves[mask] = None
+        self._draw(np.flatnonzero(mask), generators, {})
+        observations[mask] = 0.0
         return {}
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place all dominoes and simulate them; see `DominoVectorEnv.advance`."""
-        observations = np.ones(self._observations.shape, np.float32)
+        observations, scene = np.ones(self._observations.shape, np.float32), self.source.first
         rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == kernels.RUNNING
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}
-        each = actions.reshape(self.num_envs, choices(self.scene), -1).transpose(0, 2, 1)
-        each = np.ascontiguousarray(each)
-        share_evenly(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, each)
-        if self.scene.length is not None:
-            self._meet_length(self.scene, self.scene.length)
+        parts = actions.reshape(self.num_envs, choices(scene), -1).transpose(0, 2, 1)
+        parts = np.ascontiguousarray(parts)
+        share_evenly(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, parts)
+        if scene.length is not None:
+            self._meet_length(scene, scene.length)
         rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos
 

@@ -152,32 +152,29 @@ class SceneSource:
         return self.sampled + env
 
     def _keep(self, i: int, scene: Scene, features: Floats) -> None:
-        baseline = scene.uniform()
+        baseline, free_fall = scene.uniform(), free_fall_speed(scene)
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
         if scene.hand and scene.criterion.is_mean_speed:  # the score is a mean over orders
             speed = baseline.score
-        self.scenes[i] = scene
-        self.rules[i] = _rules_of(
-            scene, self.rtol, speed if speed > 0.0 else free_fall_speed(scene)
-        )
-        self.features[i] = np.clip(features[self.shown], -FEATURE_LIMIT, FEATURE_LIMIT)
-        self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
-        self.speed[i] = speed
-        units = {"m/s": free_fall_speed(scene), "m": scene.height}
-        success = baseline.score > 0.0
-        self.unit[i] = baseline.score if success else units.get(scene.unit, 1.0)
-        self.rules["score_unit"][i] = self.unit[i]
-        tempo = scene.as_placed.tempo
-        if tempo is not None:
-            self.rules["tolerance"][i] = tempo.tolerance
-            due = np.append(0.0, tempo.schedule(scene.count))
-            low, high = np.diff(due).min(), np.diff(due).max()
-            middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
-            self.schedule[i, : scene.count, 0] = due
-            self.schedule[i, 1 : scene.count, 1] = (np.diff(due) - middle) / half
         times = baseline.wave.arrival_times
         if not speed > 0.0:  # where the baseline stops, free fall
-            times = positions / free_fall_speed(scene)
+            times = positions / free_fall
+        unit = baseline.score
+        if not unit > 0.0:
+            unit = {"m/s": free_fall, "m": scene.height}.get(scene.unit, 1.0)
+        self.scenes[i] = scene
+        self.rules[i] = _rules_of(scene, self.rtol, speed if speed > 0.0 else free_fall, unit)
+        self.features[i] = np.clip(features[self.shown], -FEATURE_LIMIT, FEATURE_LIMIT)
+        self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
+        self.speed[i], self.unit[i] = speed, unit
+        tempo = scene.as_placed.tempo
+        if tempo is not None:
+            due = np.append(0.0, tempo.schedule(scene.count))
+            intervals = np.diff(due)
+            low, high = intervals.min(), intervals.max()
+            middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
+            self.schedule[i, : scene.count, 0] = due
+            self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
         left = self.rest[i, : scene.count]
         left[:, 0], left[:, 1] = positions[-1] - positions, times[-1] - times
 
@@ -215,9 +212,12 @@ def free_fall_speed(scene: Scene) -> float:
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
-def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
-    """Return the fields of RULES of a scene that is compared with a speed [m/s]."""
-    growth = scene.growth or (1.0, 1.0)
+def _rules_of(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any, ...]:
+    """Return the fields of RULES of a scene that is compared with a speed [m/s].
+
+    unit: score by which a success is divided in the gain.
+    """
+    growth, tempo = scene.growth or (1.0, 1.0), scene.as_placed.tempo
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
         "hand": scene.hand,
@@ -237,8 +237,8 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
         "rewards_steps": scene.criterion.rewards_speed,
-        "tolerance": 0.0,
-        "score_unit": 1.0,
+        "tolerance": 0.0 if tempo is None else tempo.tolerance,
+        "score_unit": unit,
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }
     return tuple(values[name] for name in kernels.RULES.names or ())
@@ -267,14 +267,12 @@ def _require_shared(distribution: SceneDistribution) -> None:
             f"'{distribution.name}' has uneven ground, which environments take of a fixed scene "
             "only: leave out [ground], or the ranges"
         )
-    gaps, thicknesses = ("spacing.min", "spacing.max"), ("thickness.min", "thickness.max")
+    gaps = "spacing.min", "spacing.max"
+    thicknesses = "thickness.min", "thickness.max", "row.first_thickness"
     for rule, name, keys in (
         (first.spacing_values, "a list or steps of gaps", gaps),
-        (
-            first.thickness_values, "a list, steps or a box of thicknesses",
-            (*thicknesses, "row.first_thickness"),
-        ),
-    ):  # fmt: skip
+        (first.thickness_values, "a list, steps or a box of thicknesses", thicknesses),
+    ):
         varied = [key for key in keys if tuple(key.split(".")) in sampled]
         if rule is not None and varied:
             raise ValueError(

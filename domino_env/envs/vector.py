@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar, cast
 
 import gymnasium
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.episodes import EpisodeResults, placed_layout
+from domino_env.envs.episodes import EpisodeResults, objects, placed_layout
 from domino_env.envs.rendering import (
     FRAMES_PER_SECOND,
     MODES,
@@ -110,22 +110,6 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         return tuple(self._scene(b) for b in range(self.num_envs))
 
     @property
-    def scene(self) -> Scene:
-        """Scene of all environments.
-
-        Raises
-        ------
-        AttributeError
-            Where each environment has its own scene, sampled at its reset.
-        """
-        if self.distribution is not None:
-            raise AttributeError(
-                f"each environment has its own scene, sampled from '{self.distribution.name}': use "
-                "`scenes`"
-            )
-        return self._scene(0)
-
-    @property
     def distribution(self) -> SceneDistribution | None:
         """Distribution that scenes are sampled from; None where the scene is fixed."""
         return self.source.distribution
@@ -165,25 +149,25 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             For unknown options, for a mask or seeds of another shape, for a layout that breaks the
             scene's rules or whose wave stops, and for a scene that the distribution does not cover.
         """
-        given = self.checked_options(options, "reset_mask")
-        chosen = self._checked_mask(given.pop("reset_mask", None))
+        start = self.checked_options(options, "reset_mask")
+        mask = self._checked_mask(start.pop("reset_mask", None))
         for i, value in enumerate(self._checked_seeds(seed)):
-            if chosen[i] and value is not None:
+            if mask[i] and value is not None:
                 self._seeds[i], self._generators[i] = value, None
-        begun = self.begin(chosen, self._observations, self._generator, **given)
-        self._over &= ~chosen
-        self._begun |= chosen
-        return self._observations.copy(), self._spread({}, begun, chosen)
+        begun = self.begin(mask, self._observations, self._generator, **start)
+        self._over &= ~mask
+        self._begun |= mask
+        return self._observations.copy(), self._spread({}, begun, mask)
 
     @abstractmethod
     def begin(
-        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
+        self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
-        """Begin episodes in the chosen environments.
+        """Begin episodes in some environments.
 
         Parameters
         ----------
-        chosen
+        mask
             (B,) mask of environments.
         observations
             (B, O), written for those.
@@ -195,7 +179,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Returns
         -------
         dict
-            Infos of the chosen environments, arrays in their order: "scene" where it was sampled.
+            Infos of these environments, arrays in their order: "scene" where it was sampled.
 
         Raises
         ------
@@ -233,13 +217,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         return {**(options or {})}
 
     def _checked_mask(self, mask: ArrayLike | None) -> Bools:
-        chosen = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
+        flags = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
+        if flags.dtype != np.bool_ or flags.shape != (self.num_envs,) or not flags.any():
             raise ValueError(
-                f"options['reset_mask'] is {chosen.dtype} of shape {chosen.shape}: give "
+                f"options['reset_mask'] is {flags.dtype} of shape {flags.shape}: give "
                 f"({self.num_envs},) booleans, at least one of them True"
             )
-        return chosen
+        return flags
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
@@ -385,12 +369,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
         """Add infos of some environments, arrays in their order, to those in arrays of all."""
-        for key, some in values.items():
+        for key, entries in values.items():
             if key not in infos:
-                blank = np.empty if some.dtype == object else np.zeros  # objects: None
-                infos[key] = blank(self.num_envs, some.dtype)
+                blank = np.empty if entries.dtype == object else np.zeros  # objects: None
+                infos[key] = blank(self.num_envs, entries.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
-            infos[key][envs] = some
+            infos[key][envs] = entries
             infos[f"_{key}"] |= envs
         return infos
 
@@ -493,9 +477,9 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
             and for a scene that the distribution does not cover.
         """
         super().reset(seed=seed)
-        given = self._vector.checked_options(options)
+        start = self._vector.checked_options(options)
         observations = np.empty(self._vector.observation_space.shape or (), np.float32)
-        infos = self._vector.begin(self._all, observations, lambda _: self.np_random, **given)
+        infos = self._vector.begin(self._all, observations, lambda _: self.np_random, **start)
         self._begun, self._over = True, False
         if self.render_mode == "human":
             self.render()
@@ -569,19 +553,11 @@ def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
         )
     if not np.isfinite(values).all():
         place = tuple(np.argwhere(~np.isfinite(values))[0])
-        where = ", ".join(str(i) for i in place)
+        indices = ", ".join(map(str, place))
         raise ValueError(
-            f"action[{where}] = {values[place]}: every entry must be finite, from -1 to 1"
+            f"action[{indices}] = {values[place]}: every entry must be finite, from -1 to 1"
         )
     return values
-
-
-def objects(values: Iterable[Any]) -> NDArray[Any]:
-    """Return an array of objects of any type."""
-    listed = list(values)
-    array = np.empty(len(listed), object)
-    array[:] = listed
-    return array
 
 
 def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> kernels.Batch:

@@ -105,7 +105,7 @@ def poses(
     require("moments", moments, 1, whole=True)
     motions, scale = _stage(compared, width, POSE)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
-    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in compared)
+    end = max(float(entry.wave.arrival_times[entry.wave.hit - 1]) for entry in compared)
     strips = [title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
@@ -130,8 +130,7 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     durations = [1000.0 / rate] * len(rest) + [LAST]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     write_bytes(
-        path,
-        lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options),
+        path, lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options)
     )
     return 1 + len(rest)
 
@@ -173,13 +172,13 @@ def _stage(
     require("width", width, 200, WIDEST, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
-    for one in compared:
-        require_drawable(one.name, one.wave.layout.count)
-    motions = [Motion(one.wave.layout, one.wave.physics) for one in compared]
-    longest = max(float(one.wave.layout.length) for one in compared)
-    tallest = max(float(one.wave.layout.height.max()) for one in compared)
-    highest = max(relief(one.wave.layout) for one in compared)
-    return motions, Scale.fitting(longest, tallest, width, height, highest)
+    for entry in compared:
+        require_drawable(entry.name, entry.wave.layout.count)
+    motions = [Motion(entry.wave.layout, entry.wave.physics) for entry in compared]
+    layouts = [entry.wave.layout for entry in compared]
+    longest = max(float(layout.length) for layout in layouts)
+    tallest = max(float(layout.height.max()) for layout in layouts)
+    return motions, Scale.fitting(longest, tallest, width, height, max(map(relief, layouts)))
 
 
 def _require_pixels(strips: int, scale: Scale, options: str) -> None:
@@ -201,34 +200,29 @@ def _strips(
 ) -> list[Image.Image]:
     """Draw all chains at one instant, at the same places of the picture."""
     leaders = [int(motion.leader([t])[0][0]) for motion in motions]
-    layouts = [one.wave.layout for one in compared]
     # the picture moves only where the longest chain does not fit, and with the first leader
-    longest = max(float(layout.pivots[-1, 0]) for layout in layouts)
-    tallest = max(float(layout.height.max()) for layout in layouts)
-    fits = (longest + 2.0 * tallest) * scale.pixels <= scale.width - 39
-    fronts = [layout.pivots[leader, 0] for layout, leader in zip(layouts, leaders, strict=True)]
-    camera = 0.0 if fits else float(max(fronts))
-    return [
-        strip(
-            one.wave.layout,
-            motion.angles([t])[0],
-            leader,
-            scale,
-            _state(one, t),
-            ahead=ahead,
-            camera=camera,
-            finish=float(one.wave.layout.pivots[-1, 0]),
+    longest = max(float(motion.layout.pivots[-1, 0]) for motion in motions)
+    tallest = max(float(motion.layout.height.max()) for motion in motions)
+    camera = 0.0
+    if (longest + 2.0 * tallest) * scale.pixels > scale.width - 39:
+        places = zip(motions, leaders, strict=True)
+        camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in places)
+    strips = []
+    for entry, motion, leader in zip(compared, motions, leaders, strict=True):
+        finish = float(motion.layout.pivots[-1, 0])
+        leans, line = motion.angles([t])[0], _state(entry, t)
+        strips.append(
+            strip(motion.layout, leans, leader, scale, line, ahead, camera=camera, finish=finish)
         )
-        for one, motion, leader in zip(compared, motions, leaders, strict=True)
-    ]
+    return strips
 
 
-def _state(one: ComparedLayout, t: float) -> str:
+def _state(entry: ComparedLayout, t: float) -> str:
     """Return the line above a chain: its clock, which stops at the last hit, and its speed."""
-    wave = one.wave
+    wave = entry.wave
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
     end = float(wave.arrival_times[wave.hit - 1])
-    line = f"{one.name}   {min(max(t, 0.0), end):.3f} s   {hit} of {wave.layout.count} hit"
+    line = f"{entry.name}   {min(max(t, 0.0), end):.3f} s   {hit} of {wave.layout.count} hit"
     if t < end or hit < wave.hit:
         return line
     if wave.mean_speed > 0.0:

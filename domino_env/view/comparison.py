@@ -19,6 +19,7 @@ from domino_env.view.ground import ground_line
 
 STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
 EDGE = 1e-5  # part of an interval left out at its ends
+SIZES = "spacing", "thickness", "height", "positions"
 
 
 @dataclass(frozen=True)
@@ -65,15 +66,15 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     """
     if not compared:
         raise ValueError("nothing to show: give at least one layout")
-    for one in compared:
-        if one.wave.layout.count < 2:
-            raise ValueError(f"{one.name}: the layout has one domino: give at least two")
+    for entry in compared:
+        if entry.wave.layout.count < 2:
+            raise ValueError(f"{entry.name}: the layout has one domino: give at least two")
     merits = _merits(compared)
-    first = max(range(len(compared)), key=lambda k: merits[k])
+    best = int(np.argmax(merits))
     return {
         "headline": headline(compared),
-        "best": first if len(compared) > 1 and merits[first] > 0.0 else None,
-        "compared": [_data_of(one) for one in compared],
+        "best": best if len(compared) > 1 and merits[best] > 0.0 else None,
+        "compared": [_data_of(entry) for entry in compared],
     }
 
 
@@ -82,22 +83,21 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
 
     The scene's score decides where every layout has one, else the mean speed.
     """
-    merits = _merits(compared)
-    by_speed = None in [one.score for one in compared] or {one.unit for one in compared} == {"m/s"}
+    scored = all(entry.score is not None for entry in compared)
+    by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
     # the first of equals first
-    order = sorted(range(len(compared)), key=lambda k: -merits[k])
-    ranked, merits = [compared[k] for k in order], [merits[k] for k in order]
+    ranked = sorted(zip(_merits(compared), compared, strict=True), key=lambda pair: -pair[0])
+    best, first = ranked[0]
     results, leads = [], []
-    for one, merit in zip(ranked, merits, strict=True):
-        result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else one.score_text
-        if one.wave.mean_speed == 0.0:
-            result = one.wave.explanation
-        results.append(f"{one.name}: {result}")
-        if merit > 0.0 and one is not ranked[0]:
-            leads.append(f"{merits[0] / merit - 1.0:.2%} faster than {one.name}")
-    first = ranked[0]
+    for merit, entry in ranked:
+        result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else entry.score_text
+        if entry.wave.mean_speed == 0.0:
+            result = entry.wave.explanation
+        results.append(f"{entry.name}: {result}")
+        if merit > 0.0 and entry is not first:
+            leads.append(f"{best / merit - 1.0:.2%} faster than {entry.name}")
     who = f"{first.name[0].upper()}{first.name[1:]} "
-    if merits[0] <= 0.0:
+    if best <= 0.0:
         keeps = "keeps the limits of the scene" if first.wave.mean_speed else "topples to its end"
         who = f"No layout {keeps}"
     elif len(ranked) == 1:
@@ -111,13 +111,13 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
 
 def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
     """Return the numbers that rank: the scores where all have one, else the speeds [m/s]."""
-    scores = [one.score for one in compared if one.score is not None]
-    return scores if len(scores) == len(compared) else [one.wave.mean_speed for one in compared]
+    scores = [entry.score for entry in compared if entry.score is not None]
+    return scores if len(scores) == len(compared) else [entry.wave.mean_speed for entry in compared]
 
 
-def _data_of(one: ComparedLayout) -> dict[str, Any]:
+def _data_of(entry: ComparedLayout) -> dict[str, Any]:
     """Return the data of one layout; the page turns leans of the leader into those of all."""
-    wave, layout = one.wave, one.wave.layout
+    wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
     # off the two hits, which the motion may have a little earlier or later
@@ -128,11 +128,8 @@ def _data_of(one: ComparedLayout) -> dict[str, Any]:
     falls = np.where(led, angle, angle.min(axis=1, keepdims=True))
     energy = energies(motion)
     return {
-        "name": one.name,
-        "spacing": _short(layout.spacing),
-        "thickness": _short(layout.thickness),
-        "height": _short(layout.height),
-        "positions": _short(layout.positions),
+        "name": entry.name,
+        **{name: _short(getattr(layout, name)) for name in SIZES},
         "ground": _ground(layout),
         "arrivals": _short(wave.arrival_times),
         "speed": _short(wave.local_speed),
@@ -147,16 +144,16 @@ def _data_of(one: ComparedLayout) -> dict[str, Any]:
         "push": wave.physics.push,
         "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
-        "unit": one.unit,
+        "unit": entry.unit,
         "kinetic": [_short(values) for values in _kinetic_of_falls(energy)],
         "energy": {
             name: _short(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name in ("time", "released", "kinetic", "hits", "flushes", "friction")
         },
-        "trace": one.trace,
-        "learning": one.learning,
-        "verification": one.verification,
-        "score_text": one.score_text,
+        "trace": entry.trace,
+        "learning": entry.learning,
+        "verification": entry.verification,
+        "score_text": entry.score_text,
     }
 
 

@@ -128,15 +128,17 @@ def strip(
     base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
     points = [(left + x * k, base - z * k) for x, z in under]
     draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
-    if finish is not None:
-        _finish_line(draw, left + finish * k, base - float(pivots[-1, 1]) * k)
+    if finish is not None:  # dashed, from above the chain to below the ground
+        end, dash = left + finish * k, 6 * FINER
+        for y in range(34 * FINER, round(base - float(pivots[-1, 1]) * k) + 2 * dash, 2 * dash):
+            draw.line([(end, y), (end, y + dash)], fill=INK, width=FINER)
     corners = outlines(layout, leans)
-    x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
-    for i in np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w)):
+    across, down = left + corners[..., 0] * k, base - corners[..., 1] * k
+    for i in np.flatnonzero((across.max(axis=1) > 0.0) & (across.min(axis=1) < w)):
         colour = LEADS if i == leader else FALLS if i < leader else STANDS
-        draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
-    at, below, r = left + front * k, base - high * k, 5 * FINER  # a triangle points at the leader
-    triangle = [(at, below + FINER), (at - r, below + 2 * r), (at + r, below + 2 * r)]
+        draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=PAPER)
+    x, below, r = left + front * k, base - high * k, 5 * FINER  # a triangle points at the leader
+    triangle = [(x, below + FINER), (x - r, below + 2 * r), (x + r, below + 2 * r)]
     draw.polygon(triangle, fill=LEADS)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
@@ -164,13 +166,6 @@ def show_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale
         draw.rectangle(box, fill=STANDS, outline=INK)
         right = box[0] - 8.0
     draw.text((scale.width - 20, 10), "in hand", fill=INK, font=font(15), anchor="ra")
-
-
-def _finish_line(draw: ImageDraw.ImageDraw, x: float, ground: float) -> None:
-    """Draw a dashed line at the last pivot, from above the chain to below the ground."""
-    dash = 6 * FINER
-    for y in range(34 * FINER, round(ground) + 2 * dash, 2 * dash):
-        draw.line([(x, y), (x, y + dash)], fill=INK, width=FINER)
 
 
 def title(text: str, right: str, width: int) -> Image.Image:

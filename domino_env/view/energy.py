@@ -98,14 +98,14 @@ def _lost_in_flushes(motion: Motion) -> Floats:
     tape = tape[tape["kind"] != FLIP]
     samples = motion.samples[: motion.layout.count - 1]
     flushed = (tape["kind"][:-1] == SWITCH) & tape["flushed"][:-1]
-    at = np.flatnonzero(flushed & (tape["leader"][:-1] < len(samples)))
-    leader, angle = tape["leader"][at], tape["angle"][at]
+    impact = np.flatnonzero(flushed & (tape["leader"][:-1] < len(samples)))
+    leader, angle = tape["leader"][impact], tape["angle"][impact]
     # the angle is known to some 1e-12; an impact is a jump of the rates
     near, far = 0.5 * STEP, 2.0 * STEP
     _, inertia_before = stack_sums(motion.layout, leader, angle, far, -near)
     _, inertia_after = stack_sums(motion.layout, leader, angle, -near, far)
-    impacts = 0.5 * (inertia_before * tape["u"][at] - inertia_after * tape["u"][at + 1])
+    losses = 0.5 * (inertia_before * tape["u"][impact] - inertia_after * tape["u"][impact + 1])
     lost = np.zeros(samples.shape)
     later = np.minimum((samples["angle"][leader] < angle[:, None]).sum(axis=1), PIECES)
-    np.add.at(lost, (leader, later), impacts)
+    np.add.at(lost, (leader, later), losses)
     return np.cumsum(lost).reshape(lost.shape)

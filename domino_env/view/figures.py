@@ -85,12 +85,12 @@ def layouts_figure(
     Figure
         The figure.
     """
-    tall = 1e3 * float(max(one.layout.height.max() for one in layouts))
+    tall = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
     low, high = _range(layouts, scene, tall)
     shown = min(high, low + LONGEST * tall)
     scale = SPAN / (shown - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tall + max(_relief(one.layout, low, shown) for one in layouts)) * scale + LABEL
+    strip = (tall + max(_relief(drawn.layout, low, shown) for drawn in layouts)) * scale + LABEL
     height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
@@ -101,9 +101,9 @@ def layouts_figure(
         axes = _axes(figure, y, strip)
         axes.set_xlim(low, shown)
         _draw_dominoes(axes, drawn, strip / scale)
-        at = LEFT / WIDTH, (y + strip - 0.15) / height
+        place = LEFT / WIDTH, (y + strip - 0.15) / height
         first = "; the first dominoes are drawn" * (shown < high)
-        figure.text(*at, _label(drawn) + first, va="center", size=9.5, color=drawn.colour)
+        figure.text(*place, _label(drawn) + first, va="center", size=9.5, color=drawn.colour)
     for panel in panels:
         y -= BETWEEN + PANEL
         axes = _axes(figure, y, PANEL)
@@ -212,24 +212,24 @@ def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]
     panels: list[_Panel] = [partial(_sizes, "spacing")] if layouts[0].layout.count > 1 else []
     for name in ("thickness", "height"):
         free = scene is not None and getattr(scene, f"free_{name}")
-        if free or any(np.ptp(getattr(one.layout, name)) > 0 for one in layouts):
+        if free or any(np.ptp(getattr(drawn.layout, name)) > 0 for drawn in layouts):
             panels.append(partial(_sizes, name))
-    if any(one.wave for one in layouts) and layouts[0].layout.count > 1:
+    if any(drawn.wave for drawn in layouts) and layouts[0].layout.count > 1:
         panels.append(_speed)
     return panels
 
 
 def _across(layouts: Sequence[DrawnLayout]) -> str:
     """Return the label of the x axis."""
-    where = "position" if all(one.layout.is_flat for one in layouts) else "horizontally"
-    return f"{where} from the first pivot [mm]"
+    place = "position" if all(drawn.layout.is_flat for drawn in layouts) else "horizontally"
+    return f"{place} from the first pivot [mm]"
 
 
-def _range(drawn: Sequence[DrawnLayout], scene: Scene | None, tall: float) -> tuple[float, float]:
+def _range(layouts: Sequence[DrawnLayout], scene: Scene | None, tall: float) -> tuple[float, float]:
     """Return the range of x from the first pivot; tall: height of the tallest domino [mm]."""
-    low = -1e3 * float(drawn[-1].layout.thickness[0]) - 0.8 * tall
+    low = -1e3 * float(layouts[-1].layout.thickness[0]) - 0.8 * tall
     shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
-    longest = 1e3 * max(float(one.layout.pivots[-1, 0]) for one in drawn)
+    longest = 1e3 * max(float(drawn.layout.pivots[-1, 0]) for drawn in layouts)
     return low, max(longest + 0.25 * tall, low + shortest * tall)
 
 
@@ -293,19 +293,17 @@ def _relief(layout: Layout, low: float, high: float) -> float:
 
 def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]) -> None:
     """Draw a value for each gap of each layout, halfway between its pivots."""
-    for drawn, one in zip(layouts, values, strict=True):
+    for drawn, heights in zip(layouts, values, strict=True):
         places = drawn.layout.pivots[:, 0]
         middles = 500.0 * (places[:-1] + places[1:])
-        marker = "o" if drawn is layouts[-1] or len(one) == 1 else ""
-        axes.plot(
-            middles, one, color=drawn.colour, linewidth=1.5, marker=marker, markersize=3.0,
-            label=drawn.name,
-        )  # fmt: skip
+        marker = "o" if drawn is layouts[-1] or len(heights) == 1 else ""
+        look: dict[str, Any] = {"color": drawn.colour, "linewidth": 1.5, "markersize": 3.0}
+        axes.plot(middles, heights, marker=marker, label=drawn.name, **look)
 
 
 def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene | None) -> None:
     """Draw spacing, thickness or height; the scene's bounds, dashed, where they are near."""
-    values = [1e3 * getattr(one.layout, name)[1 - one.layout.count :] for one in layouts]
+    values = [1e3 * getattr(drawn.layout, name)[1 - drawn.layout.count :] for drawn in layouts]
     if name != "height" and len(values[0]):
         low, high = min(v.min() for v in values), max(v.max() for v in values)
         room = max(0.12 * (high - low), 0.02 * high)
@@ -318,8 +316,8 @@ def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene |
 
 def _speed(axes: Axes, layouts: Sequence[DrawnLayout], _: Scene | None) -> None:
     """Draw the local speed of each wave."""
-    fallen = [one for one in layouts if one.wave]
-    values: list[Any] = [one.wave.local_speed for one in fallen if one.wave]
+    fallen = [drawn for drawn in layouts if drawn.wave]
+    values: list[Any] = [drawn.wave.local_speed for drawn in fallen if drawn.wave]
     _curves(axes, fallen, values)
     axes.set_ylabel("local speed [m/s]")
     speeds = np.concatenate(values)

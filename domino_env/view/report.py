@@ -190,5 +190,5 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
     return {
         "simulator": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
-        "last": [(floor_name(one.floor), one.difference) for one in check.floors],
+        "last": [(floor_name(result.floor), result.difference) for result in check.floors],
     }

@@ -115,9 +115,11 @@ def _in_unit(whole: NDArray[np.generic]) -> Floats:
     return samples / half - (1.0 if whole.dtype.kind == "u" else 0.0)
 
 
-def _require_samples(number: int, what: str) -> None:
+def _require_samples(number: int, subject: str) -> None:
     if number > MOST_SAMPLES:
-        raise ValueError(f"{what} {number:,} samples, where at most {MOST_SAMPLES:,} are handled")
+        raise ValueError(
+            f"{subject} {number:,} samples, where at most {MOST_SAMPLES:,} are handled"
+        )
 
 
 @dataclass(frozen=True)

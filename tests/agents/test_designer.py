@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from env_scenes import scaled
 
 import domino_env as de
 import domino_env.scenes.scene
@@ -80,23 +81,13 @@ def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch):
 
 def test_a_design_scales_with_the_dominoes(sprint):
     k = 3.7
-    large = replace(
-        sprint,
-        height=k * sprint.height,
-        width=k * sprint.width,
-        first_thickness=k * sprint.first_thickness,
-        spacing=(k * sprint.spacing[0], k * sprint.spacing[1]),
-        thickness=(k * sprint.thickness[0], k * sprint.thickness[1]),
-        physics=de.Physics(0.25, 9.81, 8.0 / np.sqrt(k)),
-        density=500.0,
-    )
+    large = scaled(sprint, k).replace(density=500.0)
     small, big = design(sprint), design(large)
     assert big.tight_gaps == small.tight_gaps
     assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-5)
     assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-5)
-    strong = replace(
-        sprint, physics=de.Physics(0.25, 4.0 * 9.81, 2.0 * sprint.physics.push)
-    )  # time runs twice as fast
+    fast = de.Physics(0.25, 4.0 * 9.81, 2.0 * sprint.physics.push)  # time runs twice as fast
+    strong = replace(sprint, physics=fast)
     assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 

@@ -31,18 +31,17 @@ def feasible(order, sequence, hand):
 
 def test_changes_of_a_sequence_are_all_those_that_the_hand_allows():
     orders = SMALL.orders([*map(np.random.default_rng, range(5))])
-    which, others = _changes(orders, orders, SMALL.hand)
+    origin, sequences = _changes(orders, orders, SMALL.hand)
     expected = set()
     for b, order in enumerate(orders):
         for i, j in permutations(range(len(order)), 2):
             exchanged = order.copy()
             exchanged[[i, j]] = exchanged[[j, i]]
-            for other in (exchanged, np.insert(np.delete(order, i), j, order[i])):
-                if (other != order).any() and feasible(order, other, SMALL.hand):
-                    expected.add((b, *other))
-    found = [(b, *other) for b, other in zip(which, others, strict=True)]
-    assert set(found) == expected
-    assert len(found) == len(expected)
+            for sequence in (exchanged, np.insert(np.delete(order, i), j, order[i])):
+                if (sequence != order).any() and feasible(order, sequence, SMALL.hand):
+                    expected.add((b, *sequence))
+    changes = [(b, *sequence) for b, sequence in zip(origin, sequences, strict=True)]
+    assert sorted(changes) == sorted(expected)
 
 
 def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand():
@@ -62,16 +61,14 @@ def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders():
     again = fit_rule(SMALL, np.random.default_rng(0), generations=12)
     assert fitted.tolist() == again.tolist()
     assert scores_of(rule(SMALL, fitted), SMALL, PLANNING_SEEDS).mean() > uniform
-    low, high = SMALL.spacing
     start = np.zeros((7, 2))
-    start[:, 0] = 2.0 * (SMALL.uniform().layout.spacing - low) / (high - low) - 1.0
+    start[:, 0] = np.interp(SMALL.uniform().layout.spacing, SMALL.spacing, (-1.0, 1.0))
     plan = fixed(SMALL, fit_fixed(SMALL, start, rounds=1))
     assert scores_of(plan, SMALL, PLANNING_SEEDS).mean() > uniform
 
 
 def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(capsys):
-    found = {name: ScriptedPolicy(name).build(DRAW) for name in ("uniform", "plan", "rule")}
-    scores = [found[name].score for name in ("uniform", "plan", "rule")]
+    scores = [ScriptedPolicy(name).build(DRAW).score for name in ("uniform", "plan", "rule")]
     assert scores == sorted(scores)
     assert scores[-1] < numbers()["hindsight"]
     assert main(["evaluate", "rule", "--scene", "draw"]) == 0
@@ -85,9 +82,9 @@ def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(c
 def test_the_rule_of_many_environments_is_that_of_each():
     several = np.random.default_rng(1).normal(size=(3, 25))
     env = DominoChain(SMALL)
-    seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
-    together = rule(SMALL, several)(seen)
-    for own, observation, expected in zip(several, seen, together, strict=True):
+    observations = np.array([env.reset(seed=seed)[0] for seed in range(3)])
+    together = rule(SMALL, several)(observations)
+    for own, observation, expected in zip(several, observations, together, strict=True):
         assert rule(SMALL, own)(observation) == pytest.approx(expected)
 
 

@@ -16,6 +16,7 @@ from agents import evaluate, load_policy
 from agents.designer.policy import Designer
 from agents.network import read_arrays
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, shipped
+from agents.rollout import EVALUATION_SEEDS, scores_of
 from domino_env.cli.main import main
 
 SPRINT = POLICIES / "sprint"
@@ -95,6 +96,19 @@ def test_a_policy_of_another_scene_is_rejected():
         evaluate("nothing-of-that-name")
 
 
+def test_a_policy_observes_the_reference_speed_of_its_training():
+    scene, seeds = de.load_scene("draw"), EVALUATION_SEEDS
+    env = de.DominoChain(scene)
+    speed = env.observation_layout["speed"].start
+
+    def policy(observation):
+        return np.stack([observation[..., speed], np.zeros(observation.shape[:-1])], axis=-1)
+
+    (size,) = env.observation_space.shape
+    score = scores_of(policy, scene, seeds).mean()
+    assert ScenePolicy(Path("policy"), policy, size, scene).build().score == score
+
+
 # archives of Stable-Baselines3 -------------------------------------------------------------------
 
 
@@ -118,9 +132,9 @@ def test_an_archive_is_evaluated_without_running_its_code(tmp_path, monkeypatch,
         observations = np.stack([env.observation_space.sample() for _ in range(5)])
         actions, state = policy.predict(observations)
         assert state is None
-        theirs = model.predict(observations, deterministic=True)[0]
-        assert actions == pytest.approx(theirs, abs=1e-5)
-        assert trusted.predict(observations)[0] == pytest.approx(theirs, abs=1e-6)
+        expected = model.predict(observations, deterministic=True)[0]
+        assert actions == pytest.approx(expected, abs=1e-5)
+        assert trusted.predict(observations)[0] == pytest.approx(expected, abs=1e-6)
         scene = de.load_scene("sprint")
         assert policy.build(scene).score == pytest.approx(trusted.build(scene).score, abs=1e-3)
     assert main(["evaluate", str(path), "--scene", "varied", "--scenes", "2"]) == 0

@@ -7,7 +7,7 @@ import pytest
 
 import domino_env as de
 from agents import evaluate
-from agents.rollout import build
+from agents.rollout import build, completed
 from agents.scripted import SCRIPTED
 from domino_env import DominoChain
 from domino_env.cli.main import main
@@ -55,6 +55,9 @@ def test_a_layout_whose_wave_stops_is_completed():
     assert rollout.layout.count == 6
     assert rollout.score < 0.0
     assert rollout.gain is None
+    hills = de.load_scene("hills")
+    beginning = hills.ground.layout([0.012] * 9, [0.0075] * 10)
+    assert hills.violations(completed(beginning, hills)) == []
 
 
 def test_scripted_policies_are_evaluated_by_name(small, capsys):

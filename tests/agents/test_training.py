@@ -56,45 +56,41 @@ def tiny(algorithm: str, **changes: object) -> Hyperparameters:
 @pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
 def test_it_agrees_with_single_environments_in_every_step(sampled):
     scene = small_scenes() if sampled else SMALL
-    ours = DominoVecEnv(scene, 5)
-    theirs = DummyVecEnv([lambda: DominoChain(scene)] * 5)
-    ours.seed(2)
-    theirs.seed(2)
-    assert np.array_equal(ours.reset(), theirs.reset())
-    rng = np.random.default_rng(0)
+    batch, singles = DominoVecEnv(scene, 5), DummyVecEnv([lambda: DominoChain(scene)] * 5)
+    batch.seed(2)
+    singles.seed(2)
+    assert np.array_equal(batch.reset(), singles.reset())
+    rng, last = np.random.default_rng(0), "terminal_observation"
     ended = 0
     for _ in range(40):
         actions = rng.uniform(-1.2, 1.2, (5, 1 + sampled)).astype(np.float32)
-        one, two = ours.step(actions), theirs.step(actions)
-        assert all(map(np.array_equal, one[:3], two[:3]))
-        for mine, yours in zip(one[3], two[3], strict=True):
-            assert ("terminal_observation" in mine) == ("terminal_observation" in yours)
-            if "terminal_observation" in yours:
+        *answer, infos = batch.step(actions)
+        *single_answer, single_infos = singles.step(actions)
+        assert all(map(np.array_equal, answer, single_answer))
+        for info, expected in zip(infos, single_infos, strict=True):
+            assert np.array_equal(info.get(last), expected.get(last))
+            if last in expected:
                 ended += 1
-                assert np.array_equal(mine["terminal_observation"], yours["terminal_observation"])
-                assert mine["score"] == yours["score"]
-                assert mine["TimeLimit.truncated"] is False
-                assert mine["episode"]["l"] <= 8
-                assert mine.get("scene") == yours.get("scene")
+                for key in ("score", "TimeLimit.truncated", "scene"):
+                    assert info.get(key) == expected.get(key)
+                assert info["episode"]["l"] <= 8
     assert ended > 20
 
 
 def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_does():
     options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
-    ours = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
-    theirs = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
-    assert ours.env_is_wrapped(Monitor) == [True, True]
-    assert ours.env_is_wrapped(TimeLimit) == [False, False]
-    model = PPO("MlpPolicy", ours, n_steps=8, batch_size=16, device="cpu")
+    batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
+    single = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
+    assert batch.env_is_wrapped(Monitor) == [True, True]
+    assert batch.env_is_wrapped(TimeLimit) == [False, False]
+    model = PPO("MlpPolicy", batch, n_steps=8, batch_size=16, device="cpu")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        returns, lengths = evaluate_policy(model, ours, 4, return_episode_rewards=True)
-    expected = evaluate_policy(model, theirs, 4, return_episode_rewards=True)
+        returns, lengths = evaluate_policy(model, batch, 4, return_episode_rewards=True)
+    expected = evaluate_policy(model, single, 4, return_episode_rewards=True)
     assert returns == pytest.approx(expected[0], rel=1e-4)
     assert lengths == expected[1]
-    frame = ours.render()
-    assert frame is not None
-    assert frame.ndim == 3
+    assert batch.render().ndim == 3
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
@@ -114,12 +110,11 @@ def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transi
     learner.write_checkpoint(tmp_path / "state", [])
     again = Learner(SMALL, algorithm, tiny(algorithm), 2)
     again.restore(read_checkpoint(tmp_path / "state"))
-    assert weights(again.model.policy).keys() == after.keys()
-    assert all(np.array_equal(weights(again.model.policy)[name], after[name]) for name in after)
-    one, two = learner.model.replay_buffer, again.model.replay_buffer
-    assert (two.pos, two.size()) == (one.pos, one.size()) == (15, 15)
-    assert np.array_equal(two.observations[:15], one.observations[:15])
-    assert np.array_equal(two.rewards[:15], one.rewards[:15])
+    np.testing.assert_equal(weights(again.model.policy), after)
+    before, restored = learner.model.replay_buffer, again.model.replay_buffer
+    assert (restored.pos, restored.size()) == (before.pos, before.size()) == (15, 15)
+    for name in ("observations", "rewards"):
+        assert np.array_equal(getattr(restored, name)[:15], getattr(before, name)[:15])
     if algorithm != "td3":
         assert again.model.log_ent_coef == learner.model.log_ent_coef != 0.0
 
@@ -169,8 +164,8 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monke
     save_zip(run.folder, tmp_path / "model.zip")
     model = {"apg": PPO, "ars": ARS}.get(algorithm, CLASSES[algorithm]).load(tmp_path / "model.zip")
     observations = DominoVecEnv(SMALL, 3).reset()
-    ours = load_policy(run.folder).predict(observations)[0]
-    assert model.predict(observations, deterministic=True)[0] == pytest.approx(ours, abs=1e-6)
+    actions = load_policy(run.folder).predict(observations)[0]
+    assert model.predict(observations, deterministic=True)[0] == pytest.approx(actions, abs=1e-6)
     rollout = evaluate(tmp_path / "model.zip", SMALL)
     assert rollout.score == pytest.approx(run.rollout.score, rel=1e-3)  # other reference speed
     again = train(SMALL, folder=tmp_path / "cut", resume=True)  # there is nothing left to do
@@ -217,12 +212,7 @@ def test_invalid_arguments_are_rejected(tmp_path):
     ):
         with pytest.raises(ValueError, match=reason):
             train(SMALL, **changes)
-    for name, value in (
-        ("first_deviation", 0.0),
-        ("end_factor", -1.0),
-        ("middle", 1.0),
-        ("num_envs", 0),
-    ):
+    for name, value in {"first_deviation": 0.0, "middle": 1.0, "num_envs": 0}.items():
         with pytest.raises(ValueError, match=f"{name} = "):
             replace(default_hyperparameters("ppo", 39), **{name: value})
 
@@ -233,13 +223,7 @@ def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(tmp_pa
     whole = torch.load(path, weights_only=True)
     data = path.read_bytes()
     monkeypatch.chdir(tmp_path)
-    for state in (
-        {},
-        {"curve": 1},
-        whole | {"parameters": {}},
-        whole | {"steps": "many"},
-        _Code(),
-    ):
+    for state in ({}, {"curve": 1}, whole | {"parameters": {}}, whole | {"steps": "many"}, _Code()):
         torch.save(state, path)
         message = r"checkpoint\.pt: (it does not fit|not a checkpoint)"
         with pytest.raises(ValueError, match=message) as caught:

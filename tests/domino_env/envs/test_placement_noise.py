@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.rollout import EVALUATION_SEEDS, as_placed, build
+from agents.rollout import EVALUATION_SEEDS, build
 from agents.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Layout, load_scene
 from domino_env.envs.vector import RTOL
@@ -12,19 +12,16 @@ from domino_env.scenes.objectives.robust import LEAST_GAP
 
 SCENE = load_scene("sprint").replace(count=12, placement_deviation=0.002)
 ACTION = -0.2
-
-
-def intended(scene):
-    low, high = scene.spacing
-    return scene.layout(low + 0.5 * (ACTION + 1.0) * (high - low))
+LOW, HIGH = SCENE.spacing
+INTENDED = SCENE.layout(LOW + 0.5 * (ACTION + 1.0) * (HIGH - LOW))
 
 
 def test_chains_and_whole_layouts_get_the_same_errors():
     seeds, pairs = [5, 6, 7], SCENE.count - 1
     errors = [SCENE.placement_errors(np.random.default_rng(seed)) for seed in seeds]
-    gaps = np.maximum(intended(SCENE).spacing + np.array(errors), LEAST_GAP)
+    gaps = np.maximum(INTENDED.spacing + np.array(errors), LEAST_GAP)
     batch = SCENE.evaluate(SCENE.batch(gaps, rtol=RTOL)).score
-    assert SCENE.score_placed(intended(SCENE), seeds) == pytest.approx(batch, rel=10.0 * RTOL)
+    assert SCENE.score_placed(INTENDED, seeds) == pytest.approx(batch, rel=10.0 * RTOL)
     envs = DominoChainVector(3, SCENE)
     envs.reset(seed=5)
     together = [envs.step(np.full((3, 1), ACTION)) for _ in range(pairs)][-1][4]
@@ -41,26 +38,22 @@ def test_errors_are_those_of_the_scene_and_are_observed():
     observed = [env.step(np.array([ACTION]))[0][3] for _ in range(SCENE.count - 1)]
     gaps = env.snapshot().wave.layout.spacing
     off = SCENE.placement_errors(np.random.default_rng(3))
-    assert gaps == pytest.approx(np.maximum(intended(SCENE).spacing + off, LEAST_GAP), rel=1e-12)
-    low, high = SCENE.spacing
-    assert observed == pytest.approx(2.0 * (gaps - low) / (high - low) - 1.0, abs=1e-6)
+    assert gaps == pytest.approx(np.maximum(INTENDED.spacing + off, LEAST_GAP), rel=1e-12)
+    inside = np.interp(gaps, SCENE.spacing, (-1.0, 1.0))
+    assert observed == pytest.approx(inside, abs=1e-6)
 
 
 def test_layouts_are_compared_by_means_over_the_same_errors():
     steady = SCENE.replace(placement_deviation=0.0)
     gap = SCENE.uniform().layout.spacing[0]
     assert SCENE.uniform().score == steady.uniform().score
-    low, high = SCENE.spacing
-    action = 2.0 * (gap - low) / (high - low) - 1.0
+    action = np.interp(gap, SCENE.spacing, (-1.0, 1.0))
     same = build(lambda o: np.full((*o.shape[:-1], 1), action), SCENE)
-    scripted = as_placed(uniform(SCENE))
+    scripted = uniform(SCENE)
     assert same.score == pytest.approx(scripted.score, rel=1e-6)
     assert scripted.gain == pytest.approx(0.0, abs=1e-12)
-    assert (
-        scripted.score
-        == SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
-        < steady.score(scripted.layout)
-    )
+    mean = SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
+    assert scripted.score == mean < steady.score(scripted.layout)
     with pytest.raises(ValueError, match="greedy tries each action in a copy"):
         ScriptedPolicy("greedy").build(SCENE)
 

@@ -8,7 +8,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-from domino_env import DominoChain
 from domino_env.view.drawing import FALLS, LEADS
 
 
@@ -71,13 +70,3 @@ def test_checkers_render_every_mode_that_is_offered(hidden, modes):
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""  # the mixer of pygame would complain where there is no sound
     assert done.stdout.splitlines()[-1] == modes
-
-
-def test_a_window_shows_frames(monkeypatch):
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = DominoChain("gentle", render_mode="human")
-    env.reset()
-    env.step(np.zeros(env.action_space.shape))
-    assert env.render() is None
-    env.close()

@@ -97,19 +97,14 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
         comparison_data([])
 
 
-def test_layouts_of_runs_have_names_by_their_folders_and_curves(tmp_path):
+def test_a_training_has_its_curve_and_a_shipped_layout_its_verification(tmp_path):
     from optimize.experiments.best_known import best_known
 
-    layout = best_known()["sprint"].layout
-    for name in "abc":
-        (tmp_path / name).mkdir()
-        layout.to_csv(tmp_path / name / "layout.csv")
-    (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
-    compared, _ = read_compared([tmp_path / name for name in "abc"], de.load_scene("sprint"))
-    names = ["a", "b", "c", "uniform baseline"]
-    assert [one.name for one in compared] == names
-    assert compared[1].learning == ([10.0, 30.0], [0.5, 0.8])
-    assert "AGREES" in compared[0].verification["verdict"]  # shipped with the layout
+    best_known()["sprint"].layout.to_csv(tmp_path / "layout.csv")
+    (tmp_path / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
+    (entry, _), _ = read_compared([tmp_path], de.load_scene("sprint"))
+    assert entry.learning == ([10.0, 30.0], [0.5, 0.8])
+    assert "AGREES" in entry.verification["verdict"]
 
 
 BROWSED = (

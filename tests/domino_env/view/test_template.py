@@ -8,14 +8,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.view.template import (
-    LEAST_MARGIN,
-    MARGIN,
-    PAPERS,
-    _advice,
-    strips,
-    write_template,
-)
+from domino_env.view.template import LEAST_MARGIN, MARGIN, PAPERS, _advice, strips, write_template
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
 POINT = 0.0254 / 72.0
@@ -37,12 +30,12 @@ def test_footprints_are_drawn_at_one_to_one(tmp_path):
     boxes = re.findall(
         r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS", text
     )
-    found = np.array(boxes, dtype=float) * POINT
-    assert len(found) >= 60
-    np.testing.assert_allclose(found[:, 2] - found[:, 0], 0.0075, atol=2e-6)
-    np.testing.assert_allclose(found[:, 3] - found[:, 1], LAYOUT.width, atol=2e-6)
+    corners = np.array(boxes, dtype=float) * POINT
+    assert len(corners) >= 60
+    np.testing.assert_allclose(corners[:, 2] - corners[:, 0], 0.0075, atol=2e-6)
+    np.testing.assert_allclose(corners[:, 3] - corners[:, 1], LAYOUT.width, atol=2e-6)
     first = len(strips(LAYOUT)[0].dominoes)
-    gaps = np.diff(found[:first, 0])
+    gaps = np.diff(corners[:first, 0])
     np.testing.assert_allclose(gaps, LAYOUT.pitch[: first - 1], atol=2e-6)
 
 
