@@ -69,8 +69,8 @@ class APG(OnPolicyAlgorithm):
         if self.env is None:
             return
         env: Any = self.env
-        env.reset()  # which samples scenes
-        require_smooth(env.vector.scenes[0])  # of the same kind as all others
+        env.reset()  # a reset samples scenes
+        require_smooth(env.vector.scenes[0])  # all scenes are of this kind
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
         scene = env.vector.scenes[0]

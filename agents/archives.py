@@ -26,7 +26,7 @@ from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
 CHANGING = ("features_extractor_class", "squash_output")  # options that change the function
-MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # of policies that are known
+MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of policies that are known
 
 
 def load_archive(
@@ -62,7 +62,7 @@ def load_archive(
             policy = _normalised(policy, statistics)
     except OSError:
         raise
-    except Exception as error:  # of the code in the archive, or of damaged files
+    except Exception as error:  # raised by code in the archive, or by a damaged file
         advice = "" if trust else (
             "; add --trust to load it with Stable-Baselines3, which runs the code that it "
             "contains, if you know its source"
@@ -108,7 +108,7 @@ def _unpickled(path: Path) -> tuple[Policy, int]:
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(kind, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)
-    rate = () if issubclass(kind, ARSPolicy) else (lambda _: 0.0,)  # of learning, not needed
+    rate = () if issubclass(kind, ARSPolicy) else (lambda _: 0.0,)  # unused learning rate
     model = kind(space, data["action_space"], *rate, **options)
     model.load_state_dict(parameters["policy"])
 

@@ -47,9 +47,9 @@ BASELINES = ("ramp", "cma", "auto")  # need no learning
 SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller ones
 ENVIRONMENT = "DominoChain-v1"  # pins reward, observation and scenes
-TRAININGS = Path("runs/benchmark")  # has a folder for each training
-SEARCH_PART = 0.04  # time of the search of a scene of a test set, over that of a single scene
-POINTS = 60  # of the trace of many searches
+TRAININGS = Path("runs/benchmark")  # one folder for each training
+SEARCH_PART = 0.04  # time limit of each search in a test set over that of a single scene
+POINTS = 60  # points of the trace of many searches
 STOPPED = -1.0  # gain of a layout whose wave stops
 
 
@@ -140,7 +140,7 @@ class BenchmarkTask(Task):
             return fitted(self.method, self.target, self.steps, self.seed)
         folder = self.folder
         if not ((folder / SUMMARY).exists() and summary_of(folder).finished):
-            import_module("torch._dynamo")  # as the first optimiser would do while the clock runs
+            import_module("torch._dynamo")  # before the clock, not by the first optimiser
             run = train(
                 self.target, self.method, None, self.seed, folder,
                 resume=(folder / CONFIG).exists(), hyperparameters=self.hyperparameters,
@@ -297,7 +297,7 @@ def machine() -> dict[str, str]:
         output = subprocess.check_output(command, cwd=folder, text=True, stderr=subprocess.DEVNULL)
         names["commit"] = output.strip()
     names["processor"] = platform.processor() or platform.machine()
-    with suppress(OSError):  # the name that Linux has
+    with suppress(OSError):  # only Linux has this file
         models = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text("utf-8"))
         names["processor"] = models[0] if models else names["processor"]
     return names

@@ -42,8 +42,8 @@ COLUMNS = (
     "simulations", "gradients", "updates", "processor_seconds", "seconds_past_uniform", "key",
     "scene_hash", "versions", "trace",
 )  # fmt: skip
-TRACE_POINTS = 60  # of a run in the table
-PAGE = Path(__file__).with_name("benchmark_page.md")  # template
+TRACE_POINTS = 60  # points of a trace in the table
+PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 SAMPLED = (
     "Every episode of a training has a new scene. Scores, also in the curves, are median gains "
     "over the uniform baselines in the test set; that of searches with 2,500 evaluations each, {}, "

@@ -33,7 +33,7 @@ STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes"
 SCENES, BUDGET = 5000, 600
 QUALITIES = ("uniform", "noisy", "searched")
 NOISE = 0.1  # standard deviation of the actions of "noisy" episodes, which are from -1 to 1
-CARD_PAGE = Path(__file__).with_name("dataset_card.md")  # template
+CARD_PAGE = Path(__file__).with_name("dataset_card.md")  # template of the card
 
 
 def make_dataset(
@@ -239,7 +239,7 @@ def write_episodes(
         home = str(folder.resolve())  # Minari joins a relative path twice
         environment = mock.patch.dict(os.environ, MINARI_DATASETS_PATH=home)
         with environment, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about a missing e-mail address
+            warnings.simplefilter("ignore", UserWarning)  # about a missing address
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,

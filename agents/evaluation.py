@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
 ROUNDING = 1e-9  # relative gain up to which a layout counts as the uniform one
-LEAST_GAIN = 1e-4  # of a search; a smaller one is no reference for others
+LEAST_GAIN = 1e-4  # a smaller gain of a search is no reference
 SEARCHED = Path(__file__).with_name("searched.csv")
 
 
@@ -217,7 +217,7 @@ class ScenesEvaluation:
         parts, times = ["", ""], ["", ""]
         if "search" in self.scores:
             searched = self.gains("search")
-            gained = searched > LEAST_GAIN  # False for nan
+            gained = searched > LEAST_GAIN  # nan compares as False
             normalised = self.gains(name)[gained] / searched[gained]
             parts = [f"{np.quantile(normalised, q):.1%}" for q in (0.5, 0.1)]
         if name in self.seconds:
@@ -313,7 +313,7 @@ def evaluate_scenes(
             "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
     compile_for(scenes[0])
-    scorers["policy"](scenes[0])  # what is loaded once is not timed
+    scorers["policy"](scenes[0])  # the first call loads data and is not timed
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):

@@ -36,7 +36,7 @@ from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
 from optimize.problem import Scores  # noqa: E402
 
 EVALUATIONS = 50  # layouts built without noise in a whole search
-GENERATIONS = 8  # generations of layouts that a budget of evaluations is to last for
+GENERATIONS = 8  # least number of generations in a budget of evaluations
 
 
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -70,7 +70,7 @@ def _within(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
     options = dict(defaults.options)
     if "n_steps" in options:  # batches of the same part of a rollout
         options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
-    if "n_delta" in options:  # of ARS: two environments each
+    if "n_delta" in options:  # ARS evaluates each in two environments
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
     return replace(defaults, num_envs=num_envs, options=options)
@@ -133,7 +133,7 @@ class _Learning:
             self._note([rollout.layout], score, reach)
 
     def _note(self, layouts: Any, scores: Floats, reach: Floats) -> None:
-        dominoes = self.problem.dominoes  # of all layouts that a score takes, at most
+        dominoes = self.problem.dominoes  # largest number of dominoes that a score simulates
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
         def design(i: int) -> Floats:

@@ -39,7 +39,7 @@ class Kind(NamedTuple):
     hidden: str  # names of the hidden layers
     last: str  # name of the last layer, if it differs
     activation: str  # default of the hidden layers
-    squashed: bool  # whether actions are the tanh of the outputs
+    squashed: bool  # True if actions are the tanh of the outputs
 
 
 KINDS = (
@@ -176,7 +176,7 @@ def actor_of(arrays: Mapping[str, Any], activation: str | None = None) -> Networ
         raise NoMLPError(f"its activation function is {function}, only Tanh and ReLU are known")
     names = _names(layers, kinds[0])
     biased = any(name.endswith("bias") for name in arrays)
-    for name in [] if biased else names:  # linear policies of ARS
+    for name in [] if biased else names:  # linear policies of ARS have no biases
         arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
     squashed = kinds[0].squashed and names != ["action_net.0"]  # linear policies are clipped
     return Network.named(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)

@@ -24,7 +24,7 @@ from domino_env.core.types import Floats
 
 RTOL = 1e-5  # relative error allowed in the arrival times
 WISHES = 10.0  # weight of the mean square error of the wishes, beside a return in per cent
-HAND = "thicknesses", "hand", "stock"  # what is followed besides the position
+HAND = "thicknesses", "hand", "stock"  # parts that are followed besides the position
 TEMPO = "lateness", "intervals", "gaps", "thicknesses"
 
 

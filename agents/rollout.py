@@ -24,9 +24,9 @@ from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
 from optimize.searching import compile_for
 
-PLANNING_SEEDS = range(64)  # of placement noise and orders that plans and policies are chosen by
-EVALUATION_SEEDS = range(10_000, 10_200)  # of those that scores are reported for; no plan is
-TRAINING_SEEDS = 10**6  # one training begins at this seed of its environments, the next at twice it
+PLANNING_SEEDS = range(64)  # seeds by which plans and policies are chosen
+EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
+TRAINING_SEEDS = 10**6  # environments of training k begin at (k + 1) times this seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,9 @@ def scores_of(
     ndarray
         (S,) scores.
     """
-    options: Any = {"reference_speed": reference_speed, "autoreset_mode": "SameStep"}
-    env = DominoChainVector(len(seeds), scene, **options)
+    env = DominoChainVector(
+        len(seeds), scene, reference_speed=reference_speed, autoreset_mode="SameStep"
+    )
     return np.array(last_infos(policy, env, "score", seed=list(seeds)))
 
 

@@ -38,7 +38,7 @@ from domino_env.core.files import naming, write_bytes
 from domino_env.envs.spaces import SCALES
 
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
-NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to come) / 4)
+NEAR_END = SCALES.index(4.0)  # index in "near_end" of exp(-(dominoes to come) / 4)
 
 
 class Learner:
@@ -68,7 +68,7 @@ class Learner:
         self.hyperparameters = hyperparameters
         self.env = DominoVecEnv(target, hyperparameters.num_envs)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
+            warnings.simplefilter("ignore", UserWarning)  # about uneven batches
             self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)
         self.model.set_logger(Logger(folder=None, output_formats=[]))
         if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
@@ -83,7 +83,7 @@ class Learner:
     def updates(self) -> int:
         """Updates of the policy so far."""
         number = int(getattr(self.model, "_n_updates", 0))
-        if isinstance(self.model, PPO):  # which counts passes over a rollout
+        if isinstance(self.model, PPO):  # SB3 counts passes over a rollout
             number *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
         return number
 
@@ -168,7 +168,7 @@ class Learner:
                 values = state["transitions"][name].numpy()
                 getattr(buffer, name)[: len(values)] = values
             buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
-        if hasattr(self.model, "weights"):  # of ARS, which loads its policy from them
+        if hasattr(self.model, "weights"):  # ARS loads its policy from them
             parameters = self.model.policy.parameters()
             self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
 
@@ -184,7 +184,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     with naming(path):
         try:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
-        except Exception:  # the unpickler raises errors of any kind; its advice is to run the code
+        except Exception:  # unpickling raises errors of any kind, which advise to run the code
             raise ValueError(
                 "not a checkpoint, or damaged: resume from a copy, or train anew"
             ) from None
@@ -333,7 +333,7 @@ class VectorARS(ARS):
         num_envs, number = env.num_envs, len(weights)
         filled = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
         observations = torch.from_numpy(env.reset())
-        matrices = filled.reshape(num_envs, -1, observations.shape[1])  # of linear policies
+        matrices = filled.reshape(num_envs, -1, observations.shape[1])  # weights of linear policies
         running = torch.ones(num_envs, dtype=torch.bool)
         returns = torch.zeros(num_envs)
         while running[:number].any():

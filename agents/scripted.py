@@ -19,11 +19,11 @@ from domino_env.scenes.objectives.robust import placed
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
-ACTIONS = 41, 11  # values that the greedy policy tries for one free variable, for each of several
+ACTIONS = 41, 11  # values of the greedy policy for one free variable, for each of several
 SAMPLES = 4000  # ramps that are simulated
 KEPT = 20  # best ramps around which more are sampled
-NEVER = 1e3  # [s] lateness of a hit that does not come
-GAP_TOLERANCE = 1e-8  # [m] to which the controller solves for a gap
+NEVER = 1e3  # [s] lateness that stands for a hit that never happens
+GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
 
 def uniform(scene: Scene) -> Rollout:
@@ -74,7 +74,7 @@ def ramp(scene: Scene) -> Rollout:
     best = rng.random((SAMPLES // 2, 5))
     simulations = len(best) + 1
     best = best[np.argsort(-_ramp_scores(scene, best))[:KEPT]]
-    for width in (0.1, 0.03, 0.01):  # of samples around the best
+    for width in (0.1, 0.03, 0.01):  # spread of the samples around the best
         centres = best[rng.integers(KEPT, size=SAMPLES // 6)]
         around = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, around])

@@ -49,10 +49,10 @@ if TYPE_CHECKING:
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
 )  # fmt: skip
-EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
+EVALUATIONS = 200  # evaluations in a whole training, each with a checkpoint
 POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
-TEST_SCENES = 200  # of a shipped distribution
-EPISODE = 32  # steps of an episode for default hyperparameters where their number varies
+TEST_SCENES = 200  # scenes of the test set of a shipped distribution
+EPISODE = 32  # steps that choose default hyperparameters where their number varies
 
 
 class ConfigDocument(Document):
@@ -294,7 +294,7 @@ class Training:
         if isinstance(self.target, SceneDistribution):
             pool = ScenePool(self.target)
             self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
-            with suppress(ValueError):  # of a distribution without a test set
+            with suppress(ValueError):  # the distribution has no test set
                 self.tests = scenes_of(self.target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
@@ -397,7 +397,7 @@ class Training:
                 paused = time.perf_counter(), time.process_time()
                 self.test_score = float(np.median(gains_of(policy, self.target, self.tests)))
                 now = time.perf_counter() - paused[0], time.process_time() - paused[1]
-                self.began = self.began[0] + now[0], self.began[1] + now[1]  # no time of training
+                self.began = self.began[0] + now[0], self.began[1] + now[1]  # without the pause
             if rollout is not None:
                 self._write_json(
                     BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds

@@ -26,14 +26,23 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 
 @pytest.fixture(scope="session")
-def pages() -> ModuleType:
+def script() -> Callable[[str], ModuleType]:
+    """A function that loads a script of docs/ or examples/ as a module, without running it."""
+
+    def load(path: str) -> ModuleType:
+        root = Path(__file__).resolve().parents[1]
+        spec = importlib.util.spec_from_file_location(Path(path).stem, root / path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def pages(script: Callable[[str], ModuleType]) -> ModuleType:
     """The module that makes pages when the site is built, and README's table."""
-    spec = importlib.util.spec_from_file_location(
-        "pages", Path(__file__).resolve().parents[1] / "docs" / "pages.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("docs/pages.py")
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,7 @@
 """Examples: trainings improve the policy, notebooks run, pages have the tables of programs."""
 
-import importlib.util
 import json
 from pathlib import Path
-from types import ModuleType
 
 import gymnasium
 import matplotlib.pyplot as plt
@@ -22,23 +20,14 @@ ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples"
 
 
-def loaded(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
     ("name", "short", "longer"),
     [("ppo_in_one_file", 1, 10), ("ppo_of_stable_baselines3", 1, 10 * 64 * 64)],
 )
-def test_an_example_learns(name, short, longer, monkeypatch):
+def test_an_example_learns(name, short, longer, monkeypatch, script):
     pytest.importorskip("stable_baselines3")
-    example, scenes = loaded(name), load_test_set("varied")[:20]
+    example, scenes = script(f"examples/{name}.py"), load_test_set("varied")[:20]
     monkeypatch.setattr(example, "NUM_ENVS", 64)
     before, after = (example.gains(example.train(much), scenes) for much in (short, longer))
     assert after.shape == (20,)
@@ -73,9 +62,10 @@ def test_the_file_for_rl_zoo3_has_arguments_of_the_environment_and_of_ppo():
     assert sb3.PPO(env=env, device="cpu", **chosen).n_steps == 128
 
 
-def test_the_page_of_the_bathtub_has_the_numbers_of_its_program():
+def test_the_page_of_the_bathtub_has_the_numbers_of_its_program(script):
     """`python examples/why_the_bathtub_wins.py --write` updates it."""
-    example, page = loaded("why_the_bathtub_wins"), (ROOT / "docs" / "why.md").read_text("utf-8")
+    example = script("examples/why_the_bathtub_wins.py")
+    page = (ROOT / "docs" / "why.md").read_text("utf-8")
     assert fill(page, example.cheap_tables()) == page
     shown = example.other_scenes(cases={"40 dominoes": example.SPRINT})[-1]
     assert shown in page
@@ -84,11 +74,11 @@ def test_the_page_of_the_bathtub_has_the_numbers_of_its_program():
     assert abs(gap - steady) < 1e-4
     assert f"is {1e3 * example.any_number(0.9975):.1f} mm instead of" in page
     assert "{:.2f}, {:.2f}, {:.2f} and {:.2f} m/s".format(*example.wide_after(0.011)) in page
-    for thickness, before in (
-        (0.004, "from"),
-        (0.0075, "of 7.5 mm from"),
-        (0.012, "of 12 mm from"),
-    ):
+    for thickness, before in {
+        0.004: "from",
+        0.0075: "of 7.5 mm from",
+        0.012: "of 12 mm from",
+    }.items():
         assert f"{before} {1e3 * example.least_gap(thickness):.1f} mm" in page
     assert len(example.draw_map(8).axes) == 2
     assert len(example.draw_gaps(budget=20).axes[0].lines) == 2 * len(example.FRICTIONS)
@@ -108,9 +98,9 @@ def test_a_notebook_runs_and_has_no_stored_outputs(path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_ten_lines_train_draw_and_show_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ten_lines_train_draw_and_show_an_episode(monkeypatch, script):
     pytest.importorskip("stable_baselines3")
-    example = loaded("reinforcement_learning_in_ten_lines")
+    example = script("examples/reinforcement_learning_in_ten_lines.py")
     monkeypatch.setattr(example, "NUM_ENVS", 2)
     model, steps, returns = example.train(steps=512)
     assert list(steps) == [0, 256, 512]

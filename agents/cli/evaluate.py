@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from agents.scripted import ScriptedPolicy
 
 SUMMARY = "evaluate a trained agent or a scripted policy"
-TEST_SCENES = 200  # of a distribution
+TEST_SCENES = 200  # scenes of a test set that are evaluated
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -128,7 +128,7 @@ def sentence(rollout: Rollout) -> str:
     which = "the best known"
     if (number := len(evaluation_seeds(scene))) > 1:
         best, which = None, f"the open-loop plan over the same {number} episodes"
-        with suppress(ValueError):  # of a scene without a plan
+        with suppress(ValueError):  # the scene has no plan
             best = plan(scene).score
     gap = None if best is None else gain(score, best)
     if gap is not None:

@@ -25,11 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--resume", action="store_true", help="continue from the checkpoint in the folder"
     )
     parser.add_argument(
-        "--save-zip",
-        metavar="FILE",
-        type=output(".zip"),
+        "--save-zip", metavar="FILE", type=output(".zip"),
         help="write the best policy as an archive of Stable-Baselines3 too (.zip)",
-    )
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,9 +9,9 @@ from domino_env import Scene
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Floats
 
-LARGEST_GAP = 1.0  # logarithm of the largest gap over h that the networks may ask for
-HALVINGS = 40  # of the interval of shifts that give a layout its length
-LARGEST_SHIFT = 6.0  # of the logarithms of the gaps; the logarithm of a gap over h is at least -6
+LARGEST_GAP = 1.0  # logarithm of the largest gap over h that is decoded
+HALVINGS = 40  # halvings of the interval of shifts that give a layout its length
+LARGEST_SHIFT = 6.0  # largest shift of the logarithms of the gaps, which are at least -6 over h
 
 
 def decoded(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats]:
@@ -60,7 +60,7 @@ def decoded(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Float
         low[short], high[~short] = shift[short], shift[~short]
     rest = totals - gaps.sum(axis=1)
     free = (gaps > least) & (gaps < largest)
-    gaps += free * (rest / np.maximum(free.sum(axis=1), 1))[:, None]  # rounding
+    gaps += free * (rest / np.maximum(free.sum(axis=1), 1))[:, None]  # removes the rounding error
     for k in np.flatnonzero(np.abs(totals - gaps.sum(axis=1)) > 1e-12):  # no longer tight
         bounds = np.full(pairs, least), np.full(pairs, largest)
         gaps[k] = nearest_with_sum(gaps[k : k + 1], *bounds, float(totals[k]))[0]

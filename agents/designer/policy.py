@@ -44,7 +44,7 @@ from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
 from optimize.searching import compile_for
 
-AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of the logarithms of the gaps around their mean
+AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of log gaps around their mean
 LEAST, MOST, DOMINOES = 4, 12, 320  # gradient steps, and dominoes in all of them: some 4 ms
 CURVATURE = 1.0  # N-1 times the second derivative of ln(score) by the logarithm of a gap
 

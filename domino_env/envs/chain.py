@@ -22,7 +22,7 @@ from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-PIECE = 128  # environments that one thread steps, at least: waking another costs as much
+PIECE = 128  # least number of environments of a thread: starting another costs as much
 
 
 class DominoChain(DominoEnv):
@@ -386,7 +386,7 @@ class DominoChainVector(DominoVectorEnv):
         batch.features[envs], batch.rest[envs] = source.features[which], source.rest[which]
         batch.schedule[envs] = source.schedule[which]
         batch.thickness[envs, 0] = source.first_thickness[which]
-        if len(batch.height) == self.num_envs:  # else all share one
+        if len(batch.height) == self.num_envs:  # else all environments share one line
             batch.height[envs] = source.rules["unit"][which, None]
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:

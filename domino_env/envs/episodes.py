@@ -89,7 +89,7 @@ class EpisodeResults:
 
     def _simulated(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
         """Return the waves of episodes of one scene with equally many dominoes placed."""
-        if len(episodes) == 1 and scene.ground is None:  # half the time of a batch of one
+        if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
             return [simulate(self.layout(episodes[0]), scene.physics, rtol=self.rtol)]
         tall = self.height if len(self.height) == 1 else self.height[episodes]
         sizes = self.thickness[episodes, : placed + 1], tall[:, : placed + 1], scene.width

@@ -17,7 +17,7 @@ from domino_env.envs.spaces import choices
 from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
 from domino_env.scenes.scene import Scene
 
-PIECE = 16  # environments whose dominoes are placed by one thread, at least
+PIECE = 16  # least number of environments of a thread
 
 
 class DominoLayout(DominoEnv):
@@ -101,7 +101,7 @@ class DominoLayoutVector(DominoVectorEnv):
                 "an action would change with its number of dominoes: use DominoChain-v1"
             )
         first = self.source.first
-        self._batch.rules["length"] = 0.0  # met by a projection of the whole layout
+        self._batch.rules["length"] = 0.0  # a projection of the whole layout meets it
         self._set_spaces(choices(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32))
 
     def begin(

@@ -22,7 +22,7 @@ from domino_env.physics.motion import stack_leans
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
-FRAMES_PER_SECOND = 20  # of a window, at most
+FRAMES_PER_SECOND = 20  # largest rate of a window
 WIDTH, HEIGHT = 1200, 200  # [px]
 TEXT_WIDTH = 100  # [characters]
 
@@ -36,7 +36,7 @@ def _window_works() -> bool:
 
 VECTOR_MODES = ("rgb_array", "ansi")
 MODES = (*VECTOR_MODES, "human")
-OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # tools try whatever is offered
+OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # checkers try all modes offered
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class _Window:
         require_extra("a window", "render", "pygame")
         import pygame
 
-        pygame.display.init()  # not all of pygame: its mixer fails noisily where there is no sound
+        pygame.display.init()  # not pygame.init: its mixer prints errors where there is no sound
         pygame.display.set_caption("toppling dominoes")
         self._pygame, self._clock = pygame, pygame.time.Clock()
         self._surface = pygame.display.set_mode(size)

@@ -21,9 +21,9 @@ from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 
 Generators = Callable[[int], np.random.Generator]  # generator of an environment, by its index
-SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # a name or path of either, too
+SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
 
-ROOM = 2  # dominoes of a scene that is given, at most, over those of the longest sampled
+ROOM = 2  # largest count of a given scene over that of the longest sampled one
 
 
 class SceneSource:

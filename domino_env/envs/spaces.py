@@ -10,7 +10,7 @@ from domino_env import kernels
 from domino_env.scenes.scene import Scene
 
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] decay lengths of near_start and near_end
-FEATURE_LIMIT = 3.0  # bound of the features of scenes from beyond the ranges
+FEATURE_LIMIT = 3.0  # bound of the features of scenes outside the ranges
 
 
 class ObservationLayout(dict[str, slice]):
@@ -70,11 +70,9 @@ class ObservationLayout(dict[str, slice]):
                 self[name] = slice(size, size + entries)
                 self.starts[name] = size
                 size += entries
-        low, high = (
-            np.concatenate([np.full(part[0], part[k], np.float32) for part in parts.values()])
-            for k in (1, 2)
-        )
-        self.space = Box(low, high, dtype=np.float32)
+        sizes, low, high = zip(*parts.values(), strict=True)
+        bounds = np.repeat(np.array([low, high], np.float32), sizes, axis=1)
+        self.space = Box(*bounds, dtype=np.float32)
 
 
 def closeness(count: int) -> NDArray[np.float32]:

@@ -38,7 +38,7 @@ Infos = dict[str, NDArray[Any]]
 
 RTOL = 1e-6
 WINDOW = 8
-LARGEST_RING = 1024  # dominoes kept behind the leader; the wave feels some thirty
+LARGEST_RING = 1024  # dominoes kept behind the leader; some thirty influence the wave
 
 
 class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
@@ -63,7 +63,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Slice of each part of an observation, by name.
     """
 
-    options: ClassVar[tuple[str, ...]] = ()  # of a reset, where the scene is fixed
+    options: ClassVar[tuple[str, ...]] = ()  # options of a reset where the scene is fixed
 
     def __init__(
         self,
@@ -87,10 +87,10 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
         self._pieces = self._remaining(np.array([self.source.first.first_thickness]))
-        # before any reset there is a scene too
+        # the scene before the first reset
         number = self.source.sample(np.random.default_rng(0))
         self._which = np.full(self.num_envs, number)  # scene of each environment
-        self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
+        self._waves = np.full(self.num_envs, None, object)  # waves of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # episodes that a new one replaces next
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs
@@ -566,7 +566,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     kinds = _kinds_to_choose(scene)
     sampled = source.distribution
     own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
-    # a power of two that holds the chain, or as much of it as the wave feels
+    # a power of two for the chain, or for the part that influences the wave
     size = 1 << min(longest, LARGEST_RING - 1).bit_length()
     link = kernels.CONTACT if scene.ground is None else kernels.UNEVEN_CONTACT
     batch = kernels.Batch(

@@ -19,13 +19,13 @@ from domino_env.view.comparison import ComparedLayout
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
 
-MOST_DOMINOES = 5_000  # of a chain that is drawn
+MOST_DOMINOES = 5_000  # of a chain that can be drawn
 WIDEST = 10_000  # [px]
-MOST_PIXELS = 500_000_000  # of all images: as many bytes in few colours
+MOST_PIXELS = 500_000_000  # pixels of all images, one byte each in few colours
 STRIP, POSE = 150, 100  # [px] height of a chain on flat ground, in an animation and in poses
-FURTHEST = 0.97  # of the width of a picture of poses: furthest place of the leader
-LAST = 2000.0  # [ms] for which an animation shows its last image before it begins again
-REST = 0.08  # [s] of stillness before the push and after the end, in the time of the wave
+FURTHEST = 0.97  # furthest place of the leader over the width of a picture of poses
+LAST = 2000.0  # [ms] duration of the last image of an animation
+REST = 0.08  # [s] rest before the push and after the end, in the time of the wave
 
 
 def frames(

@@ -85,7 +85,7 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
     """
     scored = all(entry.score is not None for entry in compared)
     by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
-    # the first of equals first
+    # equal merits stay in their order
     ranked = sorted(zip(_merits(compared), compared, strict=True), key=lambda pair: -pair[0])
     best, first = ranked[0]
     results, leads = [], []
@@ -120,7 +120,7 @@ def _data_of(entry: ComparedLayout) -> dict[str, Any]:
     wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
-    # off the two hits, which the motion may have a little earlier or later
+    # not at the two hits, whose times in the motion differ by rounding
     part = np.clip(np.linspace(0.0, 1.0, STEPS + 1), EDGE, 1.0 - EDGE)
     times = ends[:-1, None] + part * np.maximum(np.diff(ends), 0.0)[:, None]
     leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))

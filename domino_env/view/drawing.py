@@ -20,7 +20,7 @@ INK, PALE, SOFT, FALLS, LEADS = map(
     ImageColor.getrgb, (colours.INK, colours.PALE, colours.SOFT, colours.BLUE, colours.RED)
 )
 TITLE = 40  # height of the line above all strips [px]
-AHEAD = 0.72  # of the width of a moving picture: furthest place of the leader
+AHEAD = 0.72  # furthest place of the leader over the width of a moving picture
 FINER = 2  # factor by which strips are drawn larger, then scaled down
 HIGHEST = 2.0  # strip heights that uneven ground may add; higher ground is followed
 

@@ -13,7 +13,7 @@ from domino_env.kernels.arrays import FLIP, SWITCH
 from domino_env.physics.motion import PIECES, Motion, stack_sums
 from domino_env.physics.wave import simulate
 
-STEP = 1e-6  # [rad] of the leader, between which the rates of all dominoes are differences
+STEP = 1e-6  # [rad] angle of the leader for differences that give the rates of all dominoes
 
 
 @dataclass(frozen=True, eq=False)

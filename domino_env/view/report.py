@@ -122,21 +122,18 @@ def read_compared(
         For a folder without a layout.csv, and for runs of different scenes.
     """
     scene = scene or common_scene(paths)
-    names, files = [], []
-    for path in paths:
-        if path.is_dir() and not (path / "layout.csv").exists():
-            raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
-        names.append(one_line(path.resolve().name if path.is_dir() else path.stem, 100))
-        files.append(path / "layout.csv" if path.is_dir() else path)
     scored = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
     compared = []
-    for name, path, file in zip(names, paths, files, strict=True):
+    for path in paths:
+        folder = path if path.is_dir() else None
+        file = path / "layout.csv" if folder else path
+        if folder and not file.exists():
+            raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
         layout = read_layout(file, scene)
         require_drawable(one_line(str(file)), layout.count)
-        folder = path if path.is_dir() else None
         entry = ComparedLayout(
-            name,
+            one_line(path.resolve().name if folder else path.stem, 100),
             simulate(layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),

@@ -17,14 +17,14 @@ from domino_env.physics.wave import Wave
 
 RATE = 44100  # [1/s] samples
 MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
-SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # [1/s] samples of a recording
+SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # [1/s] samples of a recording per second
 REST = 0.1  # [s] of silence before and after the clicks
 CLICK_PITCH, DECAY = 3200.0, 0.0012  # [Hz], [s] of a click
 HOP = 0.0005  # [s] between two values of the loudness
 SLOWEST, FASTEST = 5.0, 250.0  # [1/s] range of hit frequencies
-QUIET = 0.1  # of the 95th percentile of the loudness: below it nothing topples
+QUIET = 0.1  # part of the 95th percentile of the loudness below which nothing topples
 RUN_UP = 0.25  # part of the recording in which the wave still accelerates
-PARTS = 5  # of the recording, estimated separately for the uncertainty
+PARTS = 5  # parts of a recording, estimated separately for the uncertainty
 ENOUGH = 8  # hits in a part, at least
 
 

@@ -28,12 +28,12 @@ from domino_env.physics.wave import simulate
 from domino_env.view.ground import places_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
-MOST_SHEETS = 1_000  # of a layout some hundred metres long
+MOST_SHEETS = 1_000  # sheets of a layout of some hundred metres
 MARGIN = 0.014  # [m] that stays white
 LEAST_MARGIN = 0.006  # [m] that printers need, where that saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
-BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for their numbers
+BESIDE = 0.013  # [m] width of a strip on both sides of the dominoes, for their numbers
 BAR = 0.100  # [m] length of the scale bar
 INCH, MM = 0.0254, 1000.0
 LINE = 0.4  # [pt]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from agents.draw import _changes, fit_fixed, fit_rule, fixed, hindsight, numbers, rule
+from agents.draw import fixed, numbers, rule
 from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, TRAINING_SEEDS, scores_of
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain
@@ -15,6 +15,11 @@ from domino_env.cli.main import main
 
 DRAW = de.load_scene("draw")
 SMALL = DRAW.replace(count=8, stock=de.Stock((0.005, 0.0075, 0.010), (2, 3, 3), 2))
+
+
+@pytest.fixture(scope="module")
+def references(script):
+    return script("docs/draw_references.py")
 
 
 def feasible(order, sequence, hand):
@@ -29,9 +34,9 @@ def feasible(order, sequence, hand):
     return True
 
 
-def test_changes_of_a_sequence_are_all_those_that_the_hand_allows():
+def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
     orders = SMALL.orders([*map(np.random.default_rng, range(5))])
-    origin, sequences = _changes(orders, orders, SMALL.hand)
+    origin, sequences = references._changes(orders, orders, SMALL.hand)
     expected = set()
     for b, order in enumerate(orders):
         for i, j in permutations(range(len(order)), 2):
@@ -44,10 +49,10 @@ def test_changes_of_a_sequence_are_all_those_that_the_hand_allows():
     assert sorted(changes) == sorted(expected)
 
 
-def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand():
+def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references):
     policies = [rule(DRAW, numbers()["rule"]), fixed(DRAW, numbers()["plan"])]
     seeds = EVALUATION_SEEDS[:3]
-    best, _, thickness = hindsight(DRAW, seeds, policies, rounds=1)
+    best, _, thickness = references.hindsight(DRAW, seeds, policies, rounds=1)
     for policy in policies:
         assert (best >= scores_of(policy, DRAW, seeds) * (1.0 - 1e-6)).all()
     orders = DRAW.orders([np.random.default_rng(seed) for seed in seeds])
@@ -55,15 +60,16 @@ def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand():
         assert feasible(order, sequence, DRAW.hand)
 
 
-def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders():
+def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(references):
     uniform = SMALL.uniform().score
-    fitted = fit_rule(SMALL, np.random.default_rng(0), generations=12)
-    again = fit_rule(SMALL, np.random.default_rng(0), generations=12)
+    fitted, again = (
+        references.fit_rule(SMALL, np.random.default_rng(0), generations=12) for _ in range(2)
+    )
     assert fitted.tolist() == again.tolist()
     assert scores_of(rule(SMALL, fitted), SMALL, PLANNING_SEEDS).mean() > uniform
     start = np.zeros((7, 2))
     start[:, 0] = np.interp(SMALL.uniform().layout.spacing, SMALL.spacing, (-1.0, 1.0))
-    plan = fixed(SMALL, fit_fixed(SMALL, start, rounds=1))
+    plan = fixed(SMALL, references.fit_fixed(SMALL, start, rounds=1))
     assert scores_of(plan, SMALL, PLANNING_SEEDS).mean() > uniform
 
 

@@ -1,0 +1,240 @@
+"""Write agents/draw.json, references of the scene "draw": python docs/draw_references.py.
+
+It takes four minutes and fits three references:
+
+- rule: its 25 numbers, by CMA-ES;
+- open loop: a fixed sequence of gaps and wished thicknesses, by exact gradients and by exchanges;
+- hindsight: the order is known; exchanges and moves of pieces that the hand allows, and local
+  searches over the gaps. It is the best known, and no bound.
+
+Rule and open loop are fitted to the orders of `PLANNING_SEEDS`.
+"""
+
+from __future__ import annotations
+
+import json
+from itertools import permutations
+
+import numpy as np
+
+from agents.draw import PARTS, PATH, fixed, rule
+from agents.network import Policy
+from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, last_infos, scores_of
+from domino_env import DominoChain, DominoChainVector, Scene, load_scene
+from domino_env.core.files import write_text
+from domino_env.core.types import Floats, Ints
+from optimize.methods.gradient.local_search import LocalSearch
+from optimize.methods.search.cma_es import maximize
+
+GENERATIONS, POPULATION = 400, 16
+PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
+LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
+FEW = 8  # changes that are refined in a round
+ROUNDS = 40
+GAIN = 1e-5  # a smaller relative gain of a round ends the search
+
+
+def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
+    """Return the (25,) numbers of the rule with the best mean score on the planning orders."""
+    low, high = scene.spacing
+    start = np.zeros(sum(PARTS))
+    start[PARTS[0] : PARTS[0] + PARTS[1]] = (
+        2.0 * (scene.uniform().layout.spacing[0] - low) / (high - low) - 1.0
+    )
+
+    def mean_scores(candidates: Floats) -> Floats:
+        orders = len(PLANNING_SEEDS)
+        policy = rule(scene, np.repeat(candidates, orders, axis=0))
+        scores = scores_of(policy, scene, [*PLANNING_SEEDS] * len(candidates))
+        means: Floats = scores.reshape(-1, orders).mean(axis=1)
+        return means
+
+    return maximize(mean_scores, start, 0.3, POPULATION, generations, rng)
+
+
+def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
+    """Return (N-1, 2) actions with a high mean score on the planning orders.
+
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    actions
+        (N-1, 2) actions to begin at.
+    rounds
+        Largest number of rounds, each of which changes one wish.
+    """
+    env, seeds = DominoChainVector(len(PLANNING_SEEDS), scene), [*PLANNING_SEEDS]
+
+    def pieces(wishes: Floats) -> Floats:
+        env.reset(seed=seeds)
+        both = np.stack([np.zeros(len(wishes)), wishes], axis=1)
+        return env.place_all(np.tile(both, (len(seeds), 1, 1)))[1]
+
+    def refined(gap: Floats, thickness: Floats, gradients: int) -> tuple[float, Floats]:
+        search = LocalSearch(gap)
+        while not search.done and search.evaluations < gradients:
+            search.update(*_mean(scene, search.wanted, thickness))
+        return search.score, search.design
+
+    gap, wishes = 0.5 * (np.clip(actions[:, 0], -1.0, 1.0) + 1.0), actions[:, 1]
+    score, gap = refined(gap, pieces(wishes), LONG)
+    for _ in range(rounds):
+        changes = [(n, wish) for n in range(len(wishes)) for wish in PREFERENCES]
+        tried = np.repeat(wishes[None], len(changes), axis=0)
+        for i, (n, wish) in enumerate(changes):
+            tried[i, n] = wish
+        placed = [pieces(sequence) for sequence in tried]
+        gaps = np.broadcast_to(_gaps(scene, gap), (len(tried) * len(seeds), len(gap)))
+        scores = scene.evaluate(scene.batch(gaps, np.concatenate(placed))).score
+        best = np.argsort(-scores.reshape(len(tried), -1).mean(axis=1), kind="stable")[:FEW]
+        results = [(*refined(gap, placed[i], SHORT), int(i)) for i in best]
+        new_score, new_gap, i = max(results, key=lambda result: result[0])
+        if new_score <= score * (1.0 + GAIN):
+            break
+        score, gap, wishes = new_score, new_gap, tried[i]
+    gap = refined(gap, pieces(wishes), LONG)[1]
+    return np.stack([2.0 * gap - 1.0, wishes], axis=1)
+
+
+def _gaps(scene: Scene, design: Floats) -> Floats:
+    """Return the gaps [m] of values in [0, 1]."""
+    return scene.spacing[0] + design * (scene.spacing[1] - scene.spacing[0])
+
+
+def _mean(scene: Scene, design: Floats, thickness: Floats) -> tuple[float, Floats]:
+    """Return the mean score of gaps with the pieces of each order, and its gradient."""
+    gaps = np.tile(_gaps(scene, design), (len(thickness), 1))
+    result = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
+    assert result.gradient is not None
+    gradient = result.gradient.spacing.mean(axis=0) * (scene.spacing[1] - scene.spacing[0])
+    return float(result.score.mean()), gradient
+
+
+def hindsight(
+    scene: Scene, seeds: range, policies: list[Policy], rounds: int = ROUNDS
+) -> tuple[Floats, Floats, Floats]:
+    """Search the best layout for each order of pieces, with the order known.
+
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    seeds
+        S seeds of orders.
+    policies
+        Policies whose layouts are improved, each for itself at first.
+    rounds
+        Largest number of rounds.
+
+    Returns
+    -------
+    tuple of ndarray
+        Scores (S,), gaps and thicknesses (S, N-1) [m].
+    """
+    orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
+    results = [
+        _improved(scene, orders, *_layouts_of(policy, scene, seeds), rounds) for policy in policies
+    ]
+    best, each = np.argmax([scores for scores, _, _ in results], axis=0), np.arange(len(orders))
+    score, gaps, thickness = (np.array(part)[best, each] for part in zip(*results, strict=True))
+    return score, gaps, thickness
+
+
+def _improved(
+    scene: Scene, orders: Floats, gaps: Floats, thickness: Floats, rounds: int
+) -> tuple[Floats, Floats, Floats]:
+    """Return scores (S,), gaps and thicknesses (S, N-1) of searches that begin at S layouts."""
+    score, gaps = _refined(scene, gaps, thickness, SHORT)
+    live = np.arange(len(orders))
+    for _ in range(rounds):
+        origin, sequences = _changes(orders[live], thickness[live], scene.hand)
+        scores = scene.evaluate(scene.batch(gaps[live][origin], sequences)).score
+        ranked = np.lexsort((-scores, origin))
+        place = np.arange(len(ranked)) - np.searchsorted(origin[ranked], origin[ranked])
+        few = ranked[place < FEW]
+        new_scores, new_gaps = _refined(scene, gaps[live][origin[few]], sequences[few], SHORT)
+        better = np.zeros(len(live), np.bool_)
+        for i in np.argsort(new_scores):  # the best of each order last
+            b = live[origin[few[i]]]
+            if new_scores[i] > score[b] * (1.0 + GAIN):
+                score[b], gaps[b], thickness[b] = new_scores[i], new_gaps[i], sequences[few[i]]
+                better[origin[few[i]]] = True
+        live = live[better]
+        if not len(live):
+            break
+    return *_refined(scene, gaps, thickness, LONG), thickness
+
+
+def _layouts_of(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
+    """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
+    env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+    layouts = last_infos(policy, env, "layout", seed=list(seeds))
+    spacing = np.array([layout.spacing for layout in layouts])
+    return spacing, np.array([layout.thickness[1:] for layout in layouts])
+
+
+def _refined(
+    scene: Scene, gaps: Floats, thickness: Floats, gradients: int
+) -> tuple[Floats, Floats]:
+    """Return scores (B,) and gaps (B, N-1) [m] of local searches over the gaps, side by side."""
+    low, high = scene.spacing
+    searches = [LocalSearch((gap - low) / (high - low)) for gap in gaps]
+    for _ in range(gradients):
+        live = [b for b, search in enumerate(searches) if not search.done]
+        if not live:
+            break
+        wanted = _gaps(scene, np.array([searches[b].wanted for b in live]))
+        result = scene.evaluate(scene.batch(wanted, thickness[live]), gradient=True)
+        assert result.gradient is not None
+        for b, score, gradient in zip(live, result.score, result.gradient.spacing, strict=True):
+            searches[b].update(float(score), gradient * (high - low))
+    scores = np.array([search.score for search in searches])
+    return scores, _gaps(scene, np.array([search.design for search in searches]))
+
+
+def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats]:
+    """Return the layouts that are changed, and their sequences after one change that a hand allows.
+
+    Two pieces are exchanged, or one is moved.
+    """
+    pairs, kinds = orders.shape[1], np.unique(orders)
+    drawn = (orders[:, :, None] == kinds).cumsum(axis=1)
+    ready = np.minimum(np.arange(pairs) + hand - 1, pairs - 1)
+    places = []
+    for i, j in permutations(range(pairs), 2):
+        exchanged = np.arange(pairs)
+        exchanged[[i, j]] = j, i
+        places += [exchanged, np.insert(np.delete(np.arange(pairs), i), j, i)]
+    origin, sequences = [], []
+    indices = np.unique(places, axis=0)
+    for b, sequence in enumerate(thickness):
+        tried = np.unique(sequence[indices], axis=0)
+        tried = tried[(tried != sequence).any(axis=1)]
+        taken = (tried[:, :, None] == kinds).cumsum(axis=1)
+        allowed = tried[(taken <= drawn[b, ready]).all(axis=(1, 2))]
+        origin.append(np.full(len(allowed), b))
+        sequences.append(allowed)
+    return np.concatenate(origin), np.concatenate(sequences)
+
+
+def main() -> None:
+    """Fit rule, open loop and hindsight to the scene "draw", and write them."""
+    scene, rng = load_scene("draw"), np.random.default_rng(0)
+    fitted = fit_rule(scene, rng)
+    policy = rule(scene, fitted)
+    spacing, _ = _layouts_of(policy, scene, PLANNING_SEEDS)
+    low, high = scene.spacing
+    gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
+    env = DominoChain(scene)
+    observed = np.ones((scene.count - 1, *(env.observation_space.shape or ())), np.float32)
+    place = np.arange(scene.count - 1) / (scene.count - 1)
+    observed[:, env.observation_layout["placed"].start] = place
+    plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
+    best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
+    document = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
+    write_text(PATH, json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
