@@ -12,6 +12,7 @@ in that angle, so falls, face impacts and hits are affine maps of u, and no ODE 
     records     arrival times, summary, event tape
     chain       whole chains: any, batches, equal dominoes, endless patterns
     diagnosis   motion, forces and impulses
+    stepping    the same physics by steps in time, for comparison
     ground      dominoes placed along curved ground
     step        one step of the environments
     adjoint     the same in reverse mode
