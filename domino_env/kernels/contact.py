@@ -105,13 +105,13 @@ def _place_contact_on_ground(contact, layout, tilt, j, ahead):
     contact.turn_v = 2.0 * math.sin(0.5 * contact.turn) ** 2
     contact.flush_rate = 0.0
     if e != 0.0:
-        contact.v_flush = first_lean(p, e, d, contact.s_l)
+        contact.v_flush = first_lean(p, e, contact.s_l)
         v = contact.v_flush
         if 0.0 < v < 2.0:
             contact.flush_rate = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
         # p cos θ - e sin θ = (p² + e² + d² - L²) / 2d, for the tip and for the corner
         short = contact.rest * (1.0 + contact.s_l) - e * e
-        contact.v_separation = first_lean(p, e, d, short / (2.0 * d))
+        contact.v_separation = first_lean(p, e, short / (2.0 * d))
 
 
 @internal
@@ -125,7 +125,7 @@ def contact_rise(layout, j, ahead):
 
 
 @internal
-def first_lean(p, e, d, drop):
+def first_lean(p, e, drop):
     """Return 1 - cos θ at which p cos θ - e sin θ has fallen from p by `drop`; e is not 0."""
     r = p - drop
     w2 = drop * (p + r) + e * e

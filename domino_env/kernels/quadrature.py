@@ -39,7 +39,7 @@ def _rules() -> tuple[np.ndarray, ...]:
 
 
 NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
-"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), both ends and the nodes;
+"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); POSITIONS: (rule, lane), both ends and the nodes;
 HIGH, TOP: (rule, node), last two Legendre coefficients of the polynomial through the nodes;
 RUNNING: (rule, node, j), ∫ from 0 to x_j of the node's Lagrange polynomial; CLOSED: (rule,
 point, n), Legendre coefficients of the polynomial through start, nodes and end."""
@@ -181,12 +181,8 @@ def slow_time(lanes, count, x_low, moments):
             if abs(ddy) > 0.0:
                 step = min(step, math.sqrt(2.0 * y / abs(ddy)))
             step = max(0.75 * step, 1e-12)
-            if side == 1:
-                new = min(x + step, 1.0)
-                t, q = slow_panel(lanes, count, x, new, moments)
-            else:
-                new = max(x - step, 0.0)
-                t, q = slow_panel(lanes, count, new, x, moments)
+            new = min(x + step, 1.0) if side == 1 else max(x - step, 0.0)
+            t, q = slow_panel(lanes, count, min(x, new), max(x, new), moments)
             time += t
             sens += q
             x = new

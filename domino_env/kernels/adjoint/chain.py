@@ -27,7 +27,6 @@ from domino_env.kernels.adjoint.interval import (
     fall_back,
     interval_back,
     reset_shared,
-    room_for_table,
 )
 from domino_env.kernels.adjoint.stack import mass_back
 from domino_env.kernels.arrays import (
@@ -78,11 +77,11 @@ def backward(tape, reverse, arrival_bar, table):
         kind, n = event.kind, event.leader
         if edge == AT_HIT and at < last_hit and kind != INTERVAL:
             # a change at the very instant of the hit: M there is that of the new contacts
-            struck, low = tape[edge_event].leader, tape[edge_event].low
-            b = fall_angle(ring[struck], True)
-            x_bar = mass_back(reverse, struck, low, b, m_bar)
-            cosine = math.cos(b + turn_of(ring[struck]))
-            hit_angle_back(ring[struck], cosine, x_bar, param_bars[struck])
+            leader, low = tape[edge_event].leader, tape[edge_event].low
+            b = fall_angle(ring[leader], True)
+            x_bar = mass_back(reverse, leader, low, b, m_bar)
+            cosine = math.cos(b + turn_of(ring[leader]))
+            hit_angle_back(cosine, x_bar, param_bars[leader])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
             ring[n].kind = TIP
@@ -115,9 +114,9 @@ def backward(tape, reverse, arrival_bar, table):
                 u_bar, start_bar, end_bar = interval_back(reverse, event, u_bar, t_bar, m_bar)
             edge_bar += end_bar
             if edge == AT_HIT:
-                leader = ring[n]
-                cosine = math.sqrt(leader.rest * (1.0 + leader.s_l))
-                hit_angle_back(leader, cosine, edge_bar, param_bars[n])
+                contact = ring[n]
+                cosine = math.sqrt(contact.rest * (1.0 + contact.s_l))
+                hit_angle_back(cosine, edge_bar, param_bars[n])
             elif edge == AT_SWITCH:
                 switch_back(reverse, tape[edge_event], edge_bar)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
@@ -216,7 +215,8 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):
-        table = room_for_table(depth, count_lanes)
+        # three sums for every lane and a line for their total, PARAMS bars per domino and two more
+        table = np.empty((3 * count_lanes + 1, (depth + 2) * PARAMS))
     saved = np.empty((depth + 2, 8 * PITCH))
     own = np.zeros(LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)

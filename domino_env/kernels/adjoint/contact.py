@@ -239,7 +239,7 @@ def due_back(contact, flushed, due_bar, param_bars):
 
 
 @always_inline
-def hit_angle_back(contact, cosine, x_bar, param_bars):
+def hit_angle_back(cosine, x_bar, param_bars):
     """Add the bars by the angle of a hit: sin(θ + β) = s, with its cosine."""
     param_bars[PARAM_GAP] += x_bar / cosine
     param_bars[PARAM_TURN] -= x_bar
@@ -250,16 +250,16 @@ def hit_back(reverse, event, u_bar):
     """Return bars of u before a hit and of M."""
     ring, mu, param_bars = reverse.ring, reverse.mu, reverse.param_bars
     n, u, m_end = event.leader, event.u, event.m
-    leader, other = ring[n], ring[n + 1].inertia
+    leader, struck = ring[n], ring[n + 1].inertia
     s_l, d_l, e = leader.s_l, leader.d_l, rise_of(leader)
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     up, down = cd - e - mu * d_l, cd + mu * s_l
     f = up / down
     m = m_end * f
-    total = m * (1.0 - e / cd) + other
+    total = m * (1.0 - e / cd) + struck
     keep = m / total
     keep_bar = 2.0 * keep * u * u_bar
-    m_bar = keep_bar * other / (total * total)
+    m_bar = keep_bar * struck / (total * total)
     param_bars[n + 1, PARAM_INERTIA] -= keep_bar * m / (total * total)
     omega_bar = -keep_bar * m * m / (total * total)
     up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down

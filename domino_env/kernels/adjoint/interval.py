@@ -5,9 +5,7 @@ All falls of a uniform layout share one stack, cut at different depths.
 
 import math
 
-import numpy as np
-
-from domino_env.kernels.adjoint.contact import B_MU, PARAMS, SEED_D, SEED_G, SEED_M
+from domino_env.kernels.adjoint.contact import B_MU, SEED_D, SEED_G, SEED_M
 from domino_env.kernels.adjoint.stack import (
     angle_bar,
     copy_sums,
@@ -162,12 +160,6 @@ SHARED_STACK = record_type(  # the stack that `saved`, the lanes and the table h
 def reset_shared(shared):
     """Mark the shared stack as lost: the lanes have been used for another."""
     shared.rule = shared.depth = shared.mapped = shared.tabled = -1
-
-
-@internal
-def room_for_table(depth, count):
-    """Return room for the table of a stack in `count` lanes, and for one entry of sums over it."""
-    return np.empty((3 * count + 1, (depth + 2) * PARAMS))
 
 
 @internal

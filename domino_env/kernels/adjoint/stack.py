@@ -56,12 +56,6 @@ def keep_shape(bars, j, contact, shape_bar):
 
 
 @always_inline
-def param_count(contact):
-    """Return the number of parameters of a domino."""
-    return PARAMS if is_uneven(contact) else PARAMS - 2
-
-
-@always_inline
 def friction_back(bars, above, here, count, contact, mu, kind_back):
     """Reverse `add_with_friction`; `above` and `here` are the lanes before and after it."""
     shape, inertia = shape_of(contact), contact.inertia
@@ -253,7 +247,7 @@ def tabulate_stack(reverse, k, n, low, table):
             else:
                 add_leader_back(bars, saved[0], count, ring[n], mu)
             for j in range(count):
-                for c in range(param_count(ring[i])):
+                for c in range(PARAMS if is_uneven(ring[i]) else PARAMS - 2):
                     table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * PITCH + j]
         for j in range(count):
             x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS

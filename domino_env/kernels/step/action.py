@@ -201,8 +201,8 @@ def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]
     gap, thick = spacing[n], layout.thickness[n + 1]
-    way_bar, height_bar = carried[0], bars[2] + carried[2]
-    gap_bar, thick_bar = bars[0] + way_bar + carried[1], bars[1] + way_bar
+    distance_bar, height_bar = carried[0], bars[2] + carried[2]
+    gap_bar, thick_bar = bars[0] + distance_bar + carried[1], bars[1] + distance_bar
     before_bar, behind_bar = 0.0, 0.0
     if rules.in_heights:
         least = min(behind, ahead)
@@ -223,7 +223,7 @@ def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
                 rules.gap_low, rules.gap_high, pitch_low - thick, pitch_high - thick,
                 low_bar, high_bar,
             )  # fmt: skip
-            way_bar -= moved
+            distance_bar -= moved
             thick_bar -= moved
         if rules.largest_change > 0.0 and n > 0:
             before_bar += low_bar if low > rules.gap_low else 0.0
@@ -233,7 +233,7 @@ def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
         k = column - free_growth
         action_bar[k], low_bar, high_bar = between_back(action[k], low, high, thick_bar)
         if rules.length > 0.0:
-            way_bar -= reachable_back(
+            distance_bar -= reachable_back(
                 rules.thick_low, rules.thick_high,
                 pitch_low - rules.gap_high, pitch_high - rules.gap_low, low_bar, high_bar,
             )  # fmt: skip
@@ -243,4 +243,4 @@ def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
             action_bar[column], _, _ = between_back(
                 action[column], rules.growth_low, rules.growth_high, behind * height_bar
             )
-    carried[0], carried[1], carried[2] = way_bar, before_bar, behind_bar
+    carried[0], carried[1], carried[2] = distance_bar, before_bar, behind_bar
