@@ -53,7 +53,8 @@ class RigidWave:
     opened_at
         (N-1,) time of that opening [s]; 0 where there was none.
     error_estimate
-        Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps.
+        Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps;
+        see the notes of `simulate_standing`.
     converged
         Whether the estimate is within `rtol`.
     rtol
@@ -186,6 +187,16 @@ def simulate_standing(
         Where `stop` returned True.
     ArithmeticError
         Where a velocity is not a number, which no layout is known to cause.
+
+    Notes
+    -----
+    The error estimate is three times the largest change of an arrival time by halved steps, plus
+    2e-4 of the last step in units of 0.16 ms (for standard dominoes). It holds where arrival times
+    depend on the steps smoothly. An impact with friction may have two solutions, and finer steps
+    may switch to the other one, of which coarser runs show nothing: of 45 runs of random layouts
+    of 16 dominoes on floors (friction 0.3 and 0.5, flat and uneven ground, rtol=1e-3) 43 had an
+    error below half of the estimate, and two had one of 2.6 and 9 times the estimate. With
+    rtol=2e-4 all errors were below a third of it.
 
     References
     ----------
