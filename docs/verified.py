@@ -1,8 +1,8 @@
-"""Tables of the page docs/verified.md.
+"""Write the tables of verified.md: ``python docs/verified.py``.
 
-``python -m domino_env.validation.verification`` verifies twenty-four random layouts on fixed pivots
-and writes them into the page, beside what ``domino best-known --verify --update`` has kept of the
-best known layouts. ``--kept`` leaves the random ones as they are.
+Verifies twenty-four random layouts on fixed pivots and writes them into the page, beside the
+verifications of the best known layouts that ``domino best-known --verify --update`` has stored.
+``--stored`` leaves the table of the random layouts as it is.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from domino_env.scenes.scene import Scene
 SEED, LAYOUTS = 18, 6
 SCENES = ("sprint", "ideal", "gentle", "sprint-thickness")
 RTOL = 1e-4
-PAGE = Path("docs/verified.md")
+PAGE = Path(__file__).with_suffix(".md")
 
 
 def random_layouts(scene: Scene, rng: np.random.Generator) -> Iterator[Layout]:
@@ -46,23 +46,23 @@ def random_verifications() -> dict[str, Verification]:
     with ThreadPoolExecutor(allowed_threads()) as pool:
         jobs = {}
         for scene in map(load_scene, SCENES):
-            drawn = random_layouts(scene, np.random.default_rng(SEED))
+            layouts = random_layouts(scene, np.random.default_rng(SEED))
             for k in range(LAYOUTS):
-                job = pool.submit(verify, next(drawn), scene.physics, floors=(), rtol=RTOL)
+                job = pool.submit(verify, next(layouts), scene.physics, floors=(), rtol=RTOL)
                 jobs[f"`{scene.name}`, random {k + 1}"] = job
         return {name: job.result() for name, job in jobs.items()}
 
 
-def random_table(found: dict[str, Verification]) -> list[str]:
+def random_table(verifications: dict[str, Verification]) -> list[str]:
     """Return a table of differences from the model and their reasons."""
     names = ("layout", "last hit over model", "largest of any hit", "uncertainty", "verdict")
     lines = []
-    for name, one in found.items():
-        word, _, rest = one.verdict.partition(":")
+    for name, verification in verifications.items():
+        word, _, rest = verification.verdict.partition(":")
         reason = rest.partition("Why: ")[2].rstrip(".")
         lines.append((
-            name, percent(one.difference), percent(one.largest_difference),
-            percent(one.fixed.error_estimate, sign=""),
+            name, percent(verification.difference), percent(verification.largest_difference),
+            percent(verification.fixed.error_estimate, sign=""),
             f"{word.lower()}: {reason}" if reason else word.lower(),
         ))  # fmt: skip
     return markdown_table(names, lines)
@@ -71,9 +71,9 @@ def random_table(found: dict[str, Verification]) -> list[str]:
 def main() -> None:
     """Simulate the layouts and write the tables into the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kept", action="store_true", help="write the stored results only")
+    parser.add_argument("--stored", action="store_true", help="write the stored verifications only")
     tables = {"known": known_table(read_verified())}
-    if not parser.parse_args().kept:
+    if not parser.parse_args().stored:
         tables["random"] = random_table(random_verifications())
     write_text(PAGE, fill(PAGE.read_text("utf-8"), tables))
 
