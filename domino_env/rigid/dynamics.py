@@ -1,6 +1,6 @@
 """Non-smooth mechanics of a chain: boxes, contacts that open, stick and slip, small time steps.
 
-Moreau's time stepping.  Contacts are looked for half a step ahead, and the velocities v there
+Moreau's time stepping.  Contacts are detected half a step ahead, and the velocities v there
 follow from those half a step behind by v+ = v + (h f + impulses of the contacts) / m, where at
 every contact
 
@@ -8,7 +8,7 @@ every contact
     |tangential impulse| <= friction * normal impulse, against sliding  (Coulomb)
 
 solved by projected Gauss-Seidel sweeps, forth and back along the chain, from the last step's
-impulses. Places move on by h v+.  Impulses act in the directions of the step's beginning and
+impulses. Positions change by h v+.  Impulses act in the directions of the step's beginning and
 velocities are taken half a step ahead, as in the leapfrog with constraints: smooth motion is then
 of second order.  A step ends where a tip reaches the next domino, and the impact is a step of no
 length. Nothing is assumed about which contacts are closed, and nothing of the analytic model is
@@ -66,9 +66,9 @@ Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edg
 # leader that still move, time without progress after which nothing more is expected [s]
 Setting = namedtuple("Setting", "friction floor gravity fineness tolerance window patience")
 
-# Results: arrivals (N,) [s], largest leans (N,) [rad], largest slips (N,) [m], how wide the contact
-# with the next opened after it had closed (N-1,) [m], and when [s]
-Record = namedtuple("Record", "arrivals lean slid opened opened_at")
+# Results: arrival times (N,) [s], largest leans (N,) [rad], largest slips (N,) [m], how wide the
+# contact with the next opened after it had closed (N-1,) [m], and when [s]
+Record = namedtuple("Record", "arrival_times lean slid opened opened_at")
 
 # All that changes: place (N, 3) of the reference points x, y and lean; velocity (N, 3); inverse
 # mass and inertia (N,), 0 for what does not move; impulse (N, KINDS, 2), normal and tangential;
@@ -138,13 +138,13 @@ def advance(chain, setting, state, record, most_steps):
                 velocity[i, 2] += moment * state.inverse_inertia[i]
             else:
                 velocity[i, 1] -= kick * setting.gravity
-        found = _find_contacts(chain, setting, state)
+        closed = _find_contacts(chain, setting, state)
         growth = kick / run.last_kick if run.last_kick > 0.0 else 0.0
-        for c in range(found):
+        for c in range(closed):
             i, kind = state.partners[c, 0], state.partners[c, 2]
             impulse[i, kind] *= growth
             _act(state, c, impulse[i, kind, 0], impulse[i, kind, 1])
-        _sweep(state, found, setting.tolerance)
+        _sweep(state, closed, setting.tolerance)
         run.steps, run.last_kick = run.steps + 1, kick
         if not math.isfinite(velocity[leader, 2]):
             return FAILED
@@ -162,13 +162,14 @@ def advance(chain, setting, state, record, most_steps):
             for k in range(3):
                 place[i, k] += step * velocity[i, k]
             record.lean[i] = max(record.lean[i], place[i, 2])
-            record.slid[i] = max(record.slid[i], abs(_slip(i, place, chain)))
+            slip = abs(_ahead(i, 0.0, i, place, velocity, 0.0, chain))
+            record.slid[i] = max(record.slid[i], slip)
             if i < leader and record.opened[i] < state.gaps[i] < np.inf:
                 record.opened[i], record.opened_at[i] = state.gaps[i], run.time
         run.time, run.last_step, run.share = run.time + step, step, 1.0
         if hit:
             run.leader = leader = leader + 1
-            record.arrivals[leader] = run.progress = run.time
+            record.arrival_times[leader] = run.progress = run.time
             run.share, run.furthest = 0.0, place[leader, 2]
             state.inverse_inertia[leader] = 1.0 / chain.inertia[leader]
             state.inverse_mass[leader] = 0.0 if fixed else 1.0 / chain.mass[leader]
@@ -198,31 +199,31 @@ def _pose(pose, i, place, velocity, later):
 
 
 @compile_alone
-def _room(i, place, velocity, later, chain):
-    """Return how far the tip of i is from the rear face of the next, which stands, later on [m]."""
+def _ahead(i, up, j, place, velocity, later, chain):
+    """Return how far a point is ahead of the pivot of j, along the ground there, later on [m].
+
+    The point is on the front face of i, so high above its bottom edge.
+    """
     lean = place[i, 2] + later * velocity[i, 2]
     sine, cosine = math.sin(lean), math.cos(lean)
-    ex, rise = chain.edge[i, 0], chain.edge[i, 1] + chain.height[i]
+    ex, ey = chain.edge[i, 0], chain.edge[i, 1] + up
     x, y = place[i, 0] + later * velocity[i, 0], place[i, 1] + later * velocity[i, 1]
-    dx = x + ex * cosine + rise * sine - chain.pivots[i + 1, 0]
-    dy = y - ex * sine + rise * cosine - chain.pivots[i + 1, 1]
-    return dy * chain.slope[i + 1, 0] - dx * chain.slope[i + 1, 1] - chain.thickness[i + 1]
+    dx = x + ex * cosine + ey * sine - chain.pivots[j, 0]
+    dy = y - ex * sine + ey * cosine - chain.pivots[j, 1]
+    return dx * chain.slope[j, 1] - dy * chain.slope[j, 0]
 
 
 @compile_alone
-def _slip(i, place, chain):
-    """Return how far the front bottom edge of i is from its place, along the ground [m]."""
-    sine, cosine = math.sin(place[i, 2]), math.cos(place[i, 2])
-    ex, ey = chain.edge[i, 0], chain.edge[i, 1]
-    dx = place[i, 0] + ex * cosine + ey * sine - chain.pivots[i, 0]
-    dy = place[i, 1] - ex * sine + ey * cosine - chain.pivots[i, 1]
-    return dx * chain.slope[i, 1] - dy * chain.slope[i, 0]
+def _room(i, place, velocity, later, chain):
+    """Return how far the tip of i is from the rear face of the next, which stands, later on [m]."""
+    ahead = _ahead(i, chain.height[i], i + 1, place, velocity, later, chain)
+    return -ahead - chain.thickness[i + 1]
 
 
 @compile_alone
 def _find_contacts(chain, setting, state):
     """Write every contact that is closed half a step ahead; return how many there are."""
-    found, low, leader = 0, state.run[0].low, state.run[0].leader
+    closed, low, leader = 0, state.run[0].low, state.run[0].leader
     fixed, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
         sine, cosine = chain.slope[i, 0], chain.slope[i, 1]
@@ -237,25 +238,25 @@ def _find_contacts(chain, setting, state):
             if gap > TOUCHING * chain.height[i]:
                 state.impulse[i, kind] = 0.0
                 continue
-            _write_directions(state.contact, found, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
+            _write_directions(state.contact, closed, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
-            _write_directions(state.contact, found, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
-            _couple(state, found, i, FLOOR, kind, 0.0 if fixed else setting.floor)
-            found += 1
+            _write_directions(state.contact, closed, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
+            _couple(state, closed, i, FLOOR, kind, 0.0 if fixed else setting.floor)
+            closed += 1
         if i == leader:
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _between(state.contact, found, MOVES, kind, i, EITHER, mid, chain)
+            gap, met, face = _between(state.contact, closed, MOVES, kind, i, EITHER, mid, chain)
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * chain.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _between(state.contact, found, ACTS, kind, i, face, now, chain)
-            _couple(state, found, i, i + 1, kind, setting.friction)
-            found += 1
-    return found
+            _between(state.contact, closed, ACTS, kind, i, face, now, chain)
+            _couple(state, closed, i, i + 1, kind, setting.friction)
+            closed += 1
+    return closed
 
 
 @compile_alone
@@ -318,17 +319,17 @@ def _couple(state, c, i, j, kind, friction):
     mass2 = turn2 = 0.0
     if j != FLOOR:
         mass2, turn2 = state.inverse_mass[j], state.inverse_inertia[j]
-    for place, move, act in (
+    for column, move, act in (
         (NORMAL, MOVES, ACTS), (CROSS, MOVES + 4, ACTS), (TANGENTIAL, MOVES + 4, ACTS + 4),
     ):  # fmt: skip
         straight = contact[c, move] * contact[c, act] + contact[c, move + 1] * contact[c, act + 1]
-        contact[c, place] = (
+        contact[c, column] = (
             (mass + mass2) * straight
             + turn * contact[c, move + 2] * contact[c, act + 2]
             + turn2 * contact[c, move + 3] * contact[c, act + 3]
         )
-    for place, inverse in ((NORMAL, PER_NORMAL), (TANGENTIAL, PER_TANGENTIAL)):
-        response = contact[c, place]
+    for column, inverse in ((NORMAL, PER_NORMAL), (TANGENTIAL, PER_TANGENTIAL)):
+        response = contact[c, column]
         contact[c, inverse] = 1.0 / response if response > 0.0 else 0.0
 
 
@@ -351,15 +352,15 @@ def _act(state, c, normal, tangential):
 
 
 @compile_alone
-def _sweep(state, found, tolerance):
+def _sweep(state, closed, tolerance):
     """Sweep forth and back until no velocity of a contact changes by more than the tolerance."""
     contact, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
     light, easy = state.inverse_mass, state.inverse_inertia
     check, earlier = 64, np.inf
     for sweep in range(1, MOST_SWEEPS + 1):
         moved = 0.0
-        for turn in range(found):
-            c = turn if sweep % 2 else found - 1 - turn
+        for turn in range(closed):
+            c = turn if sweep % 2 else closed - 1 - turn
             i, j, kind = partners[c, 0], partners[c, 1], partners[c, 2]
             x, y, w = v[i, 0], v[i, 1], v[i, 2]
             speed = contact[c, 0] * x + contact[c, 1] * y + contact[c, 2] * w

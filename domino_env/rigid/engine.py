@@ -2,10 +2,9 @@
 
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
 and with the friction of the physics. With fixed pivots each turns about its front bottom edge, as
-in the model, and a stop keeps it from leaning back. On a floor with a friction of its own it may
-slide and lift; over uneven ground each has a plank of its own along the chord under its base, so
-that boxes cannot catch on joints. Lengths are millimetres inside, as the engine's tolerances are
-made for numbers near one.
+in the model, and a stop keeps it from leaning back. On a floor it may slide and lift; on uneven
+ground each stands on a separate plank along the chord under its base, so that boxes cannot catch on
+joints. Lengths are millimetres inside, as the engine's tolerances are made for numbers near one.
 
 In every step the engine's contact solver makes a fixed number of sweeps over all contacts. A face
 impact sends its impulse through the whole stack, and too few sweeps let the stack bounce back.
@@ -36,7 +35,7 @@ from domino_env.rigid.simulation import (
 MM = 1000.0
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
 AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
-PLANK = 1.5  # heights that it reaches before and behind a pivot: where a domino may come to lie
+PLANK = 1.5  # [heights] before and behind a pivot: where a domino may come to lie
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
 RTOL = 5e-4  # of an arrival time
 STEPS = (8e-5, 4e-5, 2e-5)  # [s]
@@ -51,10 +50,11 @@ def simulate_in_engine(
 ) -> RigidWave:
     """Simulate in Chipmunk, with more sweeps and finer steps until the arrival times converge.
 
-    At the coarsest step the sweeps are doubled until no arrival time moves by more than half of
-    `RTOL`; then steps get finer until the limit, extrapolated linearly from the two finest steps to
-    a step of zero, does not move either. The error estimate is the change by the last doubling plus
-    that by the last step; after two steps only, the distance of the limit from the finer.
+    At the coarsest step the sweeps are doubled until no arrival time changes by more than half of
+    `RTOL`; then the steps become finer until the limit, extrapolated linearly from the two finest
+    steps to a step of zero, converges. The error estimate is the change by the last doubling plus
+    the change of the limit by the last step; after two steps only, the distance of the limit from
+    the finer one.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def simulate_in_engine(
     Returns
     -------
     RigidWave
-        Arrival times and leans; the engine gives no slips and openings, which are nan.
+        Arrival times and leans; slips and openings are nan.
 
     Raises
     ------
@@ -75,26 +75,26 @@ def simulate_in_engine(
     window = window_of(layout)
 
     def run(step: float, sweeps: int) -> tuple[Floats, Floats]:
-        words = f"engine, {floor_name(floor_friction)}, {1e6 * step:g} µs, {sweeps} sweeps"
+        description = f"engine, {floor_name(floor_friction)}, {1e6 * step:g} µs, {sweeps} sweeps"
         with progress_bar(
-            progress, total=layout.count, desc=words, unit=" dominoes", leave=False, delay=1.0
+            progress, total=layout.count, desc=description, unit=" dominoes", leave=False, delay=1.0
         ) as bar:
             return follow(layout, physics, floor_friction, step, sweeps, window, bar.update)
 
-    sweeps, moved = min(SWEEPS, MOST_SWEEPS), math.inf
+    sweeps, change = min(SWEEPS, MOST_SWEEPS), math.inf
     times, lean = run(STEPS[0], sweeps)
-    while moved > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
+    while change > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
         sweeps *= 2
         before, (times, lean) = times, run(STEPS[0], sweeps)
-        moved = largest_difference(before, times)
+        change = largest_difference(before, times)
     limit, uncertainty, finest = times, math.inf, STEPS[0]
     for k, step in enumerate(STEPS[1:]):
         coarse, (times, lean) = times, run(step, sweeps)
         before = limit if k else times
-        came = np.isfinite(coarse) & np.isfinite(times)
+        hit = np.isfinite(coarse) & np.isfinite(times)
         limit = np.full(layout.count, np.inf)
-        limit[came] = times[came] + (times[came] - coarse[came]) * step / (finest - step)
-        finest, uncertainty = step, moved + largest_difference(limit, before)
+        limit[hit] = times[hit] + (times[hit] - coarse[hit]) * step / (finest - step)
+        finest, uncertainty = step, change + largest_difference(limit, before)
         if uncertainty <= RTOL:
             break
     unknown = np.full(layout.count, np.nan)
@@ -136,8 +136,8 @@ def follow(
     sweeps
         Iterations of the contact solver in every step.
     window
-        Number of dominoes behind the leader that still move; those further back are removed, which
-        is what makes it fast. None keeps all.
+        Number of dominoes behind the leader that still move; those further back are removed, to
+        save time. None keeps all.
     on_hit
         Called without arguments whenever a domino is struck.
 
@@ -178,7 +178,7 @@ def follow(
 
 
 class _Space:
-    """The engine's space with the dominoes in it, which are placed as the wave comes near."""
+    """The engine's space; dominoes are placed in it shortly before the wave reaches them."""
 
     def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
         self._pymunk = _engine()
@@ -202,16 +202,14 @@ class _Space:
         self._rears = self._pivots - layout.thickness[:, None] * self._stand * (1.0, -1.0)
         self._tipping = np.arctan2(layout.thickness, layout.height)
         self.place_up_to(min(1, layout.count - 1))
-        first = self.bodies[0]
-        first.angular_velocity = -physics.push
-        first.velocity = self._turned(
-            0,
-            physics.push * float(layout.height[0]) * MM / 2.0,
-            physics.push * float(layout.thickness[0]) * MM / 2.0,
+        half_height, half_thickness = layout.height[0] * MM / 2.0, layout.thickness[0] * MM / 2.0
+        self.bodies[0].angular_velocity = -physics.push
+        self.bodies[0].velocity = self._turned(
+            0, physics.push * half_height, physics.push * half_thickness
         )
 
     def place_up_to(self, last: int) -> None:
-        """Stand the dominoes up to this one."""
+        """Place the dominoes up to this one."""
         pymunk, layout = self._pymunk, self._layout
         for i in range(len(self.bodies), last + 1):
             high, thick = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
@@ -224,13 +222,13 @@ class _Space:
             shape.friction, shape.elasticity = self._friction, 0.0
             kinds = KINDS if layout.is_flat else KINDS // 2
             kind = 1 << i % kinds
-            near = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
+            partners = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
             if not layout.is_flat:
                 reach = PLANK * high
                 plank = pymunk.ShapeFilter(categories=kind << kinds, mask=kind)
-                near |= kind << kinds
+                partners |= kind << kinds
                 self._lay(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
-            shape.filter = pymunk.ShapeFilter(categories=kind, mask=near)
+            shape.filter = pymunk.ShapeFilter(categories=kind, mask=partners)
             self._space.add(body, shape)
             if self._fixed:
                 static = self._space.static_body
@@ -241,14 +239,14 @@ class _Space:
             self.bodies.append(body)
 
     def _turned(self, i: int, x: float, y: float) -> tuple[float, float]:
-        """Return a direction on flat ground, turned as domino i stands."""
+        """Return a direction on flat ground, turned to the ground under domino i."""
         cosine, sine = map(float, self._stand[i])
         return x * cosine + y * sine, y * cosine - x * sine
 
     def _lay(
-        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, kinds: Any
+        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, plank: Any
     ) -> None:
-        """Lay a floor from begin to end of a place, along a slope [mm]."""
+        """Lay a floor from begin to end along a slope through a pivot [mm]."""
         if self._floor is None:
             return
         turn = self._pymunk.Transform(
@@ -257,8 +255,8 @@ class _Space:
         corners = [(begin, -10.0), (end, -10.0), (end, 0.0), (begin, 0.0)]
         ground = self._pymunk.Poly(self._space.static_body, corners, turn)
         ground.friction = self._floor
-        if kinds is not None:
-            ground.filter = kinds
+        if plank is not None:
+            ground.filter = plank
         self._space.add(ground)
 
     def remove_up_to(self, last: int) -> None:
@@ -268,11 +266,11 @@ class _Space:
             self._removed += 1
 
     def let_last_fall(self, step: float, patience: float) -> None:
-        """Advance until the last domino passes its tipping angle or rests for so long [s]."""
-        last, furthest, since = self.bodies[-1], 0.0, 0.0
-        while since < patience and -last.angle <= self._tipping[-1]:
+        """Advance until the last domino passes its tipping angle or rests for `patience` [s]."""
+        last, furthest, resting = self.bodies[-1], 0.0, 0.0
+        while resting < patience and -last.angle <= self._tipping[-1]:
             self.advance(step)
-            since = 0.0 if -last.angle > furthest + AT_REST else since + step
+            resting = 0.0 if -last.angle > furthest + AT_REST else resting + step
             furthest = max(furthest, -last.angle)
 
     def room(self, i: int) -> float:

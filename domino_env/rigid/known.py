@@ -1,4 +1,4 @@
-"""Verifications of the shipped layouts, kept with them, and their table.
+"""Stored verifications of the shipped layouts, and their table.
 
 `known.json` beside this file has a `Verified` under each scene's name. ``domino best-known --verify
 --update`` writes it; the documentation and `domino report` read it.
@@ -97,9 +97,8 @@ class Verified:
     @property
     def floors(self) -> tuple[Check, ...]:
         """Checks of the best known layout by the reference simulator, fixed pivots first."""
-        first = self.checks[0]
-        mine = (one for one in self.checks if one.simulator == first.simulator)
-        return tuple(one for one in mine if one.layout == "best")
+        kind = "best", self.checks[0].simulator
+        return tuple(check for check in self.checks if (check.layout, check.simulator) == kind)
 
 
 def digest(layout: Layout, physics: Physics) -> str:
@@ -114,41 +113,42 @@ def digest(layout: Layout, physics: Physics) -> str:
 
 
 def read_verified(path: Path = PATH) -> dict[str, Verified]:
-    """Return the kept verifications by scene; none where there is no such file."""
+    """Return the stored verifications by scene; none where there is no such file."""
     if not path.exists():
         return {}
     document = read_json(path)
     with naming(path):
-        return {name: model_of(Verified, one, name) for name, one in document.items()}
+        return {name: model_of(Verified, table, name) for name, table in document.items()}
 
 
-def write_verified(found: dict[str, Verified], path: Path = PATH) -> None:
+def write_verified(verified: dict[str, Verified], path: Path = PATH) -> None:
     """Write the verifications in the order of the names."""
-    document = {name: asdict(found[name]) for name in sorted(found)}
+    document = {name: asdict(verified[name]) for name in sorted(verified)}
     write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
 @cache
 def _by_digest() -> dict[str, Verified]:
-    return {one.digest: one for one in read_verified().values()}
+    return {verified.digest: verified for verified in read_verified().values()}
 
 
 def known_verification(layout: Layout, physics: Physics) -> Verified | None:
-    """Return the kept verification of this layout and physics, if there is one."""
+    """Return the stored verification of this layout and physics, if there is one."""
     return _by_digest().get(digest(layout, physics))
 
 
-def known_table(found: dict[str, Verified]) -> list[str]:
+def known_table(verified_by_scene: dict[str, Verified]) -> list[str]:
     """Return a Markdown table of the best known and the uniform baselines on every floor."""
     lines = []
-    for name, one in found.items():
-        first = "" if one.first == one.count else f" (first {one.first} of {one.count})"
-        for best in one.floors:
-            here = [check for check in one.checks if check.floor == best.floor]
-            uniform = next(check for check in here if check.layout == "uniform")
-            engine = next((check for check in here if check.simulator != best.simulator), None)
+    for name, verified in verified_by_scene.items():
+        count, first = verified.count, verified.first
+        scene = f"`{name}`" if first == count else f"`{name}` (first {first} of {count})"
+        for best in verified.floors:
+            on_floor = [check for check in verified.checks if check.floor == best.floor]
+            uniform = next(check for check in on_floor if check.layout == "uniform")
+            engine = next((check for check in on_floor if check.simulator != best.simulator), None)
             lines.append((
-                f"`{name}`{first}", floor_name(best.floor), _score(best), _score(uniform),
+                scene, floor_name(best.floor), _score(best), _score(uniform),
                 "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
                 percent(best.uncertainty, sign=""), _difference(best, engine),
             ))  # fmt: skip
@@ -161,6 +161,7 @@ def not_toppled(number: int) -> str:
 
 
 def _score(check: Check) -> str:
+    """Return the score, with the number of dominoes that do not topple."""
     return check.score + (f" ({not_toppled(check.staying_up)})" if check.staying_up else "")
 
 

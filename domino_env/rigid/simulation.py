@@ -56,7 +56,7 @@ class RigidWave:
         Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps;
         see the notes of `simulate_standing`.
     converged
-        Whether the estimate is within `rtol`.
+        True where the estimate is within `rtol`.
     rtol
         Tolerance asked for.
     steps
@@ -85,10 +85,11 @@ class RigidWave:
     def __repr__(self) -> str:
         count = self.layout.count
         if self.mean_speed > 0.0:
-            how = f"{count} dominoes in {self.arrival_times[-1]:.5g} s, {self.mean_speed:.5g} m/s"
+            result = f"{count} dominoes in {self.arrival_times[-1]:.5g} s"
+            result = f"{result}, {self.mean_speed:.5g} m/s"
         else:
-            how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
-        return f"RigidWave({floor_name(self.floor_friction)}: {how}, ±{self.error_estimate:.0e})"
+            result = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+        return f"RigidWave({floor_name(self.floor_friction)}: {result}, ±{self.error_estimate:.0e})"
 
     @property
     def hit(self) -> int:
@@ -124,17 +125,17 @@ class RigidWave:
 
 
 def floor_name(floor_friction: float | None) -> str:
-    """Return the name of a floor."""
+    """Return the name of a floor of this friction, or of fixed pivots."""
     return "fixed pivots" if floor_friction is None else f"floor {floor_friction:g}"
 
 
-def largest_difference(times: Floats, others: Floats) -> float:
+def largest_difference(times: Floats, reference: Floats) -> float:
     """Return the largest |t_k / t'_k - 1|; inf where the waves end at different dominoes."""
-    came = np.isfinite(others)
-    if not np.array_equal(came, np.isfinite(times)):
+    hit = np.isfinite(reference)
+    if not np.array_equal(hit, np.isfinite(times)):
         return math.inf
-    struck = came & (others > 0.0)
-    return float(np.max(np.abs(times[struck] / others[struck] - 1.0), initial=0.0))
+    hit &= reference > 0.0  # the push is the zero of time
+    return float(np.max(np.abs(times[hit] / reference[hit] - 1.0), initial=0.0))
 
 
 class StoppedError(Exception):
@@ -166,17 +167,17 @@ def simulate_standing(
         Coulomb coefficient between dominoes and the floor, 0 or more; None turns every domino
         about its front bottom edge, as the analytic model does.
     rtol
-        Relative error allowed in the arrival times, 1e-5 or more: steps are halved until it is met.
+        Relative error allowed in the arrival times, 1e-5 or more: steps are halved until the
+        estimate meets it.
     progress
         True shows a progress bar, None one on a terminal or a line every half minute elsewhere.
     stop
-        Called before every some 0.1 s of the simulation, which ends where it returns True; None
-        for no such end.
+        Function that is called about every 0.1 s; the simulation ends where it returns True.
 
     Returns
     -------
     RigidWave
-        Arrival times with an estimate of their error, what toppled, slid and opened.
+        Arrival times with an estimate of their error, and which dominoes toppled, slid, opened.
 
     Raises
     ------
@@ -222,7 +223,8 @@ def simulate_standing(
         fineness /= 2.0
         finer, steps = _run(layout, physics, floor_friction, fineness, progress, stop)
         # an error halves with the steps; a change smaller than that may be small by chance
-        largest = max(largest_difference(run.arrivals, finer.arrivals), 0.5 * largest)
+        change = largest_difference(run.arrival_times, finer.arrival_times)
+        largest = max(change, 0.5 * largest)
         uncertainty = SAFETY * largest + GRAIN * fineness
         run = finer
         if uncertainty <= rtol and fineness <= COARSEST / 4.0:
@@ -231,11 +233,7 @@ def simulate_standing(
         layout=layout,
         physics=physics,
         floor_friction=floor_friction,
-        arrival_times=run.arrivals,
-        lean=run.lean,
-        slid=run.slid,
-        opened=run.opened,
-        opened_at=run.opened_at,
+        **run._asdict(),
         error_estimate=uncertainty,
         converged=uncertainty <= rtol,
         rtol=rtol,
@@ -244,12 +242,12 @@ def simulate_standing(
     )
 
 
-def _require_time(elapsed: float, struck: int, count: int, place: str) -> None:
+def _require_time(elapsed: float, struck: int, count: int, floor: str) -> None:
     """Raise a ValueError with an estimate if a simulation will take more than `LONGEST`."""
     expected = elapsed * count / max(struck, 1)
     if elapsed > MEASURED and expected > LONGEST:
         raise ValueError(
-            f"{count:,} dominoes as rigid bodies ({place}) would take about {expected / 3600:.2g} "
+            f"{count:,} dominoes as rigid bodies ({floor}) would take about {expected / 3600:.2g} "
             f"hours: simulate fewer, such as the first {max(int(count * LONGEST / expected), 2):,}"
         )
 
@@ -295,15 +293,15 @@ def _run(
         SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
         PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
     )  # fmt: skip
-    arrivals = np.append(0.0, np.full(count - 1, np.inf))
-    moved = np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1)
-    record = dynamics.Record(arrivals, *moved)
+    arrival_times = np.append(0.0, np.full(count - 1, np.inf))
+    lengths = count, count, count - 1, count - 1
+    record = dynamics.Record(arrival_times, *map(np.zeros, lengths))
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
-    begun: tuple[float, int] | None = None  # time and dominoes struck at the end of the first piece
-    words = f"{floor_name(floor)}, steps of {fineness:g}"
+    begun: tuple[float, int] | None = None  # time and hits at the end of the first piece
+    description = f"{floor_name(floor)}, steps of {fineness:g}"
     with progress_bar(
-        progress, total=count, desc=words, unit=" dominoes", leave=False, delay=1.0
+        progress, total=count, desc=description, unit=" dominoes", leave=False, delay=1.0
     ) as bar:
         while status == dynamics.RUNNING:  # in pieces, between which Python handles signals
             if stop is not None and stop():
@@ -317,7 +315,7 @@ def _run(
             _require_time(elapsed, struck - begun[1], count, floor_name(floor))
     if status == dynamics.FAILED:
         raise ArithmeticError(
-            f"a velocity is not a number after {np.isfinite(arrivals).sum()} of {count} dominoes "
-            "were struck: this is a fault of the simulator, so please report the layout"
+            f"a velocity is not a number after {np.isfinite(arrival_times).sum()} of {count} "
+            "dominoes were struck: this is a fault of the simulator, so please report the layout"
         )
     return record, int(state.run["steps"][0])

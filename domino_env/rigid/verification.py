@@ -74,7 +74,7 @@ class Verification:
     @property
     def verdicts(self) -> tuple[str, ...]:
         """Verdicts of the reference simulator and of the engine, if it was run."""
-        return tuple(self._verdict(one[0]) for one in (self.reference, self.engine) if one)
+        return tuple(self._verdict(waves[0]) for waves in (self.reference, self.engine) if waves)
 
     def _verdict(self, fixed: RigidWave) -> str:
         """Return the verdict on fixed pivots; only differences beyond the uncertainty count."""
@@ -114,20 +114,20 @@ class Verification:
     @property
     def reason(self) -> str:
         """Reason in the layout why model and reference differ."""
-        margins, found = self.wave.stall_margin, []
+        margins, reasons = self.wave.stall_margin, []
         if np.isfinite(margins).any() and np.nanmin(margins) < NEAR_STALL:
-            found.append(
+            reasons.append(
                 f"domino {int(np.nanargmin(margins))} comes close to a stall (margin "
                 f"{np.nanmin(margins):.2g}), where every small difference grows"
             )
         if self.openings:
             i = max(self.openings, key=lambda i: self.openings[i])
-            found.append(
+            reasons.append(
                 f"contacts open that the model keeps closed: {len(self.openings)}, the widest "
                 f"between dominoes {i} and {i + 1} by {1e3 * self.openings[i]:.2g} mm, "
                 f"{self.fixed.opened_at[i]:.3f} s after the push"
             )
-        return f"Why: {'; '.join(found)}." if found else "No reason is found in the layout."
+        return f"Why: {'; '.join(reasons)}." if reasons else "No reason is found in the layout."
 
 
 def verify(
@@ -148,10 +148,10 @@ def verify(
     floors
         Friction of each floor.
     engine
-        Whether the third-party engine Chipmunk (extra ``verify``) simulates all of them too, in
-        seconds to minutes.
+        True to simulate all of them with the third-party engine Chipmunk (extra ``verify``) too,
+        which takes seconds to minutes.
     rtol
-        Relative error allowed to the reference simulator.
+        Relative error allowed in the arrival times of the reference simulator.
     progress
         As for `simulate_standing`.
 
@@ -193,47 +193,48 @@ def last_difference(wave: Wave, rigid: RigidWave) -> float:
 
 def common_difference(wave: Wave, rigid: RigidWave) -> float:
     """Return the largest relative difference of the arrival times that both have."""
-    came = min(wave.hit, rigid.hit)
-    return largest_difference(rigid.arrival_times[:came], wave.arrival_times[:came])
+    hit = min(wave.hit, rigid.hit)
+    return largest_difference(rigid.arrival_times[:hit], wave.arrival_times[:hit])
 
 
-def verification_table(checked: Verification) -> list[str]:
+def verification_table(verification: Verification) -> list[str]:
     """Return a table of differences of arrival times, every tenth domino, and the verdicts."""
-    model, count = checked.wave.arrival_times, checked.wave.layout.count
-    waves = (*checked.reference, *checked.engine)
-    names = ["domino", "model [s]", *(floor_name(one.floor_friction) for one in checked.reference)]
-    names += [f"engine, {floor_name(one.floor_friction)}" for one in checked.engine]
+    model, count = verification.wave.arrival_times, verification.wave.layout.count
+    waves = (*verification.reference, *verification.engine)
+    names = ["domino", "model [s]"]
+    names += [floor_name(rigid.floor_friction) for rigid in verification.reference]
+    names += [f"engine, {floor_name(rigid.floor_friction)}" for rigid in verification.engine]
     cells = [
         [str(i), f"{model[i]:.6f}" if np.isfinite(model[i]) else "never"]
-        + [_percent(one.arrival_times[i], model[i]) for one in waves]
+        + [_percent(rigid.arrival_times[i], model[i]) for rigid in waves]
         for i in sorted({*range(10, count, 10), min(5, count - 1), count - 1})
     ]
-    cells.append(["uncertainty", "", *(f"{one.error_estimate:.3%}" for one in waves)])
-    cells.append(["not toppled", "", *(str(one.staying_up) for one in waves)])
+    cells.append(["uncertainty", "", *(f"{rigid.error_estimate:.3%}" for rigid in waves)])
+    cells.append(["not toppled", "", *(str(rigid.staying_up) for rigid in waves)])
     lines = text_table(names, cells, right=names[1:])
-    for one in waves:
-        if not one.converged:
-            lines.append(
-                f"{floor_name(one.floor_friction)}: {one.simulator} has not converged within its "
-                f"limits ({one.steps} steps)"
-            )
-    for one, other in zip(checked.reference, checked.engine, strict=False):
-        difference = largest_difference(one.arrival_times, other.arrival_times)
-        uncertainties = one.error_estimate, other.error_estimate
+    lines += [
+        f"{floor_name(rigid.floor_friction)}: {rigid.simulator} has not converged within its "
+        f"limits ({rigid.steps} steps)"
+        for rigid in waves
+        if not rigid.converged
+    ]
+    for rigid, engine in zip(verification.reference, verification.engine, strict=False):
+        difference = largest_difference(rigid.arrival_times, engine.arrival_times)
+        uncertainties = rigid.error_estimate, engine.error_estimate
         verb = "are undecided" if max(uncertainties) > AGREES else "agree"
         if difference == math.inf or difference - sum(uncertainties) > AGREES:
             verb = "differ"
         lines.append(
-            f"{floor_name(one.floor_friction)}: {one.simulator} and {other.simulator} {verb}, "
+            f"{floor_name(rigid.floor_friction)}: {rigid.simulator} and {engine.simulator} {verb}, "
             f"arrival times at most {difference:.3%} apart, uncertainty of both "
             f"{sum(uncertainties):.3%}"
         )
-    return [*lines, *checked.verdicts]
+    return [*lines, *verification.verdicts]
 
 
-def as_document(checked: Verification) -> dict[str, Any]:
+def as_document(verification: Verification) -> dict[str, Any]:
     """Return the document `verification.json`; null where a domino is not reached."""
-    wave = checked.wave
+    wave = verification.wave
 
     def floor(rigid: RigidWave) -> dict[str, Any]:
         return document(rigid, "simulator staying_up") | {
@@ -245,18 +246,19 @@ def as_document(checked: Verification) -> dict[str, Any]:
 
     result: dict[str, Any] = as_json(
         {
-            "engine": checked.fixed.simulator,
+            "engine": verification.fixed.simulator,
             "model": wave.arrival_times,
-            "difference": checked.difference,
-            "largest_difference": checked.largest_difference,
-            "toppled": checked.fixed.staying_up == 0,
-            "verdict": checked.verdict,
-            "floors": list(map(floor, checked.reference)),
-            "engine_floors": list(map(floor, checked.engine)),
+            "difference": verification.difference,
+            "largest_difference": verification.largest_difference,
+            "toppled": verification.fixed.staying_up == 0,
+            "verdict": verification.verdict,
+            "floors": list(map(floor, verification.reference)),
+            "engine_floors": list(map(floor, verification.engine)),
         }
     )
     return document(wave.physics, "friction gravity push") | result
 
 
 def _percent(value: float, model: float) -> str:
+    """Return the difference of a time from that of the model; nothing without either."""
     return f"{value / model - 1.0:+.3%}" if math.isfinite(value) and math.isfinite(model) else ""

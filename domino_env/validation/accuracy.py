@@ -1,8 +1,8 @@
 """Error against run time of the simulator and of general ODE solvers on the same layouts.
 
 The error of a run is the largest |t_k / exact t_k - 1| over the arrival times, where the exact ones
-are those of the simulator at its tightest tolerance (which the tests compare with a hundred
-digits). Run times are the best of repeated calls on one core, after a first one.
+are those of the simulator at its tightest tolerance (tests compare them with thirty digits). Run
+times are the best of repeated calls on one core, after a first one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +24,9 @@ from domino_env.core.tables import csv_table, text_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import TIGHTEST, Wave, simulate
-from domino_env.validation.edge_cases import RTOL, TIP, Answer, EdgeCase, error_of
+from domino_env.rigid.simulation import largest_difference
+from domino_env.validation.edge_cases import RTOL, TIP, Answer, EdgeCase
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
-
-Progress = Callable[[str], object]
 
 SIMULATE = "simulate"
 SOLVERS = (SIMULATE, *FIXED, *ADAPTIVE)
@@ -66,25 +64,28 @@ class Measurement:
 
 def standard_examples() -> list[EdgeCase]:
     """Return a classic layout, a random one with face impacts, one near a stall, a stiff one."""
-    random = np.random.default_rng(3).uniform(0.002, 0.040, 39)
+    gaps = np.random.default_rng(3).uniform(0.002, 0.040, 39)
     tight = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
-    equal, stiff = Layout.uniform(100, pitch=0.016), Layout.uniform(60, spacing=0.0015)
-    near = Physics(push=TIP / math.sqrt(1.0 - 1e-3))
-    examples = {
-        "classic": ("100 equal dominoes, pitch 16 mm", equal, Physics(0.25, 9.8, 5.0 * math.pi)),
-        "face-impacts": (
-            "40 dominoes at random gaps of 2 to 40 mm", Layout(random, 0.0075), Physics()
+    weak = Physics(push=TIP / math.sqrt(1.0 - 1e-3))
+    return [
+        EdgeCase(
+            "classic", "100 equal dominoes, pitch 16 mm", Layout.uniform(100, pitch=0.016),
+            Physics(0.25, 9.8, 5.0 * math.pi),
         ),
-        "near-stall": ("40 dominoes; the first keeps a thousandth of its ω²", tight, near),
-        "stiff": (
-            "60 equal dominoes, gaps of 1.5 mm, friction 0.6", stiff, Physics(0.6, 9.81, 200.0)
+        EdgeCase(
+            "face-impacts", "40 dominoes at random gaps of 2 to 40 mm", Layout(gaps, 0.0075),
+            Physics(),
         ),
-    }  # fmt: skip
-    return [EdgeCase(group, *rest) for group, rest in examples.items()]
+        EdgeCase("near-stall", "40 dominoes; the first keeps a thousandth of its ω²", tight, weak),
+        EdgeCase(
+            "stiff", "60 equal dominoes, gaps of 1.5 mm, friction 0.6",
+            Layout.uniform(60, spacing=0.0015), Physics(0.6, 9.81, 200.0),
+        ),
+    ]  # fmt: skip
 
 
 def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
-    """Return the steps or tolerances of a solver, coarse to fine.
+    """Return the steps [s] or tolerances of a solver, coarse to fine.
 
     Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
     others.
@@ -94,15 +95,15 @@ def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float
     if solver in ADAPTIVE:
         return tuple(10.0**-p for p in ((4, 8) if quick else range(3, 14)))
     swing = math.sqrt(float(example.layout.height.min()) / example.physics.gravity)
-    unit = 1e-4 * swing / math.sqrt(0.048 / 9.81)
-    return tuple(unit * 2.0**k for k in (range(4, 0, -1) if quick else range(6, -12, -1)))
+    shortest = 1e-4 * swing / math.sqrt(0.048 / 9.81)
+    return tuple(shortest * 2.0**k for k in (range(4, 0, -1) if quick else range(6, -12, -1)))
 
 
 def measure(
     examples: Iterable[EdgeCase],
     seconds: float = 3.0,
     quick: bool = False,
-    progress: Progress = lambda line: None,
+    progress: Callable[[str], object] = str,
 ) -> Iterator[Measurement]:
     """Measure every solver on every example.
 
@@ -116,6 +117,11 @@ def measure(
         Use few settings.
     progress
         Function that is called with a line of text before every run.
+
+    Yields
+    ------
+    Measurement
+        Error and run time of each setting, coarse to fine.
     """
     for example in examples:
         exact = simulate(example.layout, example.physics, rtol=TIGHTEST)
@@ -126,10 +132,10 @@ def measure(
             used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
-                one = _measured(example, exact, solver, setting)
-                yield one
-                used += one.seconds
-                if used + growth * one.seconds > seconds:
+                measurement = _measured(example, exact, solver, setting)
+                yield measurement
+                used += measurement.seconds
+                if used + growth * measurement.seconds > seconds:
                     break
 
 
@@ -146,7 +152,8 @@ def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Me
             stepped = integrate(example.layout, example.physics, solver, setting)
             outcome, times = stepped.outcome, stepped.arrival_times
         seconds.append(time.process_time() - began)
-    error = error_of(times, exact.arrival_times) if outcome == exact.outcome else math.inf
+    same = outcome == exact.outcome
+    error = largest_difference(times, exact.arrival_times) if same else math.inf
     return Measurement(example.group, solver, setting, error, estimate, min(seconds))
 
 
@@ -159,26 +166,28 @@ def compare(measurements: Sequence[Measurement]) -> list[str]:
     """Return a table of run times to each error, with their ratios to that of `simulate`."""
     lines, levels = [], [f"{level:.0e}" for level in LEVELS]
     for example in dict.fromkeys(m.example for m in measurements):
-        table, runs = [], [m for m in measurements if m.example == example]
-        ours = [m for m in runs if m.solver == SIMULATE]
+        table, simulated = [], _runs(measurements, example, SIMULATE)
         for solver in SOLVERS:
-            mine = [m for m in runs if m.solver == solver]
-            best = min((m.error for m in mine), default=math.inf)
-            cells = []
+            runs, cells = _runs(measurements, example, solver), []
             for level in LEVELS:
-                seconds, first = time_to_reach(mine, level), time_to_reach(ours, level)
-                reached = f"{seconds:.2e} ({seconds / first:.0f})"
-                cells.append(f"at best {best:.0e}" if math.isnan(seconds) else reached)
+                seconds = time_to_reach(runs, level)
+                cells.append(f"{seconds:.2e} ({seconds / time_to_reach(simulated, level):.0f})")
+                if math.isnan(seconds):
+                    cells[-1] = f"at best {min((m.error for m in runs), default=math.inf):.0e}"
             table.append((solver, *cells))
         lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
         lines += text_table(("", *levels), table, right=levels)
     return lines
 
 
+def _runs(measurements: Iterable[Measurement], example: str, solver: str) -> list[Measurement]:
+    return [m for m in measurements if (m.example, m.solver) == (example, solver)]
+
+
 def as_csv(records: Sequence[Any]) -> str:
     """Return measurements or answers as CSV in SI units, with empty cells for missing numbers."""
     names = [field.name for field in fields(records[0])]
-    return csv_table(names, (as_json(astuple(one)) for one in records))
+    return csv_table(names, (as_json(astuple(record)) for record in records))
 
 
 # Plots --------------------------------------------------------------------------------------------
@@ -214,9 +223,9 @@ def draw_accuracy(
     )  # fmt: skip
     for axes, example in zip(panels, examples, strict=True):
         for solver, (colour, label) in LOOKS.items():
-            mine = [m for m in measurements if (m.example, m.solver) == (example.group, solver)]
-            times = [m.seconds for m in mine]
-            errors = [min(max(m.error, FLOOR), 10.0) for m in mine]  # a wrong outcome at the top
+            runs = _runs(measurements, example.group, solver)
+            times = [m.seconds for m in runs]
+            errors = [min(max(m.error, FLOOR), 10.0) for m in runs]  # a wrong outcome at the top
             width = 2.4 if solver == SIMULATE else 1.3
             axes.loglog(times, errors, color=colour, label=label, marker="o", lw=width, ms=4)
         axes.set_ylim(0.4 * FLOOR, 30.0)
@@ -233,41 +242,35 @@ def draw_accuracy(
 
 def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     """Draw every edge case as a column: a dot for the true error, a bar for its estimate."""
-    wrong = sum(bool(one.faults) for one in answers)
+    wrong = sum(bool(answer.faults) for answer in answers)
     figure, (axes,) = new_panels(
         1, 1, (10.0, 6.0),
         headline=f"{len(answers)} edge cases: {wrong or 'none'} with a fault",
         subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
     )  # fmt: skip
-    groups = list(dict.fromkeys(one.group for one in answers))
-    answers = sorted(answers, key=lambda one: groups.index(one.group))
-    places: list[float] = []
-    ticks, names, right = [], [], 0.0
-    for k, (name, group) in enumerate(groupby(answers, lambda one: one.group)):
-        columns = right + np.arange(len(list(group)))
-        if k % 2 == 0:
-            axes.axvspan(right - 1.5, columns[-1] + 1.5, color=SHADE, zorder=0)
-        places.extend(columns)
-        ticks.append(columns.mean())
-        names.append(name)
-        right = columns[-1] + 3.5
+    groups = list(dict.fromkeys(answer.group for answer in answers))
+    answers = sorted(answers, key=lambda answer: groups.index(answer.group))
+    numbers = np.array([groups.index(answer.group) for answer in answers])
+    places = np.arange(len(answers)) + 2.5 * numbers
+    columns = [places[numbers == k] for k in range(len(groups))]
+    for of_group in columns[::2]:
+        axes.axvspan(of_group[0] - 1.5, of_group[-1] + 1.5, color=SHADE, zorder=0)
+    outcomes = np.array([answer.outcome for answer in answers])
+    logged = np.maximum([(answer.error, answer.estimate) for answer in answers], FLOOR)
     for outcome, colour in OUTCOMES.items():
-        mine = [(p, one) for p, one in zip(places, answers, strict=True) if one.outcome == outcome]
-        if not mine:
+        x, (errors, estimates) = places[outcomes == outcome], logged[outcomes == outcome].T
+        if not len(x):
             continue
-        where = [p for p, _ in mine]
-        errors = [max(one.error, FLOOR) for _, one in mine]
-        estimates = [max(one.estimate, FLOOR) for _, one in mine]
         ended = "completes" if outcome == "PROPAGATED" else outcome.lower().replace("_", " ")
-        label = f"{ended} ({len(mine)})"
-        axes.vlines(where, errors, estimates, color=colour, linewidth=1.0, alpha=0.45)
-        axes.plot(where, estimates, "_", color=colour, markersize=6)
-        axes.plot(where, errors, "o", color=colour, markersize=3.2, label=label)
+        axes.vlines(x, errors, estimates, color=colour, linewidth=1.0, alpha=0.45)
+        axes.plot(x, estimates, "_", color=colour, markersize=6)
+        label = f"{ended} ({len(x)})"
+        axes.plot(x, errors, "o", color=colour, markersize=3.2, label=label)
     axes.axhline(RTOL, color=INK, linewidth=0.8, linestyle="--", label=f"tolerance {RTOL:g}")
-    axes.set_xlim(-2.5, right)
+    axes.set_xlim(-2.5, places[-1] + 3.5)
     axes.set_yscale("log")
     axes.set_ylim(0.4 * FLOOR, 10.0)
-    axes.set_xticks(ticks, names, rotation=60, ha="right")
+    axes.set_xticks([of_group.mean() for of_group in columns], groups, rotation=60, ha="right")
     axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)
     axes.legend(loc="upper right", ncols=3, **LEGEND)

@@ -23,7 +23,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.physics.wave import TIGHTEST
-from domino_env.validation.edge_cases import error_of
+from domino_env.rigid.simulation import largest_difference
 
 Task = Callable[[], object]
 ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -64,7 +64,7 @@ def waves() -> Iterator[str]:
             plain = partial(de.simulate, layout, physics, rtol=rtol)
             gradient = partial(_gradient, plain)
             wave, (once, both) = plain(), median_times(plain, gradient)
-            error = error_of(wave.arrival_times, exact.arrival_times)
+            error = largest_difference(wave.arrival_times, exact.arrival_times)
             case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
             remark = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
             yield line(f"wave: {case}", once, remark)

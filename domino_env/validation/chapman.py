@@ -78,14 +78,14 @@ def markdown() -> str:
     for line, printed in zip(angular_velocities(), PRINTED, strict=True):
         pitch, average, low, high = line[0], line[3], line[6], line[7]
         cells = [
-            f"{value:.3f} ({other:.2f}{'*' if abs(value - other) > 0.5 else ''})"
-            for value, other in zip(line[1:4], printed, strict=True)
+            f"{value:.3f} ({rounded:.2f}{'*' if abs(value - rounded) > 0.5 else ''})"
+            for value, rounded in zip(line[1:4], printed, strict=True)
         ]
         means = [f"{mean:.2f} ({mean / average - 1.0:+.1%})" for mean in line[4:6]]
         velocities.append([f"{pitch * 1e3:.0f} mm", *cells, *means, f"{low:.3f}", f"{high:.3f}"])
     hits = [
-        (f"{pitch * 1e3:.0f} mm", f"{value:.2f}", *others, f"{value / others[-1] - 1.0:+.1%}")
-        for pitch, value, *others in frequencies()
+        (f"{pitch * 1e3:.0f} mm", f"{model:.2f}", *known, f"{model / known[-1] - 1.0:+.1%}")
+        for pitch, model, *known in frequencies()
     ]
     first = ("pitch", "ω−", "ω+", "average", "√(ω+ω−)", "½(ω+ + ω−)", "ω−, closed", "ω+, closed")
     second = ("pitch", "model", "Chapman", "LMGC90", "experiment", "model against experiment")
@@ -121,7 +121,7 @@ def one_interval(axes: Axes) -> None:
     speeds = np.array([[wave.release_velocity[n]], [wave.impact_velocity[n]]])
     kinetic = 0.5 * inertia * ((after - before) / step * speeds) ** 2
     place = np.arange(shown)
-    # the two differ domino by domino, as the contacts share the energy out
+    # the two differ for each domino, because contacts transfer energy
     for offset, energy, colour, label in (
         (-0.2, released, BLUE, "potential, released"),
         (0.2, kinetic[1] - kinetic[0], RED, "kinetic, gained"),
@@ -145,8 +145,8 @@ def angular_velocity(axes: Axes) -> None:
     speeds = np.column_stack([wave.release_velocity[:-1], wave.impact_velocity]).ravel()
     average = np.arcsin((PITCHES[0] - THICKNESS) / HEIGHT) * _steady(PITCHES[0]).frequency
     axes.plot(times, speeds, color=BLUE, label="leading domino")
-    name = f"average of the steady wave, {average:.3f} rad/s"
-    axes.axhline(average, color=RED, linestyle="--", label=name)
+    label = f"average of the steady wave, {average:.3f} rad/s"
+    axes.axhline(average, color=RED, linestyle="--", label=label)
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
 
 
@@ -185,10 +185,10 @@ def friction(axes: Axes) -> None:
         speed = np.array([_steady(pitch, friction=float(m)).speed for m in mu])
         share = _steady(pitch, friction=FRICTION).speed / speed[0]
         power = np.log(share) / np.log(1.0 + FRICTION)
-        name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} equal to (1+μ)$^{{{power:.2f}}}$"
-        axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=name)
-    name = "Cantor & Wojtacki: (1+μ)$^{-0.4}$, not this model"
-    axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=name)
+        label = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} equal to (1+μ)$^{{{power:.2f}}}$"
+        axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=label)
+    label = "Cantor & Wojtacki: (1+μ)$^{-0.4}$, not this model"
+    axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=label)
     axes.set(
         xlabel="friction coefficient μ",
         ylabel="steady speed over that without friction",

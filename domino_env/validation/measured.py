@@ -1,7 +1,7 @@
 """Comparison of measured chains with the model: fitted friction, predictions, reason codes.
 
 A source is compared in its own setting, in the other readings that its file names, and with each
-effect that the model leaves out, as large as simulated layouts have it at the fitted friction.
+effect that the model neglects, as large as in simulated layouts at the fitted friction.
 """
 
 from __future__ import annotations
@@ -107,11 +107,6 @@ class Comparison:
         """True where every chain is within `LARGEST_DEVIATION`."""
         return self.worst <= LARGEST_DEVIATION
 
-    @property
-    def several(self) -> bool:
-        """True for more than one spacing; a single one always has its friction."""
-        return len({chain.x for chain in self.chains}) > 1
-
 
 @dataclass(frozen=True, eq=False)
 class Validation:
@@ -126,7 +121,7 @@ class Validation:
     readings
         Comparisons in other readings.
     effects
-        Comparisons in its own setting, each with one effect that the model leaves out.
+        Comparisons in its own setting, each with one effect that the model neglects.
     reasons
         Codes of the evidence against the model, or for an explanation; docs/measured.md has them.
     """
@@ -187,15 +182,21 @@ def compare(
         The reading in words.
     factors
         (K,) factors on the speeds of the model, such as the effect of a floor; none by default.
+
+    Returns
+    -------
+    Comparison
+        Fitted friction and values of the model.
     """
     chains = source.chains_of(setting)
-    x, values, sigmas = np.array([(one.x, one.value, one.uncertainty) for one in chains]).T
+    x, values, sigmas = np.array([(c.x, c.value, c.uncertainty) for c in chains]).T
     scale = np.ones(len(chains)) if factors is None else np.asarray(factors, dtype=np.float64)
 
     def model(friction: float, shift: float = 0.0) -> Floats:
-        numbers = zip(x + shift, scale, strict=True)
-        values = (model_value(source.quantity, setting, xk, friction, f) for xk, f in numbers)
-        return np.array(list(values))
+        return np.array([
+            model_value(source.quantity, setting, xk, friction, factor)
+            for xk, factor in zip(x + shift, scale, strict=True)
+        ])  # fmt: skip
 
     friction, error = fit(model, values, sigmas)
     if setting.x_uncertainty:
@@ -204,9 +205,9 @@ def compare(
             sigmas = np.hypot(sigmas, np.nan_to_num(0.5 * (high - low), posinf=0.0, neginf=0.0))
         friction, error = fit(model, values, sigmas)
     predicted = np.full(len(chains), np.nan)
-    for k, others in enumerate(x != x[:, None]):
-        if others.any():
-            predicted[k] = model(fit(model, values, sigmas, others)[0])[k]
+    for k, elsewhere in enumerate(x != x[:, None]):  # chains of other spacings
+        if elsewhere.any():
+            predicted[k] = model(fit(model, values, sigmas, elsewhere)[0])[k]
     deviations = (model(friction) - values) / sigmas
     if len(chains) > 1:
         error *= max(1.0, float(np.linalg.norm(deviations)) / math.sqrt(len(chains) - 1))
@@ -296,14 +297,14 @@ def fit_friction(
     return compare(source, source.setting)
 
 
-# Effects that the model leaves out ----------------------------------------------------------------
+# Effects that the model neglects ------------------------------------------------------------------
 
 
 def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
     """Return the factor on the speed of gaps with a standard deviation, in heights."""
     gap = pitch - setting.thickness
     noise = np.random.default_rng(SEED).standard_normal((SAMPLES, DOMINOES - 1))
-    gaps = np.vstack([np.full(DOMINOES - 1, gap), gap + deviation * setting.height * noise])
+    gaps = gap + deviation * setting.height * np.vstack([np.zeros(DOMINOES - 1), noise])
     gaps = np.clip(gaps, NARROWEST * gap, WIDEST * setting.height)
     thickness = np.full(DOMINOES, setting.thickness)
     waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
@@ -319,8 +320,8 @@ def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) 
     layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
     free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times
     fixed = simulate(layout, physics).arrival_times
-    seconds = free[-1] - free[SETTLED], fixed[-1] - fixed[SETTLED]
-    return float(seconds[1] / seconds[0]) if np.all(np.isfinite(seconds)) else 0.0
+    on_floor, on_pivots = free[-1] - free[SETTLED], fixed[-1] - fixed[SETTLED]
+    return float(on_pivots / on_floor) if np.isfinite([on_floor, on_pivots]).all() else 0.0
 
 
 def _firm_push(setting: Setting, friction: float) -> Physics:
@@ -348,21 +349,27 @@ def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validat
     source
         The measurements.
     effects
-        Effects that the model leaves out, by their labels.
+        Effects that the model neglects, by their labels.
+
+    Returns
+    -------
+    Validation
+        All comparisons, and the reason codes.
     """
-    setting, other = source.setting, source.readings
+    setting, settings = source.setting, source.readings
     if not setting.x_uncertainty:
         uncertain = msgspec.structs.replace(setting, x_uncertainty=TEMPLATE / setting.x_length)
-        other[f"spacings uncertain by {1e3 * TEMPLATE:g} mm"] = uncertain
+        settings[f"spacings uncertain by {1e3 * TEMPLATE:g} mm"] = uncertain
     main = compare(source, setting)
-    readings = tuple(compare(source, one, label) for label, one in other.items())
-    compared = tuple(
+    readings = tuple(compare(source, reading, label) for label, reading in settings.items())
+    with_effects = tuple(
         compare(source, setting, label, [
             effect(setting, setting.pitch(chain.x), main.friction) for chain in main.chains
         ])
         for label, effect in effects.items()
     )  # fmt: skip
-    return Validation(source, main, readings, compared, _reasons(source, main, readings, compared))
+    reasons = _reasons(source, main, readings, with_effects)
+    return Validation(source, main, readings, with_effects, reasons)
 
 
 def _reasons(
@@ -373,8 +380,9 @@ def _reasons(
     order = np.argsort([chain.x for chain in main.chains], kind="stable")
     narrow, *_, wide = np.repeat(-sign * main.deviations[order], 2)
     measured = np.array([chain.value for chain in main.chains])
-    other = next((one for one in readings if one.holds and one.several), None)
-    best = min(effects, key=lambda one: one.worst, default=main)
+    # a single spacing always has a friction that explains it
+    explaining = [r.label for r in readings if r.holds and len({c.x for c in r.chains}) > 1]
+    best = min(effects, key=lambda comparison: comparison.worst, default=main)
     patterns = {
         "no-wave": not np.all((main.model > 0.0) & (main.model < math.inf)),
         "faster-than-frictionless": np.any(
@@ -383,10 +391,10 @@ def _reasons(
         "friction-grows-with-gap": narrow > TREND and wide < -TREND,
         "friction-falls-with-gap": narrow < -TREND and wide > TREND,
         "floors-differ": len({chain.floor for chain in main.chains}) > 1,
-        f"explained-in-another-reading: {other and other.label}": other is not None,
+        f"explained-in-another-reading: {''.join(explaining[:1])}": explaining,
         f"helped-by: {best.label}": best.worst < HELPFUL * main.worst,
     }
-    codes = [code for code, is_so in patterns.items() if is_so and not main.holds]
+    codes = [code for code, applies in patterns.items() if applies and not main.holds]
     codes += ["single-chain"] * (len(main.chains) == 1)
     if (own := source.friction) is not None and math.isfinite(main.uncertainty):
         difference = abs(main.friction - own.value)

@@ -30,25 +30,27 @@ WIDEST = 0.97  # [heights] gap that is drawn
 def text(validation: Validation) -> list[str]:
     """Return the lines of a source for a terminal."""
     source, main = validation.source, validation.main
-    known = main.setting.in_words(main.setting.x_uncertainty)
-    reasons, verdict = ", ".join(validation.reasons), "not " * (not validation.explained)
-    spread = f"known to {known}" if main.setting.x_uncertainty else "taken as exact"
+    spread = main.setting.x_uncertainty
+    spacings = f"known to {main.setting.in_words(spread)}" if spread else "taken as exact"
+    verdict = "explained" if validation.explained else "not explained"
+    if validation.reasons:
+        verdict += f": {', '.join(validation.reasons)}"
     return [
         f"{source.name}: {source.title} [{source.unit}]",
         *text_table(COLUMNS, _chains(main), right=COLUMNS[1:]),
-        f"friction {_friction(main)}, spacings {spread}, {verdict}explained"
-        + f": {reasons}" * bool(reasons),
+        f"friction {_friction(main)}, spacings {spacings}, {verdict}",
     ]
 
 
 def markdown(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of the page: all sources in a table, then each."""
-    held = [f"`{v.source.name}`" for v in validations if v.explained]
-    summary = ("source", "chains", "friction", "largest deviation", "explained", "reasons")
+    explained = [f"`{v.source.name}`" for v in validations if v.explained]
+    names = ("source", "chains", "friction", "largest deviation", "explained", "reasons")
+    counts = f"{len(explained)} of {len(validations)} sources are explained."
     lines = [
-        f"**{len(held)} of {len(validations)} sources are explained.** {', '.join(held)}".rstrip(),
+        f"**{counts}** {', '.join(explained)}".rstrip(),
         "",
-        *markdown_table(summary, [
+        *markdown_table(names, [
             (
                 f"[{v.source.title}](#{v.source.name})", len(v.main.chains), _friction(v.main),
                 f"{v.main.worst:.1f}", "yes" if v.explained else "no", ", ".join(v.reasons),
@@ -69,13 +71,14 @@ def markdown(validations: Sequence[Validation]) -> list[str]:
     return lines
 
 
-def _chains(one: Comparison) -> list[tuple[str, ...]]:
+def _chains(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return the cells of `COLUMNS`, a line for each chain."""
     lines: list[tuple[str, ...]] = []
-    numbers = one.model, one.sigmas, one.deviations, one.predicted
-    for chain, model, sigma, deviation, predicted in zip(one.chains, *numbers, strict=True):
+    numbers = comparison.model, comparison.sigmas, comparison.deviations, comparison.predicted
+    for chain, model, sigma, deviation, predicted in zip(comparison.chains, *numbers, strict=True):
         completes, error = 0.0 < model < math.inf, predicted / chain.value - 1.0
         lines.append((
-            one.setting.in_words(chain.x) + (f", {chain.floor}" if chain.floor else ""),
+            comparison.setting.in_words(chain.x) + (f", {chain.floor}" if chain.floor else ""),
             f"{chain.value:.4g} ± {sigma:.2g}",
             f"{model:.4g}" if completes else "no wave",
             f"{model / chain.value - 1.0:+.1%}" if completes else "",
@@ -85,19 +88,22 @@ def _chains(one: Comparison) -> list[tuple[str, ...]]:
     return lines
 
 
-def _reading(one: Comparison) -> tuple[str, ...]:
-    low, high = min(one.factors) - 1.0, max(one.factors) - 1.0
-    finite = math.isfinite(one.worst)
+def _reading(reading: Comparison) -> tuple[str, ...]:
+    """Return the cells of `READINGS`."""
+    low, high = min(reading.factors) - 1.0, max(reading.factors) - 1.0
+    finite = math.isfinite(reading.worst)
     return (
-        one.label or "as above", f"{low:+.1%} to {high:+.1%}" if low or high else "",
-        _friction(one), f"{one.worst:.1f}" if finite else "no wave",
-        f"{one.chi_square:.1f}" if finite else "", "yes" if one.holds else "no",
+        reading.label or "as above", f"{low:+.1%} to {high:+.1%}" if low or high else "",
+        _friction(reading), f"{reading.worst:.1f}" if finite else "no wave",
+        f"{reading.chi_square:.1f}" if finite else "", "yes" if reading.holds else "no",
     )  # fmt: skip
 
 
-def _friction(one: Comparison) -> str:
-    spread = f" ± {one.uncertainty:.3f}" if math.isfinite(one.uncertainty) else ""
-    return f"{one.friction:.3f}{spread}"
+def _friction(comparison: Comparison) -> str:
+    """Return the fitted friction and its uncertainty, if it is finite."""
+    uncertainty = comparison.uncertainty
+    spread = f" ± {uncertainty:.3f}" if math.isfinite(uncertainty) else ""
+    return f"{comparison.friction:.3f}{spread}"
 
 
 def draw(validations: Sequence[Validation], path: Path) -> None:
@@ -116,6 +122,7 @@ def draw(validations: Sequence[Validation], path: Path) -> None:
 
 
 def _draw_panel(axes: Axes, validation: Validation) -> None:
+    """Draw one source."""
     source, main = validation.source, validation.main
     setting, friction = main.setting, main.friction
     scale = 1e3 if setting.x_unit == "m" else 1.0
@@ -125,25 +132,26 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
     dense = touching + np.linspace(0.8 * gap.min(), min(1.1 * gap.max(), widest), POINTS)
     band = main.uncertainty if math.isfinite(main.uncertainty) else 0.0
 
-    def line(friction: float) -> Floats:
-        speeds = np.array([model_value("speed", setting, x, friction) for x in dense.tolist()])
-        return np.where(speeds > 0.0, speeds, np.nan)
+    def speeds(friction: float) -> Floats:
+        of_model = np.array([model_value("speed", setting, x, friction) for x in dense.tolist()])
+        return np.where(of_model > 0.0, of_model, np.nan)
 
     axes.fill_between(
-        scale * dense, line(max(friction - band, 0.0)), line(friction + band), color=BLUE,
+        scale * dense, speeds(max(friction - band, 0.0)), speeds(friction + band), color=BLUE,
         alpha=0.15, linewidth=0,
     )  # fmt: skip
-    axes.plot(scale * dense, line(friction), color=BLUE, label=f"model, friction {_friction(main)}")
-    axes.plot(scale * dense, line(0.0), color=PALE, linestyle="--", label="model, no friction")
+    label = f"model, friction {_friction(main)}"
+    axes.plot(scale * dense, speeds(friction), color=BLUE, label=label)
+    axes.plot(scale * dense, speeds(0.0), color=PALE, linestyle="--", label="model, no friction")
     floors = dict.fromkeys(chain.floor for chain in main.chains)
     for floor, colour in zip(floors, (RED, AMBER), strict=False):
-        places, speed, share = np.array([
+        places, speed, uncertainty = np.array([
             (scale * c.x, setting.speed(source.quantity, c.x, c.value), sigma / c.value)
             for c, sigma in zip(main.chains, main.sigmas, strict=True)
             if c.floor == floor
         ]).T  # fmt: skip
         axes.errorbar(
-            places, speed, yerr=2.0 * speed * share, fmt="o", markersize=4, capsize=3,
+            places, speed, yerr=2.0 * speed * uncertainty, fmt="o", markersize=4, capsize=3,
             color=colour, label=floor or "measured",
         )  # fmt: skip
     axes.set_title(escaped(source.title.partition(":")[0]), loc="left", color=INK, size=10)

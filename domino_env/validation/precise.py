@@ -1,9 +1,9 @@
 """Multi-precision solution of short layouts, the reference of all other solvers.
 
-It follows from the bodies, not from the formulas of the simulator: contact points and arms are
-vectors, ratios of velocities are differences of positions, forces and impulses follow from one
-dense linear solve of Newton's and Euler's equations, and friction opposes the sliding that the
-positions show. In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
+It uses the bodies, not the formulas of the simulator: contact points and arms are vectors, ratios
+of velocities are differences of positions, forces and impulses follow from one dense linear solve
+of Newton's and Euler's equations, and friction opposes the sliding that follows from the positions.
+In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
 Gauss-Legendre collocation on panels that are halved until the halves agree with the whole. The
 result is good to about 18 digits where u does not dip.
 
@@ -60,7 +60,7 @@ class PreciseWave:
     outcome
         As `Wave.outcome`.
     arrival_times
-        Arrival times of the dominoes that are hit [s].
+        Arrival times of the dominoes that are hit [s], exact fractions.
     flushes
         Number of contacts that changed from the tip to the face.
     lowest
@@ -74,10 +74,10 @@ class PreciseWave:
 
     def relative_error(self, arrival_times: Floats) -> float:
         """Return the largest |t_k / true t_k - 1| over the dominoes hit; inf where others are."""
-        struck = np.flatnonzero(np.isfinite(arrival_times))
-        if len(struck) != len(self.arrival_times):
+        times = arrival_times[np.isfinite(arrival_times)].tolist()
+        if len(times) != len(self.arrival_times):
             return float("inf")
-        pairs = zip(arrival_times[struck][1:].tolist(), self.arrival_times[1:], strict=True)
+        pairs = zip(times[1:], self.arrival_times[1:], strict=True)
         return float(max((abs(Fraction(t) / true - 1) for t, true in pairs), default=0))
 
 
@@ -88,6 +88,11 @@ def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
     ----------
     layout, physics
         As of `simulate`.
+
+    Returns
+    -------
+    PreciseWave
+        Outcome and arrival times.
 
     Raises
     ------
@@ -105,6 +110,8 @@ class _StallsError(Exception):
 
 
 class _Chain:
+    """A chain, the states of its contacts, and the equations of its stack."""
+
     def __init__(self, layout: Layout, physics: Physics) -> None:
         def exact(values: Floats) -> list[Number]:
             return [mp.mpf(float(x)) for x in values]
@@ -122,14 +129,14 @@ class _Chain:
         self.on_face = [False] * self.count
         self.back = 0  # the last domino still in contact
         self.flushes = 0
-        self.least = mp.mpf(1)  # u met in the present interval
+        self.least = mp.mpf(1)  # smallest u in the present interval
 
     # positions --------------------------------------------------------------------------------
     def shift(self, i: int) -> Pair:
         """Return the vector from pivot i to pivot i+1, whose rear face is a gap away if upright."""
         slope, e = self.tilt[i + 1], self.rise[i]
-        way = self.gap[i] + self.thick[i + 1] + e * mp.sin(slope)
-        return way / mp.cos(slope), e
+        along = self.gap[i] + self.thick[i + 1] + e * mp.sin(slope)
+        return along / mp.cos(slope), e
 
     def angles(self, n: int, angle: Number, last: int) -> Angles:
         """Return the angles of dominoes n … last where n leads."""
@@ -163,10 +170,10 @@ class _Chain:
             at_next = at_i[0] - shift[0], at_i[1] - shift[1]
             normal, along = (mp.cos(b), -mp.sin(b)), (mp.sin(b), mp.cos(b))
 
-        def torque(place: Pair, force: Pair) -> Number:
-            return place[1] * force[0] - place[0] * force[1]
+        def torque(arm: Pair, force: Pair) -> Number:
+            return arm[1] * force[0] - arm[0] * force[1]
 
-        # a point at `place` moves with ω (y, -x), along the face as fast as its torque arm is long
+        # a point (x, y) moves with ω (y, -x): its speed along the face is ω times a torque
         sliding = rate[i] * torque(at_i, along) - rate[i + 1] * torque(at_next, along)
         rub = self.mu * mp.sign(sliding)
         force = normal[0] + rub * along[0], normal[1] + rub * along[1]
@@ -242,18 +249,18 @@ class _Chain:
     def next_change(self, n: int, a: Number, b: Number) -> Number | None:
         """Return the leader's least angle in (a, b] at which a contact changes."""
         lean = self.angles(n, b, self.back)
-        found = None
+        first = None
         for i in range(n - 1, self.back - 1, -1):
             goal, _ = self.due(i)
             if lean[i + 1] < goal - mp.mpf(10) ** -40:
                 continue
-            low, high = a, b  # bisection: nothing smooth is asked of the chain of contacts
+            low, high = a, b  # bisection, because the angles are not smooth
             for _ in range(200):
                 middle = (low + high) / 2
                 over = self.angles(n, middle, i + 1)[i + 1] >= goal
                 low, high = (low, middle) if over else (middle, high)
-            found = high if found is None else min(found, high)
-        return found
+            first = high if first is None else min(first, high)
+        return first
 
     def change(self, n: int, angle: Number, u: Number) -> Number | None:
         """Change the contacts that are due, in one impact; return u after it, None for a jam."""
@@ -271,12 +278,13 @@ class _Chain:
             return u
         _, new_rate, _ = self.motion(n, angle)
         before = {k: self.inertia[k] * rate[k] for k in new_rate}
-        # all behind a face impact is stopped: during the impact it still slides as it did before
+        # a face impact stops all dominoes behind it, which still slide during the impact
         ratio = self.solve(n, lean, new_rate, before, rate)
         return u * ratio * ratio if ratio > 0 else None
 
     # the chain --------------------------------------------------------------------------------
     def topple(self) -> PreciseWave:
+        """Solve interval by interval until the wave ends."""
         u, now, times, lowest = self.push**2, mp.mpf(0), [Fraction(0)], mp.mpf(1)
 
         def ended(outcome: Outcome) -> PreciseWave:
@@ -322,10 +330,10 @@ def reference_waves() -> dict[str, PreciseWave]:
     """Return the stored waves of `edge_cases.short_cases`, by group and name."""
     return {
         name: PreciseWave(
-            Outcome[one["outcome"]], tuple(map(Fraction, one["arrival_times"])), one["flushes"],
-            one["lowest"],
+            Outcome[wave["outcome"]], tuple(map(Fraction, wave["arrival_times"])), wave["flushes"],
+            wave["lowest"],
         )
-        for name, one in read_json(REFERENCE).items()
+        for name, wave in read_json(REFERENCE).items()
     }  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Measured chains: where they are published, how they were measured, and what is not known.
 
-One TOML file per source in `sources/`; a file there is found by itself.
+Every TOML file in `sources/` is a source.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Chain(Table):
 
 
 class Friction(Table):
-    """Friction between dominoes, from a measurement of its own."""
+    """Friction between dominoes, from an independent measurement."""
 
     value: Annotated[float, Meta(ge=0.0)]
     uncertainty: Size
@@ -118,7 +118,7 @@ class Source(Table):
     instead
         Tables of other readings: `what` in words, and the keys of `setting` that differ.
     friction
-        Friction between dominoes, where it was measured by itself.
+        Friction between dominoes, where it was measured independently.
     name
         Name of the file.
     """
@@ -139,7 +139,7 @@ class Source(Table):
 
     def __post_init__(self) -> None:
         """Check that every chain can stand and be hit, in every reading."""
-        if not all(isinstance(one.get("what"), str) for one in self.instead):
+        if not all(isinstance(reading.get("what"), str) for reading in self.instead):
             raise ValueError(
                 "instead: 'what' is missing: describe the difference of the reading in words"
             )
@@ -158,20 +158,29 @@ class Source(Table):
     def readings(self) -> dict[str, Setting]:
         """Settings of the other readings, by their labels."""
         own = msgspec.to_builtins(self.setting)
-        return {
-            str(one.get("what")): model_of(
-                Setting, own | {k: v for k, v in one.items() if k != "what"}, "instead"
-            )
-            for one in self.instead
-        }
+        readings = {}
+        for reading in self.instead:
+            changes = {key: value for key, value in reading.items() if key != "what"}
+            readings[str(reading["what"])] = model_of(Setting, own | changes, "instead")
+        return readings
 
     def chains_of(self, setting: Setting) -> tuple[Chain, ...]:
         """Return the chains on the floor of a setting."""
-        return tuple(one for one in self.chains if setting.floor in (None, one.floor))
+        return tuple(chain for chain in self.chains if setting.floor in (None, chain.floor))
 
 
 def read_source(path: Path) -> Source:
     """Read a file of measurements.
+
+    Parameters
+    ----------
+    path
+        TOML file.
+
+    Returns
+    -------
+    Source
+        The measurements, under the name of the file.
 
     Raises
     ------

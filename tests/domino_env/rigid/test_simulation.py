@@ -100,7 +100,7 @@ def test_lengths_times_four_take_twice_the_time():
 def test_the_estimate_holds_against_finer_runs(seed, floor):
     layout = random_layout(seed)
     rigid = de.simulate_standing(layout, PHYSICS, floor)
-    fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0)[0].arrivals
+    fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0)[0].arrival_times
     np.testing.assert_allclose(rigid.arrival_times, fine, rtol=rigid.error_estimate)
 
 

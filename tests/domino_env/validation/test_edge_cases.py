@@ -10,10 +10,10 @@ import pytest
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
+from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.edge_cases import (
     EdgeCase,
     edge_cases,
-    error_of,
     examine,
     inconsistencies,
     short_cases,
@@ -66,7 +66,7 @@ def test_steps_in_time_end_alike(case):
     step = min(last, swing) / 150.0 if last > 0.0 else swing / 1e4
     stepped = integrate(case.layout, case.physics, "rk4", step)
     assert stepped.outcome == wave.outcome
-    error = error_of(stepped.arrival_times, wave.arrival_times)
+    error = largest_difference(stepped.arrival_times, wave.arrival_times)
     assert error < 1e-6 + 100.0 * wave.error_estimate
 
 
@@ -151,6 +151,6 @@ def test_estimates_hold_where_searches_found_larger_errors(name):
         wave = simulate(*case, rtol=rtol)
         assert inconsistencies(wave) == []
         assert wave.outcome == tight.outcome
-        error = error_of(wave.arrival_times, tight.arrival_times)
+        error = largest_difference(wave.arrival_times, tight.arrival_times)
         assert error <= max(wave.error_estimate, 0.02 * rtol) + tight.error_estimate
         assert error <= rtol + tight.error_estimate or not wave.converged

@@ -8,7 +8,7 @@ import pytest
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
-from domino_env.validation.edge_cases import error_of
+from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
 RNG = np.random.default_rng(8)
@@ -29,7 +29,7 @@ def _error(name: str, method: str, setting: float) -> float:
     exact = simulate(layout, physics, rtol=1e-13)
     stepped = integrate(layout, physics, method, setting)
     assert stepped.outcome == exact.outcome
-    return error_of(stepped.arrival_times, exact.arrival_times)
+    return largest_difference(stepped.arrival_times, exact.arrival_times)
 
 
 def test_the_layouts_have_every_state_of_contact():
