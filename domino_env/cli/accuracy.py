@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import SECONDS, add_out_option
+from domino_env.cli.options import SECONDS, add_options, add_out_option
 
 SUMMARY = "measure error against run time, simulate the edge cases"
 
@@ -18,10 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino accuracy`."""
     parser.add_argument("--stability", action="store_true", help="simulate the edge cases")
     add_out_option(parser, "runs/accuracy")
-    parser.add_argument(
-        "--seconds", type=SECONDS, metavar="S", default=3.0,
-        help="time limit for one solver on one layout [s] (3)",
-    )  # fmt: skip
+    limit = "time limit for one solver on one layout [s]"
+    add_options(parser, ("seconds", SECONDS, "S", 3.0, limit))
     parser.add_argument("--quick", action="store_true", help="few settings, short layouts")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_physics_options, chosen_physics, output
+from domino_env.cli.options import add_options, add_physics_options, chosen_physics, output
 
 SUMMARY = "write the sound of a layout as a WAV file"
 
@@ -13,12 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino click`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     add_physics_options(parser)
-    parser.add_argument(
-        "--wav",
-        type=output(".wav"),
-        metavar="FILE",
-        help="output file (LAYOUT with the ending .wav)",
-    )
+    target = "output file (LAYOUT with the ending .wav)"
+    add_options(parser, ("wav", output(".wav"), "FILE", None, target))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,6 +28,10 @@ def run(arguments: argparse.Namespace) -> int:
     source = Path(arguments.layout)
     chosen = chosen_physics(arguments, source)
     wave = simulate(chosen.read(source), chosen.physics)
+    if wave.hit < 2:
+        alone = "a chain needs two dominoes or more"
+        reason = alone if wave.layout.count < 2 else wave.explanation
+        raise ValueError(f"{source}: no domino hits another, so there is no sound: {reason}")
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)
     print(chosen.line)

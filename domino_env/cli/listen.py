@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import SIZE
+from domino_env.cli.options import SIZE, add_options
 
 SUMMARY = "estimate the hit frequency of a recording"
 
@@ -12,10 +12,8 @@ SUMMARY = "estimate the hit frequency of a recording"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino listen`."""
     parser.add_argument("files", metavar="FILE.wav", nargs="+", help="recording of a uniform chain")
-    parser.add_argument(
-        "--pitch", type=SIZE, metavar="MM",
-        help="distance from pivot to pivot [mm]: the speed is printed too",
-    )  # fmt: skip
+    pitch = "distance from pivot to pivot [mm]: the speed is printed too"
+    add_options(parser, ("pitch", SIZE, "MM", None, pitch))
 
 
 def run(arguments: argparse.Namespace) -> int:

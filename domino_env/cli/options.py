@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from domino_env.core.files import require_writable, write_text
 
@@ -20,6 +20,19 @@ if TYPE_CHECKING:
     from domino_env.physics.layout import Layout
     from domino_env.physics.physics import Physics
     from domino_env.scenes.scene import Scene
+
+
+Option = tuple[str, Callable[[str], object], str, object, str]
+"""Name, reader of the value, its placeholder, default, and help without the default."""
+
+
+def add_options(parser: Any, *options: Option) -> None:
+    """Add options that take a value to a parser or a group of its arguments."""
+    for name, read, metavar, default, text in options:
+        shown = "" if default is None else f" ({default:g})"
+        parser.add_argument(
+            f"--{name}", type=read, metavar=metavar, default=default, help=text + shown
+        )
 
 
 @contextmanager
@@ -109,18 +122,15 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
         "--scene",
         help=f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)",
     )
-    parser.add_argument(
-        "--friction", type=COEFFICIENT, metavar="MU",
-        help="coefficient of friction between dominoes (of the scene, or 0.25)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--gravity", type=GRAVITY, metavar="M/S2",
-        help="gravitational acceleration [m/s²] (of the scene, or 9.81)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--push", type=PUSH, metavar="RAD/S",
-        help="angular velocity of the first domino [rad/s] (of the scene, or 8)",
-    )  # fmt: skip
+    friction = "coefficient of friction between dominoes (of the scene, or 0.25)"
+    gravity = "gravitational acceleration [m/s²] (of the scene, or 9.81)"
+    push = "angular velocity of the first domino [rad/s] (of the scene, or 8)"
+    add_options(
+        parser,
+        ("friction", COEFFICIENT, "MU", None, friction),
+        ("gravity", GRAVITY, "M/S2", None, gravity),
+        ("push", PUSH, "RAD/S", None, push),
+    )
 
 
 def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bool = True) -> None:

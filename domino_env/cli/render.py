@@ -7,7 +7,14 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, add_physics_options, chosen_physics, number, output
+from domino_env.cli.options import (
+    NATURAL,
+    add_options,
+    add_physics_options,
+    chosen_physics,
+    number,
+    output,
+)
 
 SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
@@ -16,34 +23,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     add_physics_options(parser, uniform=True)
-    for ending, text in {
-        "gif": "an animated GIF",
-        "mp4": "a film (extra 'render')",
-        "png": "one picture of several moments",
-    }.items():
-        parser.add_argument(
-            f"--{ending}", type=output(f".{ending}"), metavar="FILE", help=f"write {text}"
-        )
-    parser.add_argument(
-        "--moments", type=NATURAL, metavar="N", default=4,
-        help="number of moments in the picture (4)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--slow",
-        type=number(above=0.0),
-        metavar="FACTOR",
-        default=5.0,
-        help="slow motion, 1 is real time (5)",
-    )
-    parser.add_argument(
-        "--rate",
-        type=number("Hz", above=0.0),
-        metavar="HZ",
-        default=25.0,
-        help="frames per second (25)",
-    )
-    parser.add_argument(
-        "--width", type=NATURAL, metavar="PX", default=1000, help="width of a frame [px] (1000)"
+    add_options(
+        parser,
+        ("gif", output(".gif"), "FILE", None, "write an animated GIF"),
+        ("mp4", output(".mp4"), "FILE", None, "write a film (extra 'render')"),
+        ("png", output(".png"), "FILE", None, "write one picture of several moments"),
+        ("moments", NATURAL, "N", 4, "number of moments in the picture"),
+        ("slow", number(above=0.0), "FACTOR", 5.0, "slow motion, 1 is real time"),
+        ("rate", number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
+        ("width", NATURAL, "PX", 1000, "width of a frame [px]"),
     )
 
 

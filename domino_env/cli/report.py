@@ -8,7 +8,13 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_physics_options, chosen_physics, output, require_output
+from domino_env.cli.options import (
+    add_options,
+    add_physics_options,
+    chosen_physics,
+    output,
+    require_output,
+)
 
 SUMMARY = "write a page that compares layouts in an animation"
 
@@ -19,12 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "paths", metavar="RUN|LAYOUT", nargs="+", help="folder of a run, or layout file"
     )
     add_physics_options(parser, uniform=True)
-    parser.add_argument(
-        "--html",
-        type=output(".html"),
-        metavar="FILE",
-        help="output file (report.html in the folder of the run)",
-    )
+    target = "output file (report.html in the folder of the run)"
+    add_options(parser, ("html", output(".html"), "FILE", None, target))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ from domino_env.cli.options import (
     DEVIATION,
     PUSH,
     SIZE,
+    add_options,
     floor,
     number,
     output,
@@ -48,27 +49,25 @@ LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps withou
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino scene`."""
-    for name, kind, default, text in (
-        ("thickness", SIZE, None, "size of a domino along the chain [mm]"),
-        ("height", SIZE, 48.0, "height of a domino [mm] (48)"),
-        ("width", SIZE, 24.0, "size of a domino across the chain [mm] (24)"),
-        ("length", number("mm", above=0.0), None, "from the first pivot to the last [mm] (free)"),
-        ("deviation", DEVIATION, None,
-         "standard deviation of the placement error of each gap [mm] (none)"),
-        ("slope", number("degrees", low=-45.0, high=45.0), None,
-         "slope of the ground, positive downhill [degrees] (level)"),
-        ("friction", COEFFICIENT, 0.25, "coefficient of friction between dominoes (0.25)"),
-        ("floor", floor, None,
-         "coefficient of friction of the floor of free-standing dominoes (fixed pivots)"),
-        ("push", PUSH, 8.0, "angular velocity of the first domino [rad/s] (8)"),
-    ):  # fmt: skip
-        parser.add_argument(
-            f"--{name}", type=kind, help=text, default=default, required=name == "thickness"
-        )
-    parser.add_argument(
-        "--count", type=number(whole=True, low=2, high=100_000), required=True,
-        help="number of dominoes",
-    )  # fmt: skip
+    for name, read, text in (
+        ("count", number(whole=True, low=2, high=100_000), "number of dominoes"),
+        ("thickness", SIZE, "size of a domino along the chain [mm]"),
+    ):
+        parser.add_argument(f"--{name}", type=read, required=True, help=text)
+    slope = "slope of the ground, positive downhill [degrees] (level)"
+    noise = "standard deviation of the placement error of each gap [mm] (none)"
+    standing = "coefficient of friction of the floor of free-standing dominoes (fixed pivots)"
+    add_options(
+        parser,
+        ("height", SIZE, "MM", 48.0, "height of a domino [mm]"),
+        ("width", SIZE, "MM", 24.0, "size of a domino across the chain [mm]"),
+        ("length", number("mm", above=0.0), "MM", None, "first to last pivot [mm] (free)"),
+        ("deviation", DEVIATION, "MM", None, noise),
+        ("slope", number("degrees", low=-45.0, high=45.0), "DEGREES", None, slope),
+        ("friction", COEFFICIENT, "MU", 0.25, "coefficient of friction between dominoes"),
+        ("floor", floor, "FRICTION", None, standing),
+        ("push", PUSH, "RAD/S", 8.0, "angular velocity of the first domino [rad/s]"),
+    )
     parser.add_argument(
         "--gaps", type=SIZE, nargs=2, metavar=("MIN", "MAX"),
         help="smallest and largest free gap [mm] (2 and 0.8 times the height)",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli.options import (
     DEVIATION,
+    add_options,
     add_physics_options,
     chosen_physics,
     floor,
@@ -42,22 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     add_physics_options(parser)
-    parser.add_argument(
-        "--rtol",
-        type=number(low=1e-13, high=1e-3),
-        default=1e-8,
-        help="largest relative error of the arrival times (1e-8)",
-    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
-    parser.add_argument(
-        "--floor", type=floor, metavar="FRICTION",
-        help="simulate free-standing dominoes too, on a floor of this coefficient of friction "
-        "('free' is 1)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--deviation", type=DEVIATION, metavar="MM",
-        help="simulate 256 draws with placement noise too: standard deviation of each gap [mm]",
-    )  # fmt: skip
+    tolerance = "largest relative error of the arrival times"
+    standing = "coefficient of friction of a floor: simulate free-standing dominoes too (free: 1)"
+    noise = "standard deviation of each gap [mm]: simulate 256 draws with placement noise too"
+    add_options(
+        parser,
+        ("rtol", number(low=1e-13, high=1e-3), "RTOL", 1e-8, tolerance),
+        ("floor", floor, "FRICTION", None, standing),
+        ("deviation", DEVIATION, "MM", None, noise),
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

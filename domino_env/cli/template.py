@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import output
+from domino_env.cli.options import add_options, output
 
 SUMMARY = "write a paper template of a layout at 1:1"
 
@@ -15,12 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--paper", default="a4", choices=["a4", "letter"], help="size of the sheets (a4)"
     )
-    parser.add_argument(
-        "--pdf",
-        type=output(".pdf"),
-        metavar="FILE",
-        help="output file (LAYOUT with the ending .pdf)",
-    )
+    target = "output file (LAYOUT with the ending .pdf)"
+    add_options(parser, ("pdf", output(".pdf"), "FILE", None, target))
 
 
 def run(arguments: argparse.Namespace) -> int:

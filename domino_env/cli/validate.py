@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import SIZE, folder
+from domino_env.cli.options import SIZE, add_options, add_out_option
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
@@ -23,20 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "sources", metavar="SOURCE", nargs="*", help="name, .toml file or PITCH=FREQUENCY (all)"
     )
-    parser.add_argument(
-        "-o",
-        "--out",
-        type=folder,
-        metavar="FOLDER",
-        help="folder to write the page and its plot to",
-    )
-    chains = parser.add_argument_group("chains given as PITCH=FREQUENCY")
-    chains.add_argument(
-        "--thickness", type=SIZE, metavar="MM", default=7.5,
-        help="thickness of the dominoes [mm] (7.5)",
-    )  # fmt: skip
-    chains.add_argument(
-        "--height", type=SIZE, metavar="MM", default=48.0, help="height of the dominoes [mm] (48)"
+    add_out_option(parser, "none", literal=False)
+    add_options(
+        parser.add_argument_group("chains given as PITCH=FREQUENCY"),
+        ("thickness", SIZE, "MM", 7.5, "thickness of the dominoes [mm]"),
+        ("height", SIZE, "MM", 48.0, "height of the dominoes [mm]"),
     )
 
 

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.files import naming, one_line, read_bytes, refuse, write_text
+from domino_env.core.files import naming, one_line, read_bytes, refuse, shown, write_text
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
@@ -47,6 +47,8 @@ def load_scene(name: str | Path) -> Scene:
 
     Raises
     ------
+    TypeError
+        For anything but a string or a path.
     ValueError
         With file, key, value and what is allowed; for a file with ranges, which
         `load_distribution` reads.
@@ -70,9 +72,16 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
 
     Raises
     ------
+    TypeError
+        For anything but a string or a path.
     ValueError
         For a file that does not exist or cannot be read.
     """
+    if not isinstance(name, str | Path):
+        raise TypeError(
+            f"name = {shown(name)}: give the name of a shipped scene, such as 'sprint', or the "
+            "path of a .toml file"
+        )
     known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
     path, text = Path(name), str(name)
     if text in known:

@@ -110,6 +110,8 @@ def test_json_for_other_programs(output_of, file):
     ("simulate .", ".: it is a folder: name the file of a layout, such as layout.csv in a run"),
     ("report nothing", "nothing: there is no such file"),
     ("optimize FILE", "row.csv: a scene is a .toml file or a name; domino simulate reads layouts"),
+    ("click ONE", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
+    ("click FILE --push 0.1", "row.csv: no domino hits another, so there is no sound: the wave st"),
     ("click FILE --wav BAD/x.wav", "bad.csv is a file: name a folder"),
     ("render FILE --png x.gif", "--png: x.gif: name a .png file"),
     ("optimize sprint --out BAD/run", "bad.csv is a file: name a folder"),

@@ -122,6 +122,7 @@ def test_a_layout_that_breaks_the_rules_has_no_score():
     (lambda: small().layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
     (lambda: small().layout("wide"), "spacing = 'wide': give numbers"),
     (lambda: small().score(None), "layout is a NoneType: give a Layout"),
+    (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
 ])  # fmt: skip
 def test_arguments_that_are_no_sizes_are_named(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):
