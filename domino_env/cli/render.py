@@ -7,14 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import (
-    NATURAL,
-    add_options,
-    add_physics_options,
-    chosen_physics,
-    number,
-    output,
-)
+from domino_env.cli import options
 
 SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
@@ -22,16 +15,16 @@ SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
-    add_physics_options(parser, uniform=True)
-    add_options(
+    options.add_physics_options(parser, uniform=True)
+    options.add_options(
         parser,
-        ("gif", output(".gif"), "FILE", None, "write an animated GIF"),
-        ("mp4", output(".mp4"), "FILE", None, "write a film (extra 'render')"),
-        ("png", output(".png"), "FILE", None, "write one picture of several moments"),
-        ("moments", NATURAL, "N", 4, "number of moments in the picture"),
-        ("slow", number(above=0.0), "FACTOR", 5.0, "slow motion, 1 is real time"),
-        ("rate", number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
-        ("width", NATURAL, "PX", 1000, "width of a frame [px]"),
+        ("gif", options.output(".gif"), "FILE", None, "write an animated GIF"),
+        ("mp4", options.output(".mp4"), "FILE", None, "write a film (extra 'render')"),
+        ("png", options.output(".png"), "FILE", None, "write one picture of several moments"),
+        ("moments", options.NATURAL, "N", 4, "number of moments in the picture"),
+        ("slow", options.number(above=0.0), "FACTOR", 5.0, "slow motion, 1 is real time"),
+        ("rate", options.number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
+        ("width", options.NATURAL, "PX", 1000, "width of a frame [px]"),
     )
 
 
@@ -45,13 +38,13 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.comparison import ComparedLayout
 
-    wanted = [(arguments.gif, write_gif), (arguments.mp4, write_mp4)]
-    wanted = [one for one in wanted if one[0]]
-    if not (wanted or arguments.png):
+    films = {arguments.gif: write_gif, arguments.mp4: write_mp4}
+    films.pop(None, None)
+    if not (films or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
     if arguments.mp4:
         require_extra("a film", "render", "imageio_ffmpeg")
-    chosen = chosen_physics(arguments, *arguments.layouts)
+    chosen = options.chosen_physics(arguments, *arguments.layouts)
     layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
     if chosen.scene:
         layouts.append(("uniform baseline", chosen.scene.uniform().layout))
@@ -62,10 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
         physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
     compared = [ComparedLayout(name, simulate(layout, chosen.physics)) for name, layout in layouts]
-    for name, write in wanted:
+    for name, write in films.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
-        number = write(images, Path(name), arguments.rate)
-        print(f"{name}: {counted(number, 'image')}, {number / arguments.rate:.1f} s")
+        written = write(images, Path(name), arguments.rate)
+        print(f"{name}: {counted(written, 'image')}, {written / arguments.rate:.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

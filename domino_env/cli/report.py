@@ -8,13 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import (
-    add_options,
-    add_physics_options,
-    chosen_physics,
-    output,
-    require_output,
-)
+from domino_env.cli import options
 
 SUMMARY = "write a page that compares layouts in an animation"
 
@@ -24,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "paths", metavar="RUN|LAYOUT", nargs="+", help="folder of a run, or layout file"
     )
-    add_physics_options(parser, uniform=True)
+    options.add_physics_options(parser, uniform=True)
     target = "output file (report.html in the folder of the run)"
-    add_options(parser, ("html", output(".html"), "FILE", None, target))
+    options.add_options(parser, ("html", options.output(".html"), "FILE", None, target))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,10 +31,10 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.report import read_compared, write_report
 
     paths = [Path(name) for name in arguments.paths]
-    chosen = chosen_physics(arguments, *paths)
+    chosen = options.chosen_physics(arguments, *paths)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
-    require_output(target, ".html")
+    options.require_output(target, ".html")
     compared, title = read_compared(paths, chosen.scene, chosen.physics if chosen.changed else None)
     size = write_report(compared, title, target)
     result = headline(compared)

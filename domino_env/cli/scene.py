@@ -10,17 +10,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import (
-    COEFFICIENT,
-    DEVIATION,
-    PUSH,
-    SIZE,
-    add_options,
-    floor,
-    number,
-    output,
-    require_deviation,
-)
+from domino_env.cli import options
 
 HEAD = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
 COMMENTS = {
@@ -50,31 +40,28 @@ LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps withou
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino scene`."""
     for name, read, text in (
-        ("count", number(whole=True, low=2, high=100_000), "number of dominoes"),
-        ("thickness", SIZE, "size of a domino along the chain [mm]"),
+        ("count", options.number(whole=True, low=2, high=100_000), "number of dominoes"),
+        ("thickness", options.SIZE, "size of a domino along the chain [mm]"),
     ):
         parser.add_argument(f"--{name}", type=read, required=True, help=text)
     slope = "slope of the ground, positive downhill [degrees] (level)"
     noise = "standard deviation of the placement error of each gap [mm] (none)"
     standing = "coefficient of friction of the floor of free-standing dominoes (fixed pivots)"
-    add_options(
+    options.add_options(
         parser,
-        ("height", SIZE, "MM", 48.0, "height of a domino [mm]"),
-        ("width", SIZE, "MM", 24.0, "size of a domino across the chain [mm]"),
-        ("length", number("mm", above=0.0), "MM", None, "first to last pivot [mm] (free)"),
-        ("deviation", DEVIATION, "MM", None, noise),
-        ("slope", number("degrees", low=-45.0, high=45.0), "DEGREES", None, slope),
-        ("friction", COEFFICIENT, "MU", 0.25, "coefficient of friction between dominoes"),
-        ("floor", floor, "FRICTION", None, standing),
-        ("push", PUSH, "RAD/S", 8.0, "angular velocity of the first domino [rad/s]"),
+        ("height", options.SIZE, "MM", 48.0, "height of a domino [mm]"),
+        ("width", options.SIZE, "MM", 24.0, "size of a domino across the chain [mm]"),
+        ("length", options.number("mm", above=0.0), "MM", None, "first to last pivot [mm] (free)"),
+        ("deviation", options.DEVIATION, "MM", None, noise),
+        ("slope", options.number("degrees", low=-45.0, high=45.0), "DEGREES", None, slope),
+        ("friction", options.COEFFICIENT, "MU", 0.25, "coefficient of friction between dominoes"),
+        ("floor", options.floor, "FRICTION", None, standing),
+        ("push", options.PUSH, "RAD/S", 8.0, "angular velocity of the first domino [rad/s]"),
     )
-    parser.add_argument(
-        "--gaps", type=SIZE, nargs=2, metavar=("MIN", "MAX"),
-        help="smallest and largest free gap [mm] (2 and 0.8 times the height)",
-    )  # fmt: skip
-    parser.add_argument(
-        "-o", "--out", type=output(".toml"), metavar="FILE", help="write to a .toml file (print)"
-    )
+    gaps = "smallest and largest free gap [mm] (2 and 0.8 times the height)"
+    parser.add_argument("--gaps", type=options.SIZE, nargs=2, metavar=("MIN", "MAX"), help=gaps)
+    target, text = options.output(".toml"), "write to a .toml file (print)"
+    parser.add_argument("-o", "--out", type=target, metavar="FILE", help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -94,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     require("--gaps", high, below=box.height, unit="mm", hint="the height")
     objective, settings = "mean_speed", None
     if box.deviation is not None:
-        require_deviation(box.deviation, high)
+        options.require_deviation(box.deviation, high)
         draws = 256 if box.floor is None else 8
         objective, settings = "robust", Placement(_metres(box.deviation), draws=draws)
     scene = Scene(

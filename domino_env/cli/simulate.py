@@ -9,16 +9,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import (
-    DEVIATION,
-    add_options,
-    add_physics_options,
-    chosen_physics,
-    floor,
-    number,
-    require_deviation,
-    write_json,
-)
+from domino_env.cli import options
 
 if TYPE_CHECKING:
     from domino_env.physics.wave import Wave
@@ -42,16 +33,16 @@ ENDS = 10  # lines at each end of a longer one
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
-    add_physics_options(parser)
+    options.add_physics_options(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
     tolerance = "largest relative error of the arrival times"
     standing = "coefficient of friction of a floor: simulate free-standing dominoes too (free: 1)"
     noise = "standard deviation of each gap [mm]: simulate 256 draws with placement noise too"
-    add_options(
+    options.add_options(
         parser,
-        ("rtol", number(low=1e-13, high=1e-3), "RTOL", 1e-8, tolerance),
-        ("floor", floor, "FRICTION", None, standing),
-        ("deviation", DEVIATION, "MM", None, noise),
+        ("rtol", options.number(low=1e-13, high=1e-3), "RTOL", 1e-8, tolerance),
+        ("floor", options.floor, "FRICTION", None, standing),
+        ("deviation", options.DEVIATION, "MM", None, noise),
     )
 
 
@@ -61,11 +52,11 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.physics.wave import simulate
     from domino_env.rigid.simulation import simulate_standing
 
-    chosen = chosen_physics(arguments, arguments.layout)
+    chosen = options.chosen_physics(arguments, arguments.layout)
     scene = chosen.scene
     layout = chosen.read(arguments.layout)
     if arguments.deviation is not None:
-        require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
+        options.require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
     wave = simulate(layout, chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(wave, scene) if scene else {}
     rigid = None
@@ -82,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             result["free_standing"] = document(rigid, RIGID)
         if noise:
             result["placement_noise"] = noise
-        write_json(result, "-")
+        options.write_json(result, "-")
         return 0
     lines = [*_table(wave), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation) if scene else []

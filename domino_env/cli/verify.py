@@ -11,14 +11,7 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import (
-    POSITIVE_COEFFICIENT,
-    add_json_option,
-    add_physics_options,
-    chosen_physics,
-    floor,
-    write_json,
-)
+from domino_env.cli import options
 
 if TYPE_CHECKING:
     from domino_env.rigid.verification import Verification
@@ -30,9 +23,9 @@ SUMMARY = "simulate layouts with the reference simulator and a third-party engin
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
-    add_physics_options(parser)
+    options.add_physics_options(parser)
     add_simulator_options(parser, engine=None, when="where pymunk is installed")
-    add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, when: str) -> None:
@@ -49,7 +42,7 @@ def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, 
 
 def floors_of(text: str) -> tuple[float, ...]:
     """Return the frictions in a text such as '0.3,0.5,1'."""
-    return tuple(floor(word, POSITIVE_COEFFICIENT) for word in text.split(","))
+    return tuple(options.floor(word, options.POSITIVE_COEFFICIENT) for word in text.split(","))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -70,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     output = sys.stderr if arguments.json == "-" else sys.stdout
 
     differs = False
-    chosen_of = {name: chosen_physics(arguments, name) for name in arguments.layouts}
+    chosen_of = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
     layouts = {name: chosen.read(name) for name, chosen in chosen_of.items()}
     for name, layout in layouts.items():
         chosen = chosen_of[name]
@@ -83,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("\n".join(_beside_uniform(chosen.scene, checked)), file=output, flush=True)
         differs |= any(verdict.startswith("DIFFERS") for verdict in checked.verdicts)
         if arguments.json:
-            write_json(verification.as_document(checked), arguments.json)
+            options.write_json(verification.as_document(checked), arguments.json)
     if not engine and arguments.engine is None:
         print("(with a third-party engine too: pip install 'domino-chains[verify]')", file=output)
     return 1 if differs else 0
@@ -98,11 +91,12 @@ def _beside_uniform(scene: Scene, checked: Verification) -> Iterator[str]:
     if scene.unit != "m/s" or scene.violations(checked.wave.layout) or physics != scene.physics:
         return
     for rigid in checked.reference:
-        floor = rigid.floor_friction
-        uniform = simulate_standing(best_uniform_on(scene, baseline, floor), physics, floor)
+        friction = rigid.floor_friction
+        fastest = best_uniform_on(scene, baseline, friction)
+        uniform = simulate_standing(fastest, physics, friction)
         speeds = rigid.mean_speed, uniform.mean_speed
         lead = f"{speeds[0] / speeds[1] - 1.0:+.2%}" if min(speeds) > 0.0 else "a wave stops"
         yield (
-            f"{floor_name(floor)}: {speeds[0]:.4f} m/s; uniform baseline there {speeds[1]:.4f} "
+            f"{floor_name(friction)}: {speeds[0]:.4f} m/s; uniform baseline there {speeds[1]:.4f} "
             f"m/s (gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {lead}"
         )
