@@ -37,17 +37,11 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
         `color` and `linestyle` by name; the second half of `COLOURS` is dashed, and after it they
         repeat.
     """
-    others = [m for m in methods if m not in ("auto", "uniform")]
-    half = len(COLOURS) // 2
-    lines = {}
-    for k, method in enumerate(others):
+    looks = {"auto": (OURS, "-"), "uniform": (SOFT, ":")}
+    for k, method in enumerate([name for name in methods if name not in looks]):
         place = 1 + k % (len(COLOURS) - 1)
-        lines[method] = {"color": COLOURS[place], "linestyle": "--" if place > half else "-"}
-    fixed = {
-        "auto": {"color": OURS, "linestyle": "-"},
-        "uniform": {"color": SOFT, "linestyle": ":"},
-    }
-    return lines | fixed
+        looks[method] = COLOURS[place], "--" if place > len(COLOURS) // 2 else "-"
+    return {method: {"color": c, "linestyle": line} for method, (c, line) in looks.items()}
 
 
 class Picture(Figure):
@@ -152,15 +146,6 @@ def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -
     ]
     for words, down, looks in lines:
         figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
-
-
-def label_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
-    """Write a label just above or below a height of the curves; x is a fraction of the width."""
-    axes.annotate(
-        words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
-        xycoords=("axes fraction", "data"), textcoords="offset points",
-        ha="left" if x < 0.5 else "right", va="bottom" if above else "top",
-    )  # fmt: skip
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:

@@ -204,7 +204,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def _remaining(self, taken: Floats) -> NDArray[np.int16]:
         """Return the kinds of the pieces that remain in the box of all scenes."""
         stock, kinds = self.source.first.stock, self._batch.kinds[0]
-        left = np.empty(0) if stock is None else stock.remaining(taken)
+        left = np.empty(0) if stock is None else stock.without(*taken).dominoes
         return np.searchsorted(kinds, left).astype(np.int16)
 
     def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:

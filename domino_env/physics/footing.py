@@ -16,8 +16,12 @@ def steps(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Flo
     return (spacing + thickness[..., 1:]) * np.tan(ahead) + rise / np.cos(ahead)
 
 
-def pitches(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return the distances from pivot to pivot (…, N-1) [m]."""
+def pitches(
+    spacing: Floats, thickness: Floats, rise: Floats | None = None, tilt: Floats | None = None
+) -> Floats:
+    """Return the distances from pivot to pivot (…, N-1) [m]; by default on flat ground."""
+    if rise is None or tilt is None:
+        return spacing + thickness[..., 1:]
     return np.hypot(spacing + thickness[..., 1:], steps(spacing, thickness, rise, tilt))
 
 

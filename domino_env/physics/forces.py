@@ -95,23 +95,21 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
     """
     require_arguments(layout, physics)
     loads = np.full(layout.count, np.nan, kernels.LOADS)
-    for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
-        loads[least] = np.inf
-    loads["floor_friction"] = -np.inf
+    extremes = dict.fromkeys(("contact_force", "hit_impulse", "flush_impulse", "load"), np.inf)
+    extremes["floor_friction"] = -np.inf
+    for name, unreached in extremes.items():
+        loads[name] = unreached
     setting = physics.friction, physics.gravity, physics.push, rtol
     outcome = kernels.diagnose_chain(arrays_of(layout), *setting, loads)
-    found = {}
-    for name in kernels.LOADS.names or ():
-        never = loads[name] == (-np.inf if name == "floor_friction" else np.inf)
-        found[name] = np.where(never, np.nan, loads[name])
-    width = layout.width
+    for name, unreached in extremes.items():
+        loads[name][loads[name] == unreached] = np.nan
     return Diagnosis(
         outcome=Outcome(outcome),
-        least_contact_force=found["contact_force"][:-1] * width,
-        least_hit_impulse=found["hit_impulse"][:-1] * width,
-        least_flush_impulse=found["flush_impulse"][:-1] * width,
-        floor_friction=found["floor_friction"],
-        least_load=found["load"],
-        flush_loss=found["flush_loss"],
-        stall_margin=found["margin"],
+        least_contact_force=loads["contact_force"][:-1] * layout.width,
+        least_hit_impulse=loads["hit_impulse"][:-1] * layout.width,
+        least_flush_impulse=loads["flush_impulse"][:-1] * layout.width,
+        floor_friction=loads["floor_friction"],
+        least_load=loads["load"],
+        flush_loss=loads["flush_loss"],
+        stall_margin=loads["margin"],
     )

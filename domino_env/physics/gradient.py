@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.checks import numbers, require
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,27 +60,11 @@ class Gradient:
     tilt: Floats | None = None
     __repr__ = brief
 
-    def scaled(self, factor: float) -> Gradient:
-        """Return the gradient of the number times a factor.
-
-        Parameters
-        ----------
-        factor
-            The factor, without unit.
-
-        Returns
-        -------
-        Gradient
-            All fields times the factor.
-        """
-        parts = {part.name: getattr(self, part.name) for part in fields(self)}
-        return replace(self, **{k: x * factor for k, x in parts.items() if x is not None})
-
 
 def arrays_of(layout: Layout) -> kernels.Arrays:
     """Return the arrays of a layout for the kernels."""
-    ground = () if layout.is_flat else (layout.rise, layout.tilt)
-    return kernels.Arrays(layout.spacing, layout.thickness, layout.height, layout.density, *ground)
+    sizes = layout.spacing, layout.thickness, layout.height, layout.density
+    return kernels.Arrays(*sizes, *layout.rise_and_tilt)
 
 
 def batch_arrays_of(layout: Layout) -> kernels.Arrays:
@@ -93,66 +74,12 @@ def batch_arrays_of(layout: Layout) -> kernels.Arrays:
     return kernels.Arrays(*flat, *ground)
 
 
-def adjoint_arrays(arrays: kernels.Arrays) -> kernels.Arrays:
-    """Return empty arrays for the derivatives with respect to all of a layout or a batch."""
-    empty: list[Any] = [None if array is None else np.empty(array.shape) for array in arrays]
-    return kernels.Arrays(*empty)
-
-
-def gradient_of(adjoints: kernels.Arrays, friction: Any, gravity: Any, push: Any) -> Gradient:
-    """Return the gradient that the kernels wrote, of one layout or of a batch."""
-    return Gradient(*adjoints[:4], friction, gravity, push, *adjoints[4:])
-
-
-Tape = NDArray[np.record]
-
-
-def pullback(
-    layout: Layout, physics: Physics, tape: Tape, arrival_bar: ArrayLike, hit: int
-) -> Gradient:
-    """Return Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
-
-    Parameters
-    ----------
-    layout, physics
-        As simulated.
-    tape
-        Saved states of the simulation.
-    arrival_bar
-        (N,) as for `Wave.pullback`.
-    hit
-        Number of dominoes struck.
-
-    Raises
-    ------
-    ValueError
-        As for `Wave.pullback`.
-    """
-    bar = numbers("arrival_bar", arrival_bar)
-    if bar.shape != (layout.count,):
-        raise ValueError(
-            f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "
-            "dominoes"
-        )
-    require("arrival_bar", bar)
-    if bar[hit:].any():
-        k = hit + int(np.flatnonzero(bar[hit:])[0])
-        raise ValueError(
-            f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
-        )
-    whole = np.zeros(1, kernels.PHYSICS_BAR)[0]
-    arrays = arrays_of(layout)
-    adjoints, setting = adjoint_arrays(arrays), (physics.friction, physics.gravity, physics.push)
-    kernels.vjp(arrays, *setting, tape, bar, adjoints, whole)
-    return gradient_of(adjoints, float(whole.friction), float(whole.gravity), float(whole.push))
-
-
-def with_length_gradient(found: Gradient, layout: Any, weight: float | Floats) -> Gradient:
+def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:
     """Return a gradient plus `weight` times that of the length.
 
     Parameters
     ----------
-    found
+    gradient
         Gradient for one layout or a batch.
     layout
         The layout, or the batch, with `spacing`, `thickness`, `rise` and `tilt`.
@@ -164,22 +91,22 @@ def with_length_gradient(found: Gradient, layout: Any, weight: float | Floats) -
     Gradient
         The sum.
     """
-    thickness = found.thickness.copy()
-    if found.rise is None or found.tilt is None:
+    thickness = gradient.thickness.copy()
+    if gradient.rise is None or gradient.tilt is None:
         thickness[..., 1:] += weight
-        return replace(found, spacing=found.spacing + weight, thickness=thickness)
+        return replace(gradient, spacing=gradient.spacing + weight, thickness=thickness)
     arrays = layout.spacing, layout.thickness, layout.rise, layout.tilt
     ahead, pitch = layout.tilt[..., 1:], layout.spacing + layout.thickness[..., 1:]
     step, whole = footing.steps(*arrays), footing.pitches(*arrays)
     share, up = weight * pitch / whole, weight * step / whole
     tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
-    tilt = found.tilt.copy()
+    tilt = gradient.tilt.copy()
     thickness[..., 1:] += share + up * tan
     tilt[..., 1:] += up * (pitch * sec + layout.rise * tan) * sec
     return replace(
-        found,
-        spacing=found.spacing + share + up * tan,
+        gradient,
+        spacing=gradient.spacing + share + up * tan,
         thickness=thickness,
-        rise=found.rise + up * sec,
+        rise=gradient.rise + up * sec,
         tilt=tilt,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar
@@ -169,13 +170,11 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         if self.slope is not None:
             slope = math.radians(self.slope)
             return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
-        if refused := self.violation(float(thick.max(initial=0.0))):
-            raise ValueError(refused)
-        batch, deep = _batch(gaps), _batch(thick)
-        rise, tilt = np.empty(batch.shape), np.empty(deep.shape)
-        share_pieces(
-            kernels.place_on_ground, len(deep), deep.shape[1], self.curve, batch, deep, rise, tilt
-        )
+        if violation := self.violation(float(thick.max(initial=0.0))):
+            raise ValueError(violation)
+        arrays = _batch(gaps), _batch(thick)
+        rise, tilt = (np.empty(array.shape) for array in arrays)
+        share_pieces(kernels.place_on_ground, *tilt.shape, self.curve, *arrays, rise, tilt)
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
     def layout(
@@ -232,7 +231,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
                 )
         return None
 
-    def along_ground(self, found: Gradient, layout: Any) -> Gradient:
+    def along_ground(self, gradient: Gradient, layout: Any) -> Gradient:
         """Turn a gradient with the ground fixed into one along the ground.
 
         Where a gap or a thickness changes, all later dominoes move along the ground, and their
@@ -240,7 +239,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
         Parameters
         ----------
-        found
+        gradient
             Gradient of one layout, as from `Wave.gradient`, or of a batch.
         layout
             That layout, or the batch, with `spacing`, `thickness`, `rise` and `tilt`.
@@ -250,23 +249,20 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Gradient
             Derivatives along the ground, without rise and tilt.
         """
-        if found.rise is None or found.tilt is None:
-            return found  # on flat ground nothing changes
-        spacing, thickness = found.spacing.copy(), found.thickness.copy()
+        if gradient.rise is None or gradient.tilt is None:
+            return gradient  # on flat ground nothing changes
+        spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
         if self.slope is not None:
-            moved = -math.sin(math.radians(self.slope)) * found.rise
+            moved = -math.sin(math.radians(self.slope)) * gradient.rise
             spacing += moved
             thickness[..., 1:] += moved
         else:
             geometry = layout.spacing, layout.thickness, layout.rise, layout.tilt
-            arrays = [_batch(array) for array in (*geometry, found.rise, found.tilt)]
+            arrays = [_batch(array) for array in (*geometry, gradient.rise, gradient.tilt)]
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
-            count = arrays[1].shape[1]
-            share_pieces(
-                kernels.place_on_ground_vjp, len(arrays[1]), count, self.curve, *arrays, *written
-            )
-        same = found.height, found.density, found.friction, found.gravity, found.push
-        return Gradient(spacing, thickness, *same)
+            size = arrays[1].shape
+            share_pieces(kernels.place_on_ground_vjp, *size, self.curve, *arrays, *written)
+        return replace(gradient, spacing=spacing, thickness=thickness, rise=None, tilt=None)
 
     @cached_property
     def curve(self) -> kernels.Curve:

@@ -11,17 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env.core.checks import numbers, require
+from domino_env.core.files import naming
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
-from domino_env.physics import footing
-from domino_env.physics.standard import (
-    DENSITY,
-    HEIGHT,
-    THICKNESS,
-    WIDTH,
-    advise_on_units,
-    unit_hint,
-)
+from domino_env.physics import files, footing, standard
+from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,29 +90,31 @@ class Layout:
             "density": full_array("density", density, count),
         }
         for name, array in arrays.items():
-            if (
-                len(array) and not 0.0 < array.min() <= array.max() < np.inf
-            ):  # faster than `require`
+            # these comparisons take less time than `require`
+            if len(array) and not 0.0 < array.min() <= array.max() < np.inf:
                 require(name, array, above=0.0, unit="kg/m³" if name == "density" else "m")
         if isinstance(width, np.ndarray):
             raise ValueError(f"width has shape {width.shape}: give one number for all dominoes")
         require("width", width, above=0.0, unit="m")
-        arrays["rise"], arrays["tilt"] = (
-            full_array("rise", rise, count - 1),
-            full_array("tilt", tilt, count),
-        )
+        arrays["rise"] = full_array("rise", rise, count - 1)
+        arrays["tilt"] = full_array("tilt", tilt, count)
         for array in arrays.values():
             array.flags.writeable = False
         is_flat = not (np.count_nonzero(arrays["rise"]) or np.count_nonzero(arrays["tilt"]))
         self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
-        ground = () if is_flat else (self.rise, self.tilt)
-        if found := footing.find_violation(gaps, self.thickness, self.height, *ground):
-            raise ValueError(found[1])
+        violation = footing.find_violation(gaps, self.thickness, self.height, *self.rise_and_tilt)
+        if violation is not None:
+            raise ValueError(violation[1])
+
+    @property
+    def rise_and_tilt(self) -> tuple[Floats, ...]:
+        """Rise (N-1,) [m] and tilt (N,) [rad]; an empty tuple on flat ground."""
+        return () if self.is_flat else (self.rise, self.tilt)
 
     def __reduce__(self) -> tuple[object, ...]:
         # a copy's arrays are read-only too, as the kernel is compiled for those
-        flat = (self.spacing, self.thickness, self.height, self.width, self.density)
-        return Layout, (flat if self.is_flat else (*flat, self.rise, self.tilt))
+        sizes = self.spacing, self.thickness, self.height, self.width, self.density
+        return Layout, (*sizes, *self.rise_and_tilt)
 
     def __eq__(self, other: object) -> bool:
         """Return whether two layouts are bitwise equal."""
@@ -210,10 +206,7 @@ class Layout:
     @cached_property
     def pitch(self) -> Floats:
         """Pivot to pivot (N-1,) [m]."""
-        if self.is_flat:
-            pitches = self.spacing + self.thickness[1:]
-        else:
-            pitches = footing.pitches(self.spacing, self.thickness, self.rise, self.tilt)
+        pitches = footing.pitches(self.spacing, self.thickness, *self.rise_and_tilt)
         pitches.flags.writeable = False
         return pitches
 
@@ -261,9 +254,7 @@ class Layout:
         path
             The file, which is replaced in one step.
         """
-        from domino_env.physics.files import write_csv
-
-        write_csv(Path(path), self._parts())
+        files.write_csv(Path(path), self._parts())
 
     def to_json(self, path: str | Path) -> None:
         """Write every array in full, in SI units.
@@ -273,9 +264,7 @@ class Layout:
         path
             The file, which is replaced in one step.
         """
-        from domino_env.physics.files import write_json
-
-        write_json(Path(path), self._parts())
+        files.write_json(Path(path), self._parts())
 
     def _parts(self) -> dict[str, Any]:
         names = ["spacing", "thickness", "height", "width", "density"]
@@ -306,19 +295,16 @@ class Layout:
             For another suffix, for what is wrong in the file (with line and column, or key), and as
             for `Layout`.
         """
-        from domino_env.core.files import naming
-        from domino_env.physics.files import read_arguments
-
         with naming(path):
-            layout = cls(**{"width": width} | read_arguments(Path(path)))
+            layout = cls(**{"width": width} | files.read_arguments(Path(path)))
         if layout.count > 1:
-            advise_on_units(path, *layout._sizes)
+            standard.advise_on_units(path, *layout._sizes)
         return layout
 
     @property
     def unit_hint(self) -> str | None:
         """Sentence about lengths that were probably given in another unit, or None."""
-        return None if self.count == 1 else unit_hint(*self._sizes)
+        return None if self.count == 1 else standard.unit_hint(*self._sizes)
 
     @property
     def _sizes(self) -> tuple[float, tuple[float, float], tuple[float, float]]:

@@ -12,20 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.checks import numbers, require
+from domino_env.core.checks import numbers, require, require_choice
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
 from domino_env.physics import footing
-from domino_env.physics.gradient import (
-    Gradient,
-    Tape,
-    adjoint_arrays,
-    batch_arrays_of,
-    gradient_of,
-    pullback,
-    with_length_gradient,
-)
+from domino_env.physics.gradient import Gradient, arrays_of, batch_arrays_of, with_length_gradient
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.standard import DENSITY, HEIGHT
@@ -183,8 +175,23 @@ class Wave:
                 "this wave saved no states to differentiate: simulate it with "
                 "simulate(layout, physics, gradient=True)"
             )
-        reached = int(np.isfinite(self.arrival_times).sum())
-        return pullback(self.layout, self.physics, self.tape, arrival_bar, reached)
+        count, bar = self.layout.count, numbers("arrival_bar", arrival_bar)
+        if bar.shape != (count,):
+            raise ValueError(
+                f"arrival_bar has shape {bar.shape}: give one number for each of the {count} "
+                "dominoes"
+            )
+        require("arrival_bar", bar)
+        wrong = np.flatnonzero((bar != 0.0) & ~np.isfinite(self.arrival_times))
+        if len(wrong):
+            k = int(wrong[0])
+            raise ValueError(
+                f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
+            )
+        arrays, physics_bar = arrays_of(self.layout), np.zeros(1, kernels.PHYSICS_BAR)[0]
+        setting, bars = _setting(self.physics, self.rtol)[:3], _empty_adjoints(arrays)
+        kernels.vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
+        return Gradient(*bars[:4], *physics_bar.item(), *bars[4:])
 
     def gradient(self, of: str = "time") -> Gradient:
         """Return the gradient of the last arrival time or of the mean speed.
@@ -205,24 +212,18 @@ class Wave:
             Where the wave does not reach the last domino (for the speed: did not propagate), and as
             for `pullback`.
         """
-        if of not in ("time", "speed"):
-            raise ValueError(f"of = {of!r}: a wave has the gradient of its 'time' or its 'speed'")
-        count = self.layout.count
-        total = float(self.arrival_times[-1])
-        if count < 2 or not np.isfinite(total):
-            raise ValueError(
-                f"there is no {of} to differentiate: "
-                + ("a single domino has none" if count < 2 else self.explanation)
-            )
+        require_choice("of", of, ("time", "speed"))
+        count, total = self.layout.count, float(self.arrival_times[-1])
+        exists = np.isfinite(total) if of == "time" else self.outcome == Outcome.PROPAGATED
+        if count < 2 or not exists:
+            reason = "a single domino has none" if count < 2 else self.explanation
+            raise ValueError(f"there is no {of} to differentiate: {reason}")
         bar = np.zeros(count)
+        bar[-1] = 1.0 if of == "time" else -self.mean_speed / total
+        gradient = self.pullback(bar)
         if of == "time":
-            bar[-1] = 1.0
-            return self.pullback(bar)
-        if self.outcome != Outcome.PROPAGATED:
-            raise ValueError(f"there is no speed to differentiate: {self.explanation}")
-        bar[-1] = -self.mean_speed / total
-        found = self.pullback(bar)
-        return with_length_gradient(found, self.layout, 1.0 / total)
+            return gradient
+        return with_length_gradient(gradient, self.layout, 1.0 / total)
 
     @property
     def mean_speed(self) -> float:
@@ -314,12 +315,8 @@ class WaveBatch:
     def mean_speed(self) -> Floats:
         """Mean speeds (B,) as of `Wave` [m/s]."""
         arrays, total = self.arrays, self.total_time
+        pitches = footing.pitches(arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt)
         # summed as Layout.length is, so that speeds agree to the last bit
-        if arrays.rise is None or arrays.tilt is None:
-            pitches = arrays.spacing + arrays.thickness[:, 1:]
-        else:
-            geometry = arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt
-            pitches = footing.pitches(*geometry)
         length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
         return np.where(np.isfinite(total) & (total > 0.0), length / np.maximum(total, 1e-300), 0.0)
 
@@ -507,16 +504,16 @@ def simulate_batch(
     began = time.perf_counter()
     arrays = _checked_batch(spacing, thickness, height, density, rise, tilt)
     (number, count), setting = arrays.thickness.shape, _setting(physics, rtol)
-    record, found = record and not gradient, None
+    record, by_time = record and not gradient, None
     summaries = np.empty(number, kernels.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
     size = number, count, arrays, *setting
     if gradient:
-        last = np.eye(1, count, count - 1)
-        found = _pulled_back(arrays, setting, last, summaries)
+        by_time = _pulled_back(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
         share_pieces(kernels.solve_batch, *size, record, summaries, arrivals, _UNTAPED)
-    return WaveBatch(arrays, physics, rtol, summaries, arrivals, time.perf_counter() - began, found)
+    run_time = time.perf_counter() - began
+    return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, by_time)
 
 
 def _pulled_back(
@@ -526,10 +523,18 @@ def _pulled_back(
     summaries: NDArray[np.record],
 ) -> Gradient:
     """Simulate layouts, write their summaries, and return the gradient of arrival times."""
-    bars, wholes = adjoint_arrays(arrays), np.empty(len(summaries), kernels.PHYSICS_BAR)
+    bars, physics_bars = _empty_adjoints(arrays), np.empty(len(summaries), kernels.PHYSICS_BAR)
     size = arrays.thickness.shape
-    share_pieces(kernels.vjp_batch, *size, arrays, *setting, arrival_bar, summaries, bars, wholes)
-    return gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
+    written = summaries, bars, physics_bars
+    share_pieces(kernels.vjp_batch, *size, arrays, *setting, arrival_bar, *written)
+    by_physics = (physics_bars[name] for name in ("friction", "gravity", "push"))
+    return Gradient(*bars[:4], *by_physics, *bars[4:])
+
+
+def _empty_adjoints(arrays: kernels.Arrays) -> kernels.Arrays:
+    """Return empty arrays for the derivatives with respect to all of a layout or a batch."""
+    empty: list[Any] = [None if array is None else np.empty(array.shape) for array in arrays]
+    return kernels.Arrays(*empty)
 
 
 def _wave(
@@ -539,7 +544,7 @@ def _wave(
     summary: kernels.Summary,
     arrival: NDArray[np.record],
     run_time: float,
-    tape: Tape | None = None,
+    tape: NDArray[np.record] | None = None,
 ) -> Wave:
     """Return the wave that the kernels have written."""
     return Wave(
@@ -594,17 +599,13 @@ def _checked_batch(
 
     def whole(name: str, values: ArrayLike, across: int) -> Floats:
         """Return (1, n) or (B, n) from a scalar, (n,) or (B, n)."""
-        array = numbers(name, values, None)
-        if array.ndim == 0 or array.shape in ((1,), (1, 1)):
-            return np.full((1, across), float(array.reshape(())))
-        if array.shape == (across,):
-            return array[None]
-        if array.shape not in ((number, across), (1, across)):
-            raise ValueError(
-                f"{name} has shape {array.shape}: expected a number, ({across},) or ({number}, "
-                f"{across}), as spacing has shape {gaps.shape}"
-            )
-        return array
+        array = np.atleast_2d(numbers(name, values, None))
+        if len(array) in (1, number) and array.shape[1:] in ((1,), (across,)):
+            return np.broadcast_to(array, (len(array), across))
+        raise ValueError(
+            f"{name} has shape {np.shape(values)}: expected a number, ({across},) or ({number}, "
+            f"{across}), as spacing has shape {gaps.shape}"
+        )
 
     thick = np.broadcast_to(whole("thickness", thickness, count), (number, count))
     tall, rho = whole("height", height, count), whole("density", density, count)
@@ -614,8 +615,9 @@ def _checked_batch(
     if np.any(rise) or np.any(tilt):
         parts.append(np.broadcast_to(whole("rise", rise, count - 1), gaps.shape))
         parts.append(np.broadcast_to(whole("tilt", tilt, count), thick.shape))
-    if found := footing.find_violation(gaps, thick, tall, *parts[4:]):
-        raise ValueError(f"layout {found[0][0]}: {found[1]}")
+    if violation := footing.find_violation(gaps, thick, tall, *parts[4:]):
+        (layout, *_), sentence = violation
+        raise ValueError(f"layout {layout}: {sentence}")
     copies = [np.array(part, order="C") for part in parts]
     for copy in copies:
         copy.flags.writeable = False  # as those of a Layout, for which the kernel is compiled

@@ -57,17 +57,9 @@ def _violations(tables: SceneFile) -> Iterator[str]:
     if tables.thickness is None and tables.stock is None:
         keys = ", ".join(RangeTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
-    given = {
-        "[thickness]": tables.thickness, "[stock]": tables.stock, "[limits]": tables.limits,
-        "stock.hand": tables.stock and tables.stock.hand, "[placement]": tables.placement,
-        "[robust]": tables.settings("robust"), "[growth]": tables.growth,
-        "row.length": tables.row.length,
-        "physics.floor_friction": tables.physics.floor_friction,
-        "ground.profile": tables.ground and tables.ground.profile,
-    }  # fmt: skip
-    for one, other, reason in EXCLUSIVE:
-        if given[one] is not None and given[other] is not None:
-            yield f"{one} and {other} exclude each other: {reason}; leave one of them out"
+    for first, second, reason in EXCLUSIVE:
+        if tables.value_at(first) is not None and tables.value_at(second) is not None:
+            yield f"{first} and {second} exclude each other: {reason}; leave one of them out"
     yield from _violations_in_heights(tables)
     yield from _violations_of_units(tables)
     yield from _violations_of_objective(tables)
@@ -91,16 +83,14 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
         yield f'{here}.of = "height" but {there} is in metres: give both in heights'
     if tables.growth is not None and not tables.in_heights:
         yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
-    metres = {
-        "row.length": tables.row.length,
-        "spacing.step or values": tables.spacing.allowed()[1],
-        "thickness.step or values": tables.thickness and tables.thickness.allowed()[1],
-        "[stock]": tables.stock,
-        "spacing.largest_change": tables.spacing.largest_change,
-    }
-    for name, value in metres.items() if tables.in_heights else ():
-        if value is not None:
+    if not tables.in_heights:
+        return
+    for name in ("row.length", "[stock]", "spacing.largest_change"):
+        if tables.value_at(name) is not None:
             yield f'{name} is in metres: not with of = "height"'
+    for name, table in (("spacing", tables.spacing), ("thickness", tables.thickness)):
+        if table is not None and table.allowed()[1] is not None:
+            yield f'{name}.step or values is in metres: not with of = "height"'
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
@@ -115,9 +105,8 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
     for name, objective in OBJECTIVES.items():
-        given = objective.table is not None and tables.settings(name) is not None
-        needed = objective.table is not None and tables.objective == name
-        if given != needed:
+        given = tables.value_at(name) is not None
+        if given != (objective.table is not None and tables.objective == name):
             yield (
                 f"the table [{name}] {'is given' if given else 'is missing'} and objective = "
                 f"{tables.objective!r}: [{name}] and objective = {name!r} go together"

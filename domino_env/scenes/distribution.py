@@ -20,9 +20,7 @@ from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 COARSE, COARSE_THICK = (48, 1), (24, 6)  # points of the grids of uniform layouts
-MOST_SAMPLED = (
-    1_000  # scenes in a sequence in which no uniform layout completes: then there are none
-)
+MOST_SAMPLED = 1_000  # scenes in which no uniform layout completes, before sampling ends
 
 
 class SceneDistribution:
@@ -159,8 +157,7 @@ class SceneDistribution:
             sampled = self.ranges[place]
             low, high = sampled.min, sampled.max
             if sampled.min_ratio is not None:
-                table = place[0]
-                least = numbers.get((table, "min"), self.document[table]["min"])
+                least = numbers.get((place[0], "min"), self.document[place[0]]["min"])
                 low = max(low, sampled.min_ratio * least)
             end = high + 1 if place == COUNT else high
             if sampled.spread == "log":
@@ -188,13 +185,13 @@ class SceneDistribution:
             For numbers that no scene has.
         """
         sampled = dict(zip(self.ranges, map(float, numbers), strict=True))
-        document = filled(self.document, sampled)
+        row, physics = (self.document.get(table, {}) for table in ("row", "physics"))
         units = self._units(
-            document.get("row", {}).get("height", HEIGHT),
-            document.get("physics", {}).get("gravity", Physics().gravity),
+            sampled.get(("row", "height"), row.get("height", HEIGHT)),
+            sampled.get(("physics", "gravity"), physics.get("gravity", Physics().gravity)),
         )
         values = {place: value * units.get(place, 1.0) for place, value in sampled.items()}
-        document = filled(document, values) | {"name": name, "title": self.title}
+        document = filled(self.document, values) | {"name": name, "title": self.title}
         return scene_of_document(document, name, self.file)
 
     def _units(self, height: float, gravity: float) -> dict[Place, float]:
@@ -259,14 +256,14 @@ class SceneDistribution:
             the spread is "log"; 0 for a range of one value.
         """
         values = np.asarray(numbers, dtype=np.float64)
-        found = np.zeros(values.shape)
+        scaled = np.zeros(values.shape)
         for v, sampled in enumerate(self.ranges.values()):
             low, high, x = sampled.min, sampled.max, values[..., v]
             if sampled.spread == "log":
                 low, high, x = np.log(low), np.log(high), np.log(np.maximum(x, 1e-300))
             if low < high:
-                found[..., v] = 2.0 * (x - low) / (high - low) - 1.0
-        return found
+                scaled[..., v] = 2.0 * (x - low) / (high - low) - 1.0
+        return scaled
 
 
 def _some_uniform_completes(scene: Scene) -> bool:
@@ -276,13 +273,7 @@ def _some_uniform_completes(scene: Scene) -> bool:
     except ValueError:
         return False
     numbers = COARSE_THICK if layouts.low[1] < layouts.high[1] else COARSE
-    axes = [
-        np.array(some) if some is not None else np.geomspace(low, high, number if low < high else 1)
-        for low, high, some, number in zip(
-            layouts.low, layouts.high, layouts.allowed, numbers, strict=True
-        )
-    ]
-    return bool(layouts.scores(grid(axes), 1e-5).max() > 0.0)
+    return bool(layouts.scores(grid(layouts.axes(numbers, np.geomspace)), 1e-5).max() > 0.0)
 
 
 def load_distribution(name: str | Path) -> SceneDistribution:
@@ -304,5 +295,6 @@ def load_distribution(name: str | Path) -> SceneDistribution:
 
 def load_any(name: str | Path) -> Scene | SceneDistribution:
     """Load a scene or a distribution of scenes, by name or path."""
-    found = read_named(name)
-    return SceneDistribution(*found) if has_ranges(found[0]) else scene_of_document(*found)
+    document, stem, file = read_named(name)
+    read = SceneDistribution if has_ranges(document) else scene_of_document
+    return read(document, stem, file)

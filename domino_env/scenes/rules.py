@@ -170,47 +170,35 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         near = np.abs(np.array(self.thickness) - thickness)
         return int(np.argmin(near)) if near.min() <= SAME else None
 
-    def without(self, thickness: float) -> Stock:
-        """Return the stock without one domino.
+    def without(self, *thickness: float) -> Stock:
+        """Return the stock without some dominoes.
 
         Parameters
         ----------
-        thickness
-            Thickness of the domino [m].
+        *thickness
+            Thickness of each of these dominoes [m].
+
+        Returns
+        -------
+        Stock
+            The pieces that remain; `generator.permutation` of its `dominoes` is the order in which
+            an environment draws them.
 
         Raises
         ------
         ValueError
-            If there is none.
+            For a domino that the stock does not have.
         """
-        kind = self.kind(thickness)
-        if kind is None or self.count[kind] == 0:
-            raise ValueError(
-                f"no domino of {thickness} m is in the stock: {self.in_words()}; "
-                "the first domino is taken from it"
-            )
         count = list(self.count)
-        count[kind] -= 1
+        for size in thickness:
+            kind = self.kind(size)
+            if kind is None or count[kind] == 0:
+                raise ValueError(
+                    f"no domino of {size} m is in the stock: {self.in_words()}; "
+                    "the first domino is taken from it"
+                )
+            count[kind] -= 1
         return self.replace(count=tuple(count))
-
-    def remaining(self, taken: Floats) -> Floats:
-        """Return the pieces that remain in the box.
-
-        Parameters
-        ----------
-        taken
-            Thicknesses of the dominoes that have been taken out before [m].
-
-        Returns
-        -------
-        NDArray
-            Thicknesses, in the order of the kinds [m]; `generator.permutation` of them is the order
-            in which an environment draws them.
-        """
-        count = np.array(self.count)
-        for thickness in taken:
-            count[self.kind(thickness)] -= 1
-        return np.repeat(np.array(self.thickness), count)
 
     def violations(self, thickness: Floats) -> list[str]:
         """Return the violations of the stock by a layout.

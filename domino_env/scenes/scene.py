@@ -152,9 +152,8 @@ class Scene(Specification):
         return self.score(self.simulate(layout))
 
     def _require(self, layout: Layout) -> None:
-        broken = self.violations(layout)
-        if broken:
-            raise ValueError(f"scene '{self.name}': {'; '.join(broken)}")
+        if violations := self.violations(layout):
+            raise ValueError(f"scene '{self.name}': {'; '.join(violations)}")
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
         """Simulate and score B layouts at once, without checking the scene's rules.
@@ -192,16 +191,14 @@ class Scene(Specification):
             Scores, reaches and numbers of falls.
         """
         criterion = self.criterion
-        found = criterion.score(Waves.of_waves(waves, self.count))
-        if not criterion.simulates_anew:
-            return found
+        evaluation = criterion.score(Waves.of_waves(waves, self.count))
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
-        if complete:
+        if complete and criterion.simulates_anew:
             batch = LayoutBatch.of_waves([waves[b] for b in complete], self.ground)
-            again = criterion.evaluate(batch)
+            simulated = criterion.evaluate(batch)
             for name in ("score", "reach", "falls"):
-                getattr(found, name)[complete] = getattr(again, name)
-        return found
+                getattr(evaluation, name)[complete] = getattr(simulated, name)
+        return evaluation
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
         """Return the scores of a layout with placement noise, and with pieces as they come.
@@ -286,8 +283,8 @@ class Scene(Specification):
         str
             As in "0.828550 m/s, 3.18% over uniform".
         """
-        found = gain(score, self.uniform().score)
-        words = "" if found is None else f", {gain_in_words(found)} uniform"
+        relative = gain(score, self.uniform().score)
+        words = "" if relative is None else f", {gain_in_words(relative)} uniform"
         return self.in_words(score, wave) + words
 
     def uniform(self, seconds: float | None = None) -> UniformBaseline:

@@ -140,7 +140,7 @@ class Specification:
         """
         if self.stock is None:
             raise ValueError(f"scene '{self.name}' has no stock to draw from")
-        pieces = self.stock.remaining(np.array([self.first_thickness]))
+        pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn)[:, : self.count - 1]
 

@@ -189,9 +189,12 @@ class SceneTables(Table, kw_only=True):
         """True where gaps and thicknesses count in heights."""
         return self.spacing.of is not None
 
-    def settings(self, objective: str) -> Any:
-        """Return the table of an objective; None where there is none."""
-        return getattr(self, objective, None) if OBJECTIVES[objective].table else None
+    def value_at(self, place: str) -> Any:
+        """Return the value of a table or key, as [stock] or row.length; None where it is absent."""
+        value: Any = self
+        for name in place.strip("[]").split("."):
+            value = getattr(value, name, None)
+        return value
 
     def first_thickness(self) -> float:
         """Return the thickness of domino 0 [m]: that of all others, where it is not given."""
@@ -225,7 +228,7 @@ class SceneTables(Table, kw_only=True):
             "largest_change": self.spacing.largest_change,
             "growth": (self.growth.min, self.growth.max) if self.growth else None,
             "in_heights": self.in_heights,
-            "settings": self.settings(self.objective),
+            "settings": self.value_at(self.objective),
             "placement_deviation": self.placement.deviation if self.placement else 0.0,
             "placement_draws": self.placement.draws if self.placement else 0,
         }  # fmt: skip
@@ -248,10 +251,8 @@ def document_of(scene: Any) -> dict[str, Any]:
     if scene.growth is not None:
         tables["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
     if scene.placement_deviation:
-        tables["placement"] = {
-            "deviation": scene.placement_deviation,
-            "draws": scene.placement_draws,
-        }
+        noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
+        tables["placement"] = noise
     if scene.settings is not None:
         kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
         tables[next(kinds, "settings")] = scene.settings

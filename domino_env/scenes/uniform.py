@@ -87,20 +87,20 @@ def gain_in_words(value: float, digits: int = 2) -> str:
     return f"{abs(value):.{digits}%} {'over' if value >= 0.0 else 'below'}"
 
 
-def gain(score: float, other: float) -> float | None:
-    """Return the gain of a score over another, such as that of the uniform baseline.
+def gain(score: float, reference: float) -> float | None:
+    """Return the gain of a score over a reference, such as that of the uniform baseline.
 
     Parameters
     ----------
-    score, other
+    score, reference
         Scores of two layouts in one scene.
 
     Returns
     -------
     float or None
-        score / other - 1; None where one of the waves stops, as its score is no speed.
+        score / reference - 1; None where one of the waves stops, as its score is no speed.
     """
-    return score / other - 1.0 if score > 0.0 and other > 0.0 else None
+    return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
 
 
 def best_uniform(
@@ -147,12 +147,12 @@ def best_uniform(
     if point is None and scene.count >= LONG:
         notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
     if point is not None or scene.floor_friction is None:
-        found = best_point(scene) if point is None else np.array(point)
+        best = best_point(scene) if point is None else np.array(point)
         if scene.hand:
-            score = float(layouts.scores(found[None], FULL.rtol)[0])
+            score = float(layouts.scores(best[None], FULL.rtol)[0])
     else:
-        found, score = _best_standing(layouts, math.inf if seconds is None else seconds)
-    return layouts.layout(found), score
+        best, score = _best_standing(layouts, math.inf if seconds is None else seconds)
+    return layouts.layout(best), score
 
 
 def best_point(scene: Specification, *, quick: bool = False) -> Floats:
@@ -194,8 +194,9 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
             return layouts.scores_by_prefix(points, COARSELY if cell > CLOSE else FINELY)
 
         point = _search(layouts, BY_PREFIX, by_prefix)
-        found, whole = by_prefix(point[None], 0.0)[0], layouts.scores(point[None], FULL.rtol)[0]
-        if abs(found - whole) <= SAME * abs(whole):
+        extended = by_prefix(point[None], 0.0)[0]
+        whole = layouts.scores(point[None], FULL.rtol)[0]
+        if abs(extended - whole) <= SAME * abs(whole):
             return point
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
@@ -236,12 +237,8 @@ def _best_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, flo
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:
     """Return for each of the two numbers the values of the first grid."""
-    one = float(np.min(layouts.high - layouts.low)) == 0.0
-    number = fineness.line if one else fineness.plane
-    return [
-        np.linspace(low, high, 1 if low == high else number) if some is None else np.array(some)
-        for low, high, some in zip(layouts.low, layouts.high, layouts.allowed, strict=True)
-    ]
+    one_is_fixed = float(np.min(layouts.high - layouts.low)) == 0.0
+    return layouts.axes((fineness.line if one_is_fixed else fineness.plane,) * 2)
 
 
 def grid(axes: list[Floats]) -> Floats:
@@ -252,34 +249,26 @@ def grid(axes: list[Floats]) -> Floats:
 def _search(
     layouts: UniformLayouts, fineness: Fineness, score: Scorer, start: Floats | None = None
 ) -> Floats:
-    """Return the point (2,) of the highest score, from the points `start` or a grid."""
-    axes = _axes(layouts, fineness)
-    # nothing is refined along an axis whose values are all on the list
-    cell = np.array([
-        a[1] - a[0] if len(a) > 1 and some is None else 0.0
-        for a, some in zip(axes, layouts.allowed, strict=True)
-    ])  # fmt: skip
-    bounds = layouts.low, layouts.high
-    return _refined(grid(axes) if start is None else start, cell, bounds, fineness, score)
-
-
-def _refined(
-    points: Floats, cell: Floats, bounds: tuple[Floats, Floats], fineness: Fineness, score: Scorer
-) -> Floats:
     """Return the point (2,) of the highest score by ever finer grids around the best points.
 
-    `cell` (2,) is the distance of the points (P, 2) along each axis, 0 for one that is not refined;
-    `bounds` are the least and largest values, (2,) each.
+    The first points are `start`, or a grid.
     """
-    first, scores = points, score(points, np.inf)
-    first_scores, keep = scores, fineness.keep[0]
+    axes = _axes(layouts, fineness)
+    # distance of the first points; nothing is refined along an axis whose values are on a list
+    cell = np.array([
+        axis[1] - axis[0] if len(axis) > 1 and values is None else 0.0
+        for axis, values in zip(axes, layouts.allowed, strict=True)
+    ])  # fmt: skip
+    first = points = grid(axes) if start is None else start
+    first_scores = scores = score(points, np.inf)
+    keep = fineness.keep[0]
     offsets = grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
     while cell.max() > fineness.finest:
         best = points[_distant(points, scores, 2.0 * cell, keep)]
         steps = unique_points(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
         # the places themselves are among the fresh ones, so the best is never lost
-        points = unique_points(np.clip(fresh, *bounds))
+        points = unique_points(np.clip(fresh, layouts.low, layouts.high))
         scores = score(points, float(cell.max()))
         cell, keep = cell / fineness.shrink, fineness.keep[1]
     equal = np.flatnonzero(first_scores >= scores.max())

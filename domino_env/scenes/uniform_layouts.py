@@ -141,6 +141,16 @@ class UniformLayouts:
         if self.low[1] <= self.high[1] + 1e-12:
             self.low[0] = self.high[0] = pitch - self.low[1]
 
+    def axes(
+        self, numbers: tuple[int, int], spread: Callable[..., Floats] = np.linspace
+    ) -> list[Floats]:
+        """Return for each of the two numbers the values of a grid: those allowed, or `numbers`."""
+        bounds = zip(self.low, self.high, self.allowed, numbers, strict=True)
+        return [
+            spread(low, high, 1 if low == high else number) if values is None else np.array(values)
+            for low, high, values, number in bounds
+        ]
+
     def at(self, points: Floats, pairs: int | None = None) -> tuple[Floats, Floats, Floats | None]:
         """Return gaps, thicknesses and, where they grow, heights of dominoes 1 … N-1, (B, N-1) [m].
 

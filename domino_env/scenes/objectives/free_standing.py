@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.threads import share_pieces
 from domino_env.rigid.simulation import RigidWave, simulate_standing
@@ -26,17 +26,16 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
     StoppedError
         Where the `stop` of the batch returned True.
     """
-    found: list[RigidWave | None] = [None] * len(batch)
+    waves: list[Any] = [None] * len(batch)
 
     def simulate(first: int, last: int) -> None:
         for b in range(first, last):
-            found[b] = simulate_standing(
-                batch.layout(b), batch.physics, floor_friction, RTOL, stop=batch.stop
+            layout = batch.layout(b)
+            waves[b] = simulate_standing(
+                layout, batch.physics, floor_friction, RTOL, stop=batch.stop
             )
 
-    if found:
-        share_pieces(simulate, len(found), COST * batch.count)
-    waves = [wave for wave in found if wave is not None]
+    share_pieces(simulate, len(batch), COST * batch.count)
     whole = np.array([wave.propagated for wave in waves], np.bool_)
     return Waves(
         propagated=whole,
@@ -54,10 +53,9 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
 def _reach(wave: RigidWave) -> float:
     """Return the part of the dominoes that topple from the first on, and of the next lean; < 1."""
-    up: NDArray[np.intp] = np.flatnonzero(~wave.topples)
     count = wave.layout.count
-    if not len(up):  # all lie, but the last was never struck
+    if wave.topples.all():  # all lie, but the last was never struck
         return 1.0 - 0.5 / count
-    k = int(up[0])
+    k = int(np.argmin(wave.topples))
     tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))
     return (k + 0.99 * max(float(wave.lean[k]), 0.0) / tipping) / count

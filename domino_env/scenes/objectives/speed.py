@@ -34,8 +34,21 @@ class Speed(Objective):
         return waves.mean_speed
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Return the derivatives of the mean speeds."""
-        return speed_gradient(waves, batch)
+        """Return the derivatives of v = length / t; the length grows with gaps and thicknesses."""
+        by = waves.gradient
+        assert by is not None
+        time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
+        speed = waves.mean_speed[:, None]
+        if by.rise is not None:
+            names = "spacing", "thickness", "height", "rise", "tilt"
+            fallen = {name: -speed / time * getattr(by, name) for name in names}
+            gradient = with_length_gradient(replace(by, **fallen), batch, 1.0 / time)
+            return ScoreGradient.of(batch.along_ground(gradient))
+        return ScoreGradient(
+            (1.0 - speed * by.spacing) / time,
+            (1.0 - speed * by.thickness[:, 1:]) / time,
+            -speed * by.height[:, 1:] / time,
+        )
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Return the speed and, for free-standing layouts, the floor."""
@@ -60,29 +73,3 @@ class Time(Speed):
         """Yield that the length is missing."""
         if tables.row.length is None:
             yield "row.length is missing: objective = 'time' needs a fixed length"
-
-
-def speed_gradient(waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-    """Return the derivatives of v = length / t; the length grows with gaps and thicknesses.
-
-    Parameters
-    ----------
-    waves
-        Waves with the gradient of their time; numbers of those that stop are meaningless.
-    batch
-        The layouts simulated.
-    """
-    by = waves.gradient
-    assert by is not None
-    time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
-    speed = waves.mean_speed[:, None]
-    if by.rise is not None:
-        names = "spacing", "thickness", "height", "rise", "tilt"
-        fallen = {name: -speed / time * getattr(by, name) for name in names}
-        found = with_length_gradient(replace(by, **fallen), batch, 1.0 / time)
-        return ScoreGradient.of(batch.along_ground(found))
-    return ScoreGradient(
-        (1.0 - speed * by.spacing) / time,
-        (1.0 - speed * by.thickness[:, 1:]) / time,
-        -speed * by.height[:, 1:] / time,
-    )

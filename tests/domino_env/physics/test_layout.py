@@ -165,15 +165,6 @@ def test_columns_that_a_file_may_have(tmp_path):
     assert "rise" not in written(UNEQUAL, path).read_text()
 
 
-@formats
-def test_where_a_file_does_not_give_the_width_its_reader_may(tmp_path, ending):
-    path = tmp_path / f"layout.{ending}"
-    table = "spacing,thickness\n0.018,0.0075\n,0.0075\n"
-    path.write_text(table if ending == "csv" else '{"spacing": [0.018], "thickness": 0.0075}')
-    assert Layout.read(path).width == 0.024
-    assert Layout.read(path, width=0.04).width == 0.04
-
-
 SPREADSHEETS = {
     "millimetres": "spacing_mm,thickness_mm\n18,7.5\n20.5,7\n,7.5\n",
     "metres": "spacing,thickness\n0.018,0.0075\n0.0205,0.007\n,0.0075\n",

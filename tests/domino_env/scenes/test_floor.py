@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 import domino_env as de
@@ -52,18 +51,6 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     assert scene.criterion.simulations_per_score == 4 * SMALL.criterion.simulations_per_score
     words = scene.in_words(found.score[0], scene.simulate(scene.layout(GAPS[0])))
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
-
-
-def test_scores_do_not_depend_on_batch_and_threads():
-    threads = numba.get_num_threads()
-    together = SMALL.evaluate(SMALL.batch(GAPS)).score
-    try:
-        numba.set_num_threads(1)
-        assert np.array_equal(SMALL.evaluate(SMALL.batch(GAPS, rtol=1e-10)).score, together)
-    finally:
-        numba.set_num_threads(threads)
-    waves = [SMALL.simulate(SMALL.layout(gaps)) for gaps in GAPS[:2]]
-    assert np.array_equal(SMALL.evaluate_waves(waves).score, together[:2])
 
 
 def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed():

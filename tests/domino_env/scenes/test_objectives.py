@@ -97,12 +97,6 @@ def test_a_mean_over_frozen_draws_and_its_derivatives(name):
         assert found.gradient.spacing[:, i] == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
 
 
-def test_the_rank_of_a_quantile():
-    for quantile, draws, rank in [(0.05, 256, 12), (0.05, 20, 0), (0.5, 3, 1), (1.0, 7, 6),
-                                  (0.1, 10, 0), (0.3, 10, 2)]:  # fmt: skip
-        assert Placement(0.1, quantile, draws).rank == rank
-
-
 def test_without_errors_robust_is_the_mean_speed():
     scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
     spacings = 0.005 + 0.4 * gaps_of(scene, 5)

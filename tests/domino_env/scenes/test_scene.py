@@ -161,11 +161,3 @@ def test_a_pickled_scene_keeps_its_baseline():
 
 
 # files ------------------------------------------------------------------------------------------
-
-
-def test_the_default_name_is_that_of_the_file(tmp_path):
-    path = tmp_path / "garden.toml"
-    path.write_text(SMALL)
-    scene = de.load_scene(path)
-    assert (scene.name, scene.title) == ("garden", "garden")
-    assert scene.first_thickness == 0.0075  # as thick as the others, where all are the same
