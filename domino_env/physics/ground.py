@@ -174,7 +174,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             raise ValueError(violation)
         arrays = _batch(gaps), _batch(thick)
         rise, tilt = (np.empty(array.shape) for array in arrays)
-        share_pieces(kernels.place_on_ground, *tilt.shape, self.curve, *arrays, rise, tilt)
+        size = len(tilt), tilt.shape[1]
+        share_pieces(kernels.place_on_ground, *size, self.curve, *arrays, rise, tilt)
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
     def layout(

@@ -191,7 +191,8 @@ class Wave:
         arrays, physics_bar = arrays_of(self.layout), np.zeros(1, kernels.PHYSICS_BAR)[0]
         setting, bars = _setting(self.physics, self.rtol)[:3], _empty_adjoints(arrays)
         kernels.vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
-        return Gradient(*bars[:4], *physics_bar.item(), *bars[4:])
+        friction, gravity, push = physics_bar.item()
+        return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
     def gradient(self, of: str = "time") -> Gradient:
         """Return the gradient of the last arrival time or of the mean speed.
@@ -527,8 +528,8 @@ def _pulled_back(
     size = arrays.thickness.shape
     written = summaries, bars, physics_bars
     share_pieces(kernels.vjp_batch, *size, arrays, *setting, arrival_bar, *written)
-    by_physics = (physics_bars[name] for name in ("friction", "gravity", "push"))
-    return Gradient(*bars[:4], *by_physics, *bars[4:])
+    friction, gravity, push = (physics_bars[name] for name in ("friction", "gravity", "push"))
+    return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
 
 def _empty_adjoints(arrays: kernels.Arrays) -> kernels.Arrays:
