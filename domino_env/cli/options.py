@@ -176,24 +176,14 @@ class ChosenPhysics:
         Those of the scene, or the defaults, with the changes of the options.
     changed
         Names of the options that were given.
-    beside
-        True for a scene found beside the layout.
+    origin
+        Source of the physics, in words.
     """
 
     scene: Scene | None
     physics: Physics
     changed: tuple[str, ...]
-    beside: bool
-
-    @property
-    def origin(self) -> str:
-        """Source of the physics, in words."""
-        words = "the standard"
-        if self.scene is not None:
-            words = f"of scene '{self.scene.name}'{' beside the layout' if self.beside else ''}"
-        if self.changed:
-            words += f", but for {', '.join(f'--{name}' for name in self.changed)}"
-        return words
+    origin: str
 
     @property
     def line(self) -> str:
@@ -233,4 +223,9 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
     given = {name: getattr(arguments, name) for name in ("friction", "gravity", "push")}
     given = {name: value for name, value in given.items() if value is not None}
     physics = (scene.physics if scene else Physics()).replace(**given)
-    return ChosenPhysics(scene, physics, tuple(given), beside=not arguments.scene)
+    origin = "the standard"
+    if scene is not None:
+        origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"
+    if given:
+        origin += f", but for {', '.join(f'--{name}' for name in given)}"
+    return ChosenPhysics(scene, physics, tuple(given), origin)

@@ -28,6 +28,12 @@ Part = Annotated[float, Meta(ge=0, le=LARGEST)]
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 """A finite number."""
 
+
+def about(description: str) -> Meta:
+    """Return the description of a field, for messages and schemas."""
+    return Meta(description=description)
+
+
 Model = TypeVar("Model")
 _PLACE = re.compile(r"(?P<error>.*) - at `\$(?P<path>.*)`", re.DOTALL)
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")

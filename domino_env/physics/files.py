@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from msgspec import UNSET, Meta, UnsetType
+from msgspec import UNSET, UnsetType
 
 from domino_env.core import tables
 from domino_env.core.files import decoded, one_line, read_bytes, read_json, write_text
-from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
+from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, model_of
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
@@ -35,23 +35,21 @@ _GROUND = ("rise", "tilt")  # which may be 0 or negative
 _OF_PAIRS = ("spacing", "rise")  # which the last domino does not have
 
 
+Sizes = Size | list[Size]
+Numbers = Number | list[Number]
+
+
 class LayoutTable(Table):
     """A layout as JSON, SI units; one number serves all dominoes."""
 
-    spacing: Annotated[list[Size], Meta(description="free gaps, one fewer than dominoes [m]")]
-    thickness: Annotated[Size | list[Size], Meta(description="along the row [m]")]
-    height: Annotated[Size | list[Size], Meta(description="[m]")] = HEIGHT
-    width: Annotated[Size | UnsetType, Meta(description="across the row [m]")] = UNSET
-    density: Annotated[Size | list[Size], Meta(description="[kg/m³]")] = DENSITY
-    rise: Annotated[
-        Number | list[Number], Meta(description="how much higher the next pivot lies [m]")
-    ] = 0.0  # fmt: skip
-    tilt: Annotated[
-        Number | list[Number], Meta(description="slope under a domino, positive downhill [rad]")
-    ] = 0.0  # fmt: skip
-    unit: Annotated[
-        Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
-    ] = UNIT  # fmt: skip
+    spacing: Annotated[list[Size], about("free gaps, one fewer than dominoes [m]")]
+    thickness: Annotated[Sizes, about("along the row [m]")]
+    height: Annotated[Sizes, about("[m]")] = HEIGHT
+    width: Annotated[Size | UnsetType, about("across the row [m]")] = UNSET
+    density: Annotated[Sizes, about("[kg/m³]")] = DENSITY
+    rise: Annotated[Numbers, about("how much higher the next pivot lies [m]")] = 0.0
+    tilt: Annotated[Numbers, about("slope under a domino, positive downhill [rad]")] = 0.0
+    unit: Annotated[Literal["SI: m, kg/m3"], about("the only one that is read")] = UNIT
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the `Layout`.

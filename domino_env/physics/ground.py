@@ -13,7 +13,7 @@ from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
-from domino_env.core.models import Number, Value
+from domino_env.core.models import Number, Value, about
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import Gradient
@@ -23,6 +23,10 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 MAX_DISTANCE = 1e-4  # [m] of the ground under a base, over or under the chord
 STEEPEST = 45.0  # [°]
 MOST_POINTS = 10_000
+
+Angle = Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)]
+Point = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=2)]
+Points = Annotated[tuple[Point, ...], Meta(min_length=2, max_length=MOST_POINTS)]
 
 
 class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
@@ -56,19 +60,12 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     array([0.0015, 0.0015, 0.0015])
     """
 
-    slope: Annotated[
-        Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)] | None,
-        Meta(description="of an even slope, positive downhill [degrees]"),
-    ] = None
+    slope: Annotated[Angle | None, about("of an even slope, positive downhill [degrees]")] = None
     profile: Annotated[
-        Annotated[
-            tuple[Annotated[tuple[Number, ...], Meta(min_length=2, max_length=2)], ...],
-            Meta(min_length=2, max_length=MOST_POINTS),
-        ]
-        | None,
-        Meta(
-            description="points [x, y] of a smooth curve, x rising from point to point [m]; the "
-            "first domino's front stands at x = 0, and beyond its ends the ground goes on straight"
+        Points | None,
+        about(
+            "points [x, y] of a smooth curve, x rising from point to point [m]; the first domino's "
+            "front stands at x = 0, and beyond its ends the ground goes on straight"
         ),
     ] = None
 
@@ -174,7 +171,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             raise ValueError(violation)
         arrays = _batch(gaps), _batch(thick)
         rise, tilt = (np.empty(array.shape) for array in arrays)
-        size = len(tilt), tilt.shape[1]
+        size = len(tilt), thick.shape[-1]
         share_pieces(kernels.place_on_ground, *size, self.curve, *arrays, rise, tilt)
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from msgspec import Meta
-
-from domino_env.core.models import Part, Size, Value
+from domino_env.core.models import Part, Size, Value, about
 from domino_env.physics.layout import Layout
 
 
@@ -28,9 +26,9 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
         For a number that is not finite or out of its range.
     """
 
-    friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = 0.25
-    gravity: Annotated[Size, Meta(description="[m/s²]; 9.81 on Earth")] = 9.81
-    push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = 8.0
+    friction: Annotated[Part, about("coefficient between dominoes; 0 for none")] = 0.25
+    gravity: Annotated[Size, about("[m/s²]; 9.81 on Earth")] = 9.81
+    push: Annotated[Size, about("angular velocity of domino 0 at first [rad/s]")] = 8.0
 
 
 STANDARD = Physics()

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from domino_env.core.models import Size, Value
+from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
@@ -135,7 +135,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
     ]
     hand: Annotated[
         Annotated[int, Meta(ge=1, le=MOST_DOMINOES)] | None,
-        Meta(description="pieces held at a time, drawn in random order; without it, the whole box"),
+        about("pieces held at a time, drawn in random order; without it, the whole box"),
     ] = None
 
     def __post_init__(self) -> None:
@@ -153,22 +153,6 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
     def dominoes(self) -> Floats:
         """Thicknesses of all dominoes, in the order given [m]."""
         return np.repeat(np.array(self.thickness), self.count)
-
-    def kind(self, thickness: float) -> int | None:
-        """Return the kind of a thickness.
-
-        Parameters
-        ----------
-        thickness
-            Thickness of a domino [m].
-
-        Returns
-        -------
-        int or None
-            Index of the kind; None if there is none within 1e-9 m.
-        """
-        near = np.abs(np.array(self.thickness) - thickness)
-        return int(np.argmin(near)) if near.min() <= SAME else None
 
     def without(self, *thickness: float) -> Stock:
         """Return the stock without some dominoes.
@@ -191,8 +175,9 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         """
         count = list(self.count)
         for size in thickness:
-            kind = self.kind(size)
-            if kind is None or count[kind] == 0:
+            difference = np.abs(np.array(self.thickness) - size)
+            kind = int(np.argmin(difference))
+            if difference[kind] > SAME or count[kind] == 0:
                 raise ValueError(
                     f"no domino of {size} m is in the stock: {self.in_words()}; "
                     "the first domino is taken from it"

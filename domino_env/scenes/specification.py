@@ -99,11 +99,11 @@ class Specification:
     def criterion(self) -> Objective:
         """Objective of the scene, with its settings."""
         kind, floor = OBJECTIVES[self.objective], self.floor_friction
-        found = kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
+        objective = kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
         if not self.placement_draws:
-            return found
+            return objective
         deviation, draws = self.placement_deviation, self.placement_draws
-        return MeanOverDraws(found, None, deviation=deviation, draws=draws)
+        return MeanOverDraws(objective, None, deviation=deviation, draws=draws)
 
     @cached_property
     def as_placed(self) -> Self:
@@ -267,33 +267,34 @@ class Specification:
         """
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
-        found = on_other_ground(layout, self.ground)
+        violations = on_other_ground(layout, self.ground)
         tall = layout.height if self.growth is None else layout.height[:1]
         for name, values, wanted, measure in (
             ("thickness", layout.thickness[:1], self.first_thickness, "m"),
             ("height", tall, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
-            found += outside(name, values, (wanted, wanted), 0, measure, slack=1e-9)
+            violations += outside(name, values, (wanted, wanted), 0, measure, slack=1e-9)
         if self.growth is not None:
-            found += outside("growth", layout.height[1:] / layout.height[:-1], self.growth, 1, "")
+            ratios = layout.height[1:] / layout.height[:-1]
+            violations += outside("growth", ratios, self.growth, 1, "")
         gaps, thick, unit = layout.spacing, layout.thickness[1:], "m"
         if self.in_heights:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
             thick, unit = thick / layout.height[1:], "heights"
-        found += outside("spacing", gaps, self.spacing, 0, unit)
-        found += off_list("spacing", gaps, self.spacing_values, 0)
-        found += too_steep(gaps, self.largest_change)
+        violations += outside("spacing", gaps, self.spacing, 0, unit)
+        violations += off_list("spacing", gaps, self.spacing_values, 0)
+        violations += too_steep(gaps, self.largest_change)
         if self.stock is not None:
-            found += self.stock.violations(layout.thickness)
+            violations += self.stock.violations(layout.thickness)
         else:
-            found += outside("thickness", thick, self.thickness, 1, unit)
-            found += off_list("thickness", thick, self.thickness_values, 1)
+            violations += outside("thickness", thick, self.thickness, 1, unit)
+            violations += off_list("thickness", thick, self.thickness_values, 1)
         if complete and self.length is not None:
             error = layout.length - self.length
             if abs(error) > LENGTH_TOLERANCE:
-                found.append(
+                violations.append(
                     f"the layout is {layout.length:.9f} m long: the scene has {self.length} m "
                     f"({error:+.3g} m)"
                 )
-        return found
+        return violations

@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from domino_env.core.files import shown
-from domino_env.core.models import LARGEST, Part, Size, Table, plain
+from domino_env.core.models import LARGEST, Part, Size, Table, about, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
@@ -42,31 +42,30 @@ class ChainTable(Table):
     """The dominoes."""
 
     count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
-    height: Annotated[Size, Meta(description="of every domino, or of the first [m]")] = HEIGHT
-    width: Annotated[Size, Meta(description="size across the fall; it changes no time [m]")] = WIDTH
-    density: Annotated[Size, Meta(description="of every domino [kg/m³]")] = DENSITY
+    height: Annotated[Size, about("of every domino, or of the first [m]")] = HEIGHT
+    width: Annotated[Size, about("size across the fall; it changes no time [m]")] = WIDTH
+    density: Annotated[Size, about("of every domino [kg/m³]")] = DENSITY
     first_thickness: Annotated[
-        Size | None, Meta(description="of domino 0 [m]; needed where thickness is free")
+        Size | None, about("of domino 0 [m]; needed where thickness is free")
     ] = None
-    length: Annotated[Size | None, Meta(description="first to last pivot, met exactly [m]")] = None
+    length: Annotated[Size | None, about("first to last pivot, met exactly [m]")] = None
+
+
+Step = Annotated[float, Meta(ge=ALIKE, le=LARGEST)]
+Listed = Annotated[list[Size], Meta(min_length=1)]
 
 
 class RangeTable(Table):
     """Allowed values: one, any from min to max, those in steps, or those of a list."""
 
-    fixed: Annotated[Size | None, Meta(description="the only value [m]")] = None
-    min: Annotated[Size | None, Meta(description="the least [m]")] = None
-    max: Annotated[Size | None, Meta(description="the largest [m]")] = None
-    step: Annotated[
-        Annotated[float, Meta(ge=ALIKE, le=LARGEST)] | None,
-        Meta(description="from min to max only in steps of this [m]"),
-    ] = None
-    values: Annotated[
-        Annotated[list[Size], Meta(min_length=1)] | None, Meta(description="all values allowed [m]")
-    ] = None
+    fixed: Annotated[Size | None, about("the only value [m]")] = None
+    min: Annotated[Size | None, about("the least [m]")] = None
+    max: Annotated[Size | None, about("the largest [m]")] = None
+    step: Annotated[Step | None, about("from min to max only in steps of this [m]")] = None
+    values: Annotated[Listed | None, about("all values allowed [m]")] = None
     of: Annotated[
         Literal["height"] | None,
-        Meta(description="in heights of the domino, at a gap of the shorter one; else in metres"),
+        about("in heights of the domino, at a gap of the shorter one; else in metres"),
     ] = None
 
     SCHEMA: ClassVar = {
@@ -121,7 +120,7 @@ class RangeTable(Table):
 class SpacingTable(RangeTable):
     """The free gaps."""
 
-    largest_change: Annotated[Part | None, Meta(description="from gap to gap, at most [m]")] = None
+    largest_change: Annotated[Part | None, about("from gap to gap, at most [m]")] = None
 
 
 class GrowthTable(Table, kw_only=True):
@@ -139,20 +138,21 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
-        Part | None,
-        Meta(description="of the floor of free-standing dominoes; without it pivots are fixed"),
+        Part | None, about("of the floor of free-standing dominoes; without it pivots are fixed")
     ] = None
 
 
 class PlacementTable(Table):
     """Placement noise of the environments."""
 
-    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
+    deviation: Annotated[Part, about("standard deviation of each gap's error [m]")]
     draws: Annotated[
-        int,
-        Meta(ge=0, le=LARGEST_DRAWS,
-             description="layouts are scored by the mean over as many draws; 0: without errors"),
-    ] = 0  # fmt: skip
+        Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)],
+        about("layouts are scored by the mean over as many draws; 0: without errors"),
+    ] = 0
+
+
+Title = Annotated[str, Meta(pattern=LINE, max_length=300)]
 
 
 class SceneTables(Table, kw_only=True):
@@ -160,22 +160,17 @@ class SceneTables(Table, kw_only=True):
 
     name: Annotated[
         Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
-        Meta(
-            description="of the scene and of its runs' folder: begins with a letter or a digit, "
+        about(
+            "of the scene and of its runs' folder: begins with a letter or a digit, "
             'none of / \\ < > : " | ? * ` $; without it, that of the file',
         ),
     ] = None  # fmt: skip
-    title: Annotated[
-        Annotated[str, Meta(pattern=LINE, max_length=300)] | None,
-        Meta(description="subject of the scene in one line"),
-    ] = None
-    objective: Annotated[Objective, Meta(description="rule by which layouts are scored")] = (
-        "mean_speed"
-    )
+    title: Annotated[Title | None, about("subject of the scene in one line")] = None
+    objective: Annotated[Objective, about("rule by which layouts are scored")] = "mean_speed"
     row: ChainTable
     spacing: SpacingTable
     thickness: RangeTable | None = None
-    stock: Annotated[Stock | None, Meta(description="instead of thickness")] = None
+    stock: Annotated[Stock | None, about("instead of thickness")] = None
     growth: GrowthTable | None = None
     ground: Ground | None = None
     physics: PhysicsTable

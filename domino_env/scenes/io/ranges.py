@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from domino_env.core.models import LARGEST, Number, Table, model_of
+from domino_env.core.models import LARGEST, Number, Table, about, model_of
 
 Place = tuple[str, str]
 """Table and key of a number in a scene's file."""
@@ -21,22 +21,21 @@ IN_HEIGHTS = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
 class Range(Table, frozen=True):  # type: ignore[misc]
     """A number that is sampled for every scene."""
 
-    min: Annotated[Number, Meta(description="the smallest value")]
-    max: Annotated[Number, Meta(description="the largest value")]
+    min: Annotated[Number, about("the smallest value")]
+    max: Annotated[Number, about("the largest value")]
     spread: Annotated[
-        Literal["even", "log"],
-        Meta(description="distribution: even, or even in the logarithm"),
+        Literal["even", "log"], about("distribution: even, or even in the logarithm")
     ] = "even"
     of: Annotated[
         Literal["height"] | None,
-        Meta(
-            description="counts in the scene's height; a push in √(gravity / height), so that "
+        about(
+            "counts in the scene's height; a push in √(gravity / height), so that "
             "scenes of any size have the same numbers"
         ),
     ] = None
     min_ratio: Annotated[
         Annotated[float, Meta(ge=1, le=LARGEST)] | None,
-        Meta(description="of a table's max: at least this times the sampled min"),
+        about("of a table's max: at least this times the sampled min"),
     ] = None
 
     def __post_init__(self) -> None:

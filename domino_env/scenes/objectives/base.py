@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from domino_env.core.models import Value
+from domino_env.core.models import Value, about
 from domino_env.core.results import brief
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.gradient import Gradient
@@ -107,6 +107,10 @@ FINAL_RTOL = 1e-9
 ALLOWED_EXCESS = 1e-6
 
 
+Margin = Annotated[float, Meta(ge=0, lt=1)]
+Loss = Annotated[float, Meta(ge=0, le=1)]
+
+
 class Limits(Value, frozen=True):  # type: ignore[misc]
     """Limits on the wave that a design must keep.
 
@@ -123,14 +127,8 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         With the value and what is allowed.
     """
 
-    stall_margin: Annotated[
-        Annotated[float, Meta(ge=0, lt=1)] | None,
-        Meta(description="of all intervals between hits, at least"),
-    ] = None
-    flush_loss: Annotated[
-        Annotated[float, Meta(ge=0, le=1)] | None,
-        Meta(description="loss of speed in a face impact, at most"),
-    ] = None
+    stall_margin: Annotated[Margin | None, about("of all intervals between hits, at least")] = None
+    flush_loss: Annotated[Loss | None, about("loss of speed in a face impact, at most")] = None
 
     SCHEMA: ClassVar = {"minProperties": 1}
 
@@ -138,27 +136,6 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         super().__post_init__()
         if self.stall_margin is None and self.flush_loss is None:
             raise ValueError("the table is empty; it holds stall_margin, flush_loss")
-
-    def excess(self, waves: Waves) -> Floats:
-        """Return by how much waves exceed the limits.
-
-        Parameters
-        ----------
-        waves
-            Results of B waves.
-
-        Returns
-        -------
-        NDArray
-            (B,) sum of the excesses; 0 where the limits are kept.
-        """
-        over = np.zeros(len(waves.reach))
-        if self.stall_margin is not None:
-            over += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
-        if self.flush_loss is not None:
-            over += np.maximum(waves.largest_flush_loss - self.flush_loss, 0.0)
-        allowed = ALLOWED_EXCESS if waves.rtol <= FINAL_RTOL else 0.0
-        return np.where(over <= allowed, 0.0, over)
 
     def lower(self, scores: Floats, waves: Waves) -> Floats:
         """Return scores, lowered where a wave breaks a limit or stops.
@@ -175,10 +152,15 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         NDArray
             (B,) scores.
         """
-        excess = self.excess(waves)
+        excess = np.zeros(len(waves.reach))
+        if self.stall_margin is not None:
+            excess += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
+        if self.flush_loss is not None:
+            excess += np.maximum(waves.largest_flush_loss - self.flush_loss, 0.0)
+        allowed = ALLOWED_EXCESS if waves.rtol <= FINAL_RTOL else 0.0
         broken = -0.5 * excess / (1.0 + excess)
         lowered = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)
-        return np.where((scores > 0.0) & (excess > 0.0), broken, lowered)
+        return np.where((scores > 0.0) & (excess > allowed), broken, lowered)
 
 
 @dataclass(frozen=True)
@@ -260,18 +242,20 @@ class Objective(ABC):
             enough for a local search, but not exact.
         """
         if self.floor_friction is not None:
-            found = self.score(simulate_free_standing(batch, self.floor_friction))
+            evaluation = self.score(simulate_free_standing(batch, self.floor_friction))
             if not gradient:
-                return found
+                return evaluation
             analytic = replace(self, floor_friction=None).evaluate(batch, gradient=True)
             assert analytic.gradient is not None
-            both = (found.score > 0.0) & (analytic.score > 0.0)
-            ratio = np.where(both, found.score / np.where(both, analytic.score, 1.0), 0.0)
-            return found.with_gradient(analytic.gradient.scaled(ratio))
+            both = (evaluation.score > 0.0) & (analytic.score > 0.0)
+            ratio = np.where(both, evaluation.score / np.where(both, analytic.score, 1.0), 0.0)
+            return evaluation.with_gradient(analytic.gradient.scaled(ratio))
         record = self.needs_arrivals or self.limits is not None
         waves = batch.simulate(record=record, gradient=gradient and self.differentiates_waves)
-        found = self.score(Waves.of_batch(waves, batch))
-        return found.with_gradient(self.derivatives(waves, batch)) if gradient else found
+        evaluation = self.score(Waves.of_batch(waves, batch))
+        if gradient:
+            return evaluation.with_gradient(self.derivatives(waves, batch))
+        return evaluation
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of waves; those of failures are not used."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from domino_env.core.models import Part, Value
+from domino_env.core.models import Part, Value, about
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
@@ -31,6 +31,9 @@ LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
 def placed(spacing: Floats, errors: Floats) -> Floats:
     """Return gaps with placement errors (…, N-1) [m], not less than `LEAST_GAP`."""
     return np.maximum(spacing + errors, LEAST_GAP)
+
+
+Share = Annotated[float, Meta(gt=0, le=1)]
 
 
 class Placement(Value, frozen=True):  # type: ignore[misc]
@@ -53,10 +56,8 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         With the value and what is allowed.
     """
 
-    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
-    quantile: Annotated[
-        float, Meta(gt=0, le=1, description="share of the draws that may be slower")
-    ] = 0.05
+    deviation: Annotated[Part, about("standard deviation of each gap's error [m]")]
+    quantile: Annotated[Share, about("share of the draws that may be slower")] = 0.05
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 

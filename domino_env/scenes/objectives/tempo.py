@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from msgspec import Meta
 
-from domino_env.core.models import Size, Value
+from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
@@ -40,17 +39,12 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         For both or neither of the two forms, and for times that do not rise.
     """
 
-    first: Annotated[
-        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
-    ] = None
-    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
+    first: Annotated[Size | None, about("frequency between dominoes 0 and 1 [hits/s]")] = None
+    last: Annotated[Size | None, about("frequency between the last two [hits/s]")] = None
     times: Annotated[
-        tuple[Size, ...] | None,
-        Meta(description="instead: arrival times of dominoes 1, 2, … [s]"),
+        tuple[Size, ...] | None, about("instead: arrival times of dominoes 1, 2, … [s]")
     ] = None
-    tolerance: Annotated[
-        Size, Meta(description="root-mean-square error that halves the score [s]")
-    ] = 1e-3
+    tolerance: Annotated[Size, about("root-mean-square error that halves the score [s]")] = 1e-3
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
 

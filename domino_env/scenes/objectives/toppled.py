@@ -1,4 +1,4 @@
-"""Number of dominoes that topple."""
+"""What the wave topples: the number of dominoes, or the height of the last."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Wave
-from domino_env.scenes.objectives.base import Evaluation, Objective
-from domino_env.scenes.waves import Waves
+from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)
@@ -39,3 +39,32 @@ class Toppled(Objective):
         """Yield that limits do not apply."""
         if tables.limits is not None:
             yield "[limits] apply to waves that complete: leave them out with objective = 'toppled'"
+
+
+@dataclass(frozen=True)
+class Magnify(Objective):
+    """Height of the last domino, if the wave topples it [m]."""
+
+    name: ClassVar[str] = "magnify"
+    unit: ClassVar[str] = "m"
+    failure: ClassVar[str] = "no height"
+
+    def success(self, waves: Waves) -> Floats:
+        """Return the heights (B,) of the last dominoes [m]."""
+        return waves.last_height
+
+    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+        """Return 1 for the last height, 0 for everything else."""
+        gradient = ScoreGradient.zero(batch)
+        gradient.height[:, -1] = 1.0
+        return gradient
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Return the height of the last domino."""
+        return f"last domino {score:.6f} m high"
+
+    @classmethod
+    def violations(cls, tables: Any) -> Iterator[str]:
+        """Yield that the heights are not free."""
+        if tables.growth is None:
+            yield "the table [growth] is missing: objective = 'magnify' needs free heights"
