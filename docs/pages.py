@@ -21,7 +21,7 @@ import domino_env as de
 from domino_env.core.tables import markdown_table
 from domino_env.physics.motion import Motion, outlines
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
-from domino_env.scenes.io.schema import scene_schema
+from domino_env.scenes.shipping import scene_schema
 from domino_env.view.ground import ground_line
 from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, PEERS

@@ -9,21 +9,67 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
+from domino_env.scenes import tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
-from domino_env.scenes.io.ranges import Place
+from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
-from domino_env.scenes.io.schema import scene_schema
+from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import BEYOND, DIGITS, POINT, ScenePool, stamp_of
 from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent
 SCHEMA = HERE / "shipped" / "scene.schema.json"
 TEST, TESTED = 1, 200  # seed and number of the scenes of a test set
+
+
+SAMPLED = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
+"""Tables in which a number may be a range."""
+
+
+def scene_schema() -> dict[str, Any]:
+    """Return the schema of a scene's file, draft 2020-12."""
+    schema_of_file = msgspec.json.schema(tables.SceneFile)
+    classes = vars(tables) | {o.table.__name__: o.table for o in OBJECTIVES.values() if o.table}
+    definitions: dict[str, dict[str, Any]] = {
+        name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
+        for name, schema in schema_of_file["$defs"].items()
+    }
+    for schema in definitions.values():  # the first paragraph of the docstring
+        schema["description"] = schema["description"].partition("\n\n")[0]
+    for name in SAMPLED:
+        for key, field in definitions[name]["properties"].items():
+            if field.get("type") in ("number", "integer"):
+                definitions[name]["properties"][key] = _or_range(field)
+    definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
+    scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return head | scene | {"$defs": definitions}
+
+
+def _or_range(field: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a number, or of the range from which it is sampled."""
+    about = {key: field[key] for key in ("description", "default") if key in field}
+    number = {key: value for key, value in field.items() if key not in about}
+    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | about
+
+
+def _without_null(schema: Any) -> Any:
+    """Return a schema without null, which TOML does not have: keys may be left out instead."""
+    if isinstance(schema, list):
+        return [_without_null(one) for one in schema if one != {"type": "null"}]
+    if not isinstance(schema, dict):
+        return schema
+    kept = {key: _without_null(value) for key, value in schema.items() if value is not None}
+    if len(kept.get("anyOf", ())) == 1:
+        kept = kept.pop("anyOf")[0] | kept
+    return kept
 
 
 def write_scenes() -> None:
@@ -41,16 +87,16 @@ def write_distribution(name: str) -> None:
     """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
     columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
-    tables = {"test": (columns, _test_scenes(distribution, TESTED))}
+    entries_of = {"test": (columns, _test_scenes(distribution, TESTED))}
     if name == "varied":
         beyond = [_beyond(distribution, place) for place in distribution.ranges]
-        tables["beyond"] = (columns, [x for one in beyond for x in _test_scenes(one, BEYOND)])
+        entries_of["beyond"] = (columns, [x for one in beyond for x in _test_scenes(one, BEYOND)])
     if name != "varied-beyond":
         for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
             pool.scene(i)
         table = np.hstack([pool.numbers, pool.points, pool.uniform_scores[:, :1]])
-        tables["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
-    for kind, (columns, entries) in tables.items():
+        entries_of["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
+    for kind, (columns, entries) in entries_of.items():
         lines = [stamp_of(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
         write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")

@@ -1,7 +1,7 @@
 """Tables of a scene's file: keys, units, ranges and the relations of the keys of one table.
 
 A scene made in Python is checked by the same tables, and editors check files by the schema that
-`domino_env.scenes.io.schema` makes of them.
+`domino_env.scenes.shipping` makes of them.
 """
 
 from __future__ import annotations

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.results import brief
+from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats, Ints
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient
@@ -18,6 +20,10 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
+from domino_env.rigid.simulation import RigidWave, simulate_standing
+
+FREE_STANDING_RTOL = 1e-3  # whatever is asked for: the error of rigid bodies is some 2e-4 anyway
+FREE_STANDING_COST = 10_000  # analytic waves that take as long as one free-standing layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,3 +206,49 @@ class Waves:
     def falls(self) -> Ints:
         """(B,) number of simulated falls: N for a wave that completes."""
         return np.ceil(self.reach * self.count).astype(np.int64)
+
+
+def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
+    """Simulate free-standing layouts, by all threads.
+
+    A layout completes if all its dominoes topple; else its reach is the part of the dominoes that
+    topple from the first on.
+
+    Raises
+    ------
+    StoppedError
+        Where the `stop` of the batch returned True.
+    """
+    waves: list[Any] = [None] * len(batch)
+
+    def simulate(first: int, last: int) -> None:
+        for b in range(first, last):
+            layout = batch.layout(b)
+            waves[b] = simulate_standing(
+                layout, batch.physics, floor_friction, FREE_STANDING_RTOL, stop=batch.stop
+            )
+
+    share_pieces(simulate, len(batch), FREE_STANDING_COST * batch.count)
+    whole = np.array([wave.propagated for wave in waves], np.bool_)
+    return Waves(
+        propagated=whole,
+        reach=np.where(whole, 1.0, [_reach(wave) for wave in waves]),
+        mean_speed=np.array([wave.mean_speed for wave in waves]),
+        toppled=np.array([float(wave.toppled) for wave in waves]),
+        arrival_times=np.array([wave.arrival_times for wave in waves]),
+        lowest_stall_margin=np.zeros(len(waves)),
+        largest_flush_loss=np.zeros(len(waves)),
+        last_height=np.array([wave.layout.height[-1] for wave in waves]),
+        count=batch.count,
+        rtol=FREE_STANDING_RTOL,
+    )
+
+
+def _reach(wave: RigidWave) -> float:
+    """Return the part of the dominoes that topple from the first on, and of the next lean; < 1."""
+    count = wave.layout.count
+    if wave.topples.all():  # all lie, but the last was never struck
+        return 1.0 - 0.5 / count
+    k = int(np.argmin(wave.topples))
+    tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))
+    return (k + 0.99 * max(float(wave.lean[k]), 0.0) / tipping) / count

@@ -1,1 +1,1 @@
-"""Scenes as TOML files: reading, ranges and JSON Schema."""
+"""Scenes as TOML files: reading and ranges."""

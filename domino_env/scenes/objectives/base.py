@@ -22,8 +22,12 @@ from domino_env.core.types import Floats, Ints
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.objectives.free_standing import COST, simulate_free_standing
-from domino_env.scenes.waves import LayoutBatch, Waves
+from domino_env.scenes.waves import (
+    FREE_STANDING_COST,
+    LayoutBatch,
+    Waves,
+    simulate_free_standing,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +218,7 @@ class Objective(ABC):
     @property
     def simulations_per_score(self) -> int:
         """Number of analytic waves that take as long as one score."""
-        return 1 if self.floor_friction is None else COST
+        return 1 if self.floor_friction is None else FREE_STANDING_COST
 
     @abstractmethod
     def success(self, waves: Waves) -> Floats:

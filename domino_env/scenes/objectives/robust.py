@@ -61,11 +61,6 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
-    @property
-    def rank(self) -> int:
-        """Index of the draw that counts among all draws by speed; 0 is the slowest."""
-        return max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1
-
     def decisive(self, speeds: Floats) -> Ints:
         """Return the draws that decide the scores.
 
@@ -77,9 +72,10 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         Returns
         -------
         NDArray
-            (B,) index of the draw at `rank` of each layout.
+            (B,) index of the draw of each layout that has the quantile of its speeds.
         """
-        return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]
+        rank = max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1
+        return np.argsort(speeds, axis=1, kind="stable")[:, rank]
 
 
 def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:

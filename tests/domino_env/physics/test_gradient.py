@@ -233,17 +233,6 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
             assert np.array_equal(part, whole[b])
 
 
-def test_a_long_chain_takes_as_many_bytes_a_domino_as_a_short_one():
-    used = []
-    for count in (1000, 20_000):
-        gaps = np.random.default_rng(2).uniform(0.01, 0.02, count - 1)
-        wave = simulate(Layout(gaps, 0.0075), Physics(), rtol=1e-6, gradient=True)
-        assert wave.tape is not None
-        used.append(wave.tape.nbytes / count)
-        assert np.abs(wave.gradient().spacing[-1000:-100]).min() > 0.01
-    assert used[1] < 1.2 * used[0]
-
-
 def test_a_wave_that_stopped_pulls_back_what_it_reached():
     layout = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
     wave = simulate(layout, Physics(0.25, push=10.0), gradient=True)

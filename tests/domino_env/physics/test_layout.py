@@ -76,23 +76,15 @@ def test_copies_are_equal_and_read_only(original, duplicate):
 @pytest.mark.parametrize(("change", "sentence"), [
     ({"spacing": [0.01, -0.0004]},
      "spacing[1] = -0.0004 m: give a finite number, more than 0"),
-    ({"spacing": [0.0, 0.01]}, "spacing[0] = 0.0 m: give a finite number, more than 0"),
-    ({"spacing": [0.01, float("inf")]},
-     "spacing[1] = inf m: give a finite number, more than 0"),
     ({"spacing": "near"}, "spacing = 'near': give numbers"),
     ({"thickness": [[0.01], [0.01, 0.02]]}, "thickness = [[0.01], [0.01, 0.02]]: give numbers"),
     ({"spacing": 0.01}, "spacing has shape (): give one gap per pair, shape (N-1,)"),
-    ({"thickness": [0.0075, 0.0, 0.0075]},
-     "thickness[1] = 0.0 m: give a finite number, more than 0"),
-    ({"thickness": [0.0075, 0.0075]},
-     "thickness has shape (2,): give one number or 3, one per domino"),
     ({"height": [0.048, 0.048, -0.048]},
      "height[2] = -0.048 m: give a finite number, more than 0"),
     ({"density": [1040.0, float("nan"), 1040.0]},
      "density[1] = nan kg/m³: give a finite number, more than 0"),
     ({"width": "wide"}, "width = 'wide' m: give a finite number, more than 0"),
     ({"tilt": 0.16}, "domino 0 does not stand: tilt[0] is 9.167°, and it tips over by itself ..."),
-    ({"tilt": [0.0, 0.0, -0.2]}, "domino 2 does not stand: tilt[2] is -11.46° ..."),
     ({"rise": [0.0, 0.021]},
      "... stands 0.021 m above domino 1, seen from its own ground: such ..."),
     ({"rise": -0.01}, "domino 0 (height 0.048 m) would strike 0.0536 ..."),
@@ -196,9 +188,6 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
     ("spacing_mm,thickness_mm\n18,7.5\nabc,7.5\n,7.5\n",
      "line 3, column 'spacing_mm': 'abc' is not a number"),
     ("spacing_mm,thickness_mm\n18,7.5\n18,\n,7.5\n", "line 3, column 'thickness_mm': empty"),
-    ("spacing_mm,thickness_mm\n,7.5\n18,7.5\n18,7.5\n",
-     "line 2, column 'spacing_mm': give the free gap in front of every domino but the last"),
-    ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
     ("spacing_mm,thickness_mm\n18,7.5\n0,7.5\n,7.5\n",
      "line 3, column 'spacing_mm': give the free gap in front of every domino but the last"),
     ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': give the free "
@@ -215,8 +204,6 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
     ("[1, 2]", "this is [1, 2]: give a table of spacing, thickness, height"),
     ('{"spacing": [0.01], "thickness": 0.0075, "heigth": 0.05}', "did you mean 'height'?"),
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
-    ('{"spacing": [-0.01], "thickness": 0.0075}', "spacing[0] = -0.01: give a finite"),
-    ('{"spacing": {"a": 1}, "thickness": 0.0075}', "layout.json: "),
 ])  # fmt: skip
 def test_a_file_that_cannot_be_read(tmp_path, text, words):
     """File, line and column or key, value and what to give."""

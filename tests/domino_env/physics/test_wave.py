@@ -228,7 +228,6 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
         ({"spacing": [0.02, 0.02]}, "one line per layout"),
         ({"spacing": [["wide"]]}, "spacing = .*wide.*: give numbers"),
         ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
-        ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
         ({"height": [0.1, 0.05, 0.05]}, "above the top of domino 1"),
         ({"density": -1.0}, r"density\[0, 0\] = -1.0 kg/m³"),
@@ -244,9 +243,7 @@ def test_a_batch_that_cannot_stand(given, message):
 
 @pytest.mark.parametrize(("name", "value", "words"), [
     ("friction", -0.1, "friction = -0.1: give a finite number from 0 to 1e+09"),
-    ("friction", float("nan"), "friction = nan"),
     ("gravity", 0.0, "gravity = 0.0: give a finite number from 1e-09"),
-    ("gravity", float("inf"), "gravity = inf"),
     ("push", -1.0, "push = -1.0: give a finite number from 1e-09"),
 ])  # fmt: skip
 def test_physics_out_of_range(name, value, words):

@@ -11,8 +11,8 @@ from sampled_scenes import TEXT, small_scenes
 import domino_env as de
 from domino_env.scenes import distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS, parse_scene
-from domino_env.scenes.io.schema import scene_schema
 from domino_env.scenes.pool import ScenePool
+from domino_env.scenes.shipping import scene_schema
 from domino_env.scenes.uniform import best_point
 from domino_env.scenes.uniform_layouts import UniformLayouts
 

@@ -57,7 +57,6 @@ GROWING = {
 }
 BOX = {"thickness": None, "stock": "thickness = [0.005, 0.0075]\ncount = [4, 4]"}
 BAD = [
-    ({"spacing": "values = [0.01]\nmin = 0.002"}, "spacing: it has values and min: give either"),
     ({"spacing": "values = [0.01, 0.01]"}, "spacing.values holds 0.01 and 0.01"),
     ({"spacing": 'min = 0.05\nmax = 0.9\nof = "height"'}, 'spacing.of = "height" but thickness'),
     ({"growth": "max = 1.6"}, "[growth] needs spacing and thickness in heights"),
@@ -75,12 +74,10 @@ BAD = [
     ({"top": "objective = 'tempo'"}, "the table [tempo] is missing and objective = 'tempo'"),
     ({"top": "objective = 'tempo'", "tempo": "times = [0.1, 0.2]"},
      "tempo.times has 2 entries: 8 dominoes need one for each but the first, 7"),
-    ({"top": "objective = 'robust'"}, "the table [robust] is missing"),
     ({"top": "objective = 'time'"}, "row.length is missing: objective = 'time' needs a fixed"),
     ({"top": "objective = 'magnify'"}, "the table [growth] is missing: objective = 'magnify'"),
     ({"row": "count = 8"}, "row.first_thickness is missing"),
     ({"row": "count = 8\nheight = 1" + "0" * 5000}, "not TOML"),
-    ({"spacing": "max = 0.03"}, "spacing: it has max: give either fixed, or values, or"),
     ({"spacing": "fixed = 0.01\nmax = 0.03"}, "spacing: it has fixed and max: give either fixed"),
     ({"spacing": "min = 4\nmax = 30"},
      "within the bounds of spacing and thickness no domino falls on the next: no gap is smaller"),
@@ -155,7 +152,6 @@ def test_a_scene_made_in_python_has_the_defaults_of_a_file():
     ({"spacing": (0.04, 0.002)}, "spacing.min = 0.04 m is more than max = 0.002 m"),
     ({"length": 9.0}, "row.length = 9 m cannot be met: 40 dominoes within the bounds cover 0.3705 "
      r"to 1.8525 m; row.count = 191 to 948 would fit"),
-    ({"length": 0.001}, r"row.length = 0.001 m cannot be met: .* cover 0.3705 to 1.8525 m$"),
     ({"length": 1200}, "row.length = 1200 m cannot be met: .*; 1200 mm is row.length = 1.2$"),
     ({"length": 300.0, "height": 48.0, "spacing": (2.0, 40.0), "thickness": (7.5, 7.5),
       "first_thickness": 7.5}, ".* cover 370.5 to 1852.5 m; the dominoes are 48 m tall: lengths"),

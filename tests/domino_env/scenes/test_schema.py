@@ -9,8 +9,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.io.reading import scene_of_document
-from domino_env.scenes.io.schema import scene_schema
-from domino_env.scenes.shipping import SCHEMA
+from domino_env.scenes.shipping import SCHEMA, scene_schema
 
 SCENES = sorted(SCHEMA.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
