@@ -6,94 +6,67 @@ import pytest
 from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env import kernels
-from domino_env.kernels import contact, diagnosis
-from domino_env.kernels.jit import entry_point
 
-COUNT, GRAVITY = 7, 9.81
+COUNT, GRAVITY = 5, 9.81
 
 
-@entry_point
-def place_all(ring, arrays):
-    for i in range(len(arrays.thickness)):
-        contact.place_domino(ring, len(ring) - 1, i, arrays, i)
-    for i in range(len(arrays.spacing)):
-        contact.place_contact(ring, len(ring) - 1, i, arrays, i, i + 1)
-
-
-@entry_point
-def loads_at(arrays, ring, states, n, angle, geometry, loads):
-    diagnosis.stack_geometry(arrays, ring, states[0], n, 0, angle, geometry, False)
-    diagnosis.contact_forces(arrays, ring, states[0], n, 0, geometry, loads)
-
-
-@entry_point
-def impulses_at(arrays, ring, states, n, before, after, geometry, least):
-    diagnosis.stack_geometry(arrays, ring, states[0], n, 0, 0.0, geometry, False)
-    diagnosis.contact_impulses(ring, states[0], n, 0, geometry, before, after, least)
-
-
-def stacks(seed, friction, uneven):
-    """Return the same chain in the kernels' ring and as the oracle's chain."""
-    rng = np.random.default_rng(seed)
-    spacing, thickness = rng.uniform(0.01, 0.03, COUNT - 1), rng.uniform(0.005, 0.01, COUNT)
-    density = rng.uniform(500.0, 2000.0, COUNT)
-    rise, tilt = rng.uniform(-0.001, 0.002, COUNT - 1), rng.uniform(-0.05, 0.05, COUNT)
-    arrays = spacing, thickness, np.full(COUNT, 0.048), density
-    ground = (uneven * rise, uneven * tilt)
-    arrays = kernels.Arrays(*arrays, *ground) if uneven else kernels.Arrays(*arrays)
-    ring = np.zeros(8, kernels.UNEVEN_CONTACT if uneven else kernels.CONTACT)
-    place_all(ring, arrays)
-    chain = oracle.Chain(
-        spacing, thickness, 0.048, density, friction, GRAVITY, 1.0, ground[0], ground[1]
-    )
-    return arrays, ring, chain
+def reactions(chain, n, lead, speed):
+    """Return normal forces of the contacts, loads of the floor over the weight, friction needed."""
+    alpha, normals, _ = chain.motion(n, lead, speed)
+    theta, stand, mass = chain.angles(n, lead), chain.stand[: n + 1], chain.mass[: n + 1]
+    contacts = chain.contacts(n, theta)
+    omega = chain.ratios(contacts) * speed
+    height, thickness = chain.height[: n + 1, None], chain.d[: n + 1, None]
+    arm = 0.5 * (height * oracle.up(theta) - thickness * oracle.ahead(theta))
+    turned = np.stack([arm[:, 1], -arm[:, 0]], -1)
+    # Newton's second law of each centre of mass
+    floor = mass[:, None] * (alpha[:, None] * turned - omega[:, None] ** 2 * arm)
+    floor[:, 1] += mass * GRAVITY
+    onward = normals[:, None] * (contacts.normal - chain.friction * contacts.along)
+    floor[:-1] += onward  # tips slide down
+    floor[1:] -= onward
+    along, upright = (oracle.dot(floor, way(stand)) for way in (oracle.ahead, oracle.up))
+    needed = np.where(upright > 0.0, np.abs(along) / np.abs(upright), np.inf)
+    return normals, upright / (mass * GRAVITY), needed
 
 
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize("seed", range(2))
-def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, uneven):
-    arrays, ring, chain = stacks(seed, friction, uneven)
-    n, angle, speed = COUNT - 1, 0.05, 6.0
-    geometry, loads = np.zeros(COUNT, diagnosis.GEOMETRY), np.full(COUNT, np.inf, diagnosis.LOADS)
-    loads["floor_friction"] = -np.inf
-    states = np.zeros(1, kernels.STATE)
-    states[["mask", "mu", "gravity", "u"]] = len(ring) - 1, friction, GRAVITY, speed**2
-    loads_at(arrays, ring, states, n, angle, geometry, loads)
-    angle += chain.stand[n]
-    alpha, normals, _ = chain.motion(n, angle, speed)
-    np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
-
-    # the floor: Newton's second law of each centre of mass
-    theta = chain.angles(n, angle)
-    contacts = chain.contacts(n, theta)
-    omega = chain.ratios(contacts) * speed
-    up, ahead = oracle.up(theta), oracle.ahead(theta)
-    arm = 0.5 * (arrays.height[:, None] * up - arrays.thickness[:, None] * ahead)
-    turned = np.stack([arm[:, 1], -arm[:, 0]], -1)
-    floor = chain.mass[:, None] * (alpha[:, None] * turned - omega[:, None] ** 2 * arm)
-    floor[:, 1] += chain.mass * GRAVITY
-    onward = normals[:, None] * (contacts.normal - friction * contacts.along)  # tips slide down
-    floor[:-1] += onward
-    floor[1:] -= onward
-    along = oracle.dot(floor, oracle.ahead(chain.stand))
-    upright = oracle.dot(floor, oracle.up(chain.stand))
-    load = upright / (chain.mass * GRAVITY)
-    np.testing.assert_allclose(loads["load"], load, rtol=1e-8, atol=1e-9)
-    pressed = load > 0.0
-    need = np.abs(along) / upright
-    np.testing.assert_allclose(loads["floor_friction"][pressed], need[pressed], rtol=1e-8)
-    assert np.isinf(loads["floor_friction"][~pressed]).all()
-
-    # the hit of domino n
-    theta = chain.angles(n, chain.stand[n])
-    omega = chain.ratios(chain.contacts(n, theta)) * 9.0
-    omega[-1] = 0.0
-    after, impulses = chain.impact(n, theta, omega, chain.state)
-    least = np.full(COUNT, np.inf)
-    impulses_at(arrays, ring, states, n, 9.0, after[-1], geometry, least)
-    np.testing.assert_allclose(least[:-1], impulses, rtol=1e-9)
+def test_forces_and_impulses_of_a_wave(friction, uneven):
+    """At 17 angles of each interval between hits, and in the hits."""
+    rng = np.random.default_rng(0)
+    gaps, thickness = rng.uniform(0.018, 0.028, COUNT - 1), rng.uniform(0.006, 0.01, COUNT)
+    density = rng.uniform(500.0, 2000.0, COUNT)
+    rise = uneven * rng.uniform(-0.001, 0.002, COUNT - 1)
+    tilt = uneven * rng.uniform(-0.05, 0.05, COUNT)
+    layout = de.Layout(gaps, thickness, density=density, rise=rise, tilt=tilt)
+    physics = de.Physics(friction, GRAVITY, push=14.0)
+    wave, found = de.simulate(layout, physics, rtol=1e-12), de.diagnose(layout, physics, rtol=1e-12)
+    assert (wave.outcome.name, wave.flushes, wave.releases) == ("PROPAGATED", 0, 0)
+    sizes = gaps, thickness, layout.height, density
+    chain = oracle.Chain(*sizes, friction, GRAVITY, layout.width, rise, tilt)
+    ends = np.append(tilt[1:] + np.arcsin(gaps / layout.height[:-1]), chain.tipping[-1])
+    force, impulse = np.full((2, COUNT - 1), np.inf)
+    load, needed = np.full(COUNT, np.inf), np.zeros(COUNT)
+    for n in range(COUNT):
+        lead, speed = tilt[n], wave.release_velocity[n]
+        for goal in np.linspace(lead, ends[n], 17):
+            if goal > lead:
+                lead, speed, *_ = oracle.advance(chain, n, lead, speed, goal, 1e-12)
+            forces, loads, frictions = reactions(chain, n, lead, speed)
+            force[:n] = np.minimum(force[:n], forces)
+            load[: n + 1] = np.minimum(load[: n + 1], loads)
+            needed[: n + 1] = np.maximum(needed[: n + 1], frictions)
+        if n + 1 < COUNT:
+            theta = chain.angles(n, lead)
+            omega = chain.ratios(chain.contacts(n, theta)) * speed
+            struck = np.append(theta, tilt[n + 1]), np.append(omega, 0.0)
+            _, impulses = chain.impact(n + 1, *struck, chain.state)
+            impulse[: n + 1] = np.minimum(impulse[: n + 1], impulses)
+    np.testing.assert_allclose(found.least_contact_force, force, rtol=1e-7)
+    np.testing.assert_allclose(found.least_hit_impulse, impulse, rtol=1e-7)
+    np.testing.assert_allclose(found.least_load, load, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(found.floor_friction, needed, rtol=1e-7)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
