@@ -34,11 +34,13 @@ class APG(OnPolicyAlgorithm):
 
     Parameters
     ----------
-    policy, env, learning_rate, policy_kwargs, verbose, seed, device
+    policy, env, learning_rate
         As of `stable_baselines3.PPO`; the environment is an `agents.DominoVecEnv`, in which each
         update builds one layout per environment.
     max_grad_norm
         Largest norm of the gradient with respect to the weights.
+    options
+        Other arguments as of `stable_baselines3.PPO`: policy_kwargs, verbose, seed, device.
     """
 
     policy: Any  # a `ScheduledPolicy`
@@ -49,15 +51,10 @@ class APG(OnPolicyAlgorithm):
         env: Any,
         learning_rate: Any = 0.02,
         max_grad_norm: float = 5.0,
-        policy_kwargs: dict[str, Any] | None = None,
-        verbose: int = 0,
-        seed: int | None = None,
-        device: str = "auto",
-        _init_setup_model: bool = True,
+        **options: Any,
     ) -> None:
         super().__init__(
-            policy, env, learning_rate, policy_kwargs=policy_kwargs, verbose=verbose, seed=seed,
-            device=device, _init_setup_model=_init_setup_model,
+            policy, env, learning_rate, **options,
             # without effect: there is neither a rollout buffer nor a critic
             n_steps=1, gamma=1.0, gae_lambda=1.0, ent_coef=0.0, vf_coef=0.0, use_sde=False,
             sde_sample_freq=-1, max_grad_norm=max_grad_norm,

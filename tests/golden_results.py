@@ -10,7 +10,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 from golden_layouts import Block, H, blocks, random_scene, scene_layout
 
@@ -37,12 +36,10 @@ class Digests:
             for key in sorted(value):
                 digest.update(key.encode())
                 self._feed(digest, value[key])
-        elif isinstance(value, list | tuple) or (
-            isinstance(value, np.ndarray) and value.dtype.hasobject
-        ):
+        elif isinstance(value, list | tuple) or getattr(value, "dtype", None) is np.dtype(object):
             digest.update(f"{len(value)} of:".encode())
-            for one in value:
-                self._feed(digest, one)
+            for part in value:
+                self._feed(digest, part)
         elif value is None:
             digest.update(b"none")
         else:
@@ -184,47 +181,35 @@ def info_results(info: dict[str, Any]) -> dict[str, Any]:
         if key == "final_info":
             numbers[key] = info_results(value)
         elif names := {"layout": LAYOUT, "wave": WAVE}.get(key):
-            several = value if isinstance(value, np.ndarray) else [value]
-            numbers[key] = [None if one is None else select(one, names) for one in several]
+            results = value if isinstance(value, np.ndarray) else [value]
+            numbers[key] = [None if one is None else select(one, names) for one in results]
         elif key.lstrip("_") in ("score", "gain", "outcome", "final_obs") or key[:1] == "_":
             numbers[key] = value
     return numbers
 
 
-class Actions:
-    """Random actions, for every environment about its own middle and with its own spread."""
-
-    def __init__(self, seed: int, layouts: int, size: int) -> None:
-        self.rng = np.random.default_rng(seed)
-        self.middle = self.rng.uniform(-0.9, 0.6, (layouts, size))
-        self.spread = self.rng.choice([0.05, 0.3, 1.2], (layouts, 1))
-
-    def draw(self) -> Any:
-        noise = self.rng.uniform(-1.0, 1.0, self.middle.shape)
-        return (self.middle + self.spread * noise).astype(np.float32)
-
-
-def vector_episodes(digests: Digests, scene: str, mode: str) -> None:
-    count = de.load_scene(scene).count
-    env = gymnasium.make_vec(
-        "DominoChain-v1", num_envs=EPISODES, scene=scene,
-        autoreset_mode=gymnasium.vector.AutoresetMode(mode),
-    )  # fmt: skip
-    actions = Actions(20, EPISODES, env.single_action_space.shape[0])  # type: ignore[index]
-    name = f"{scene}, vector, {mode}"
-    digests.add(name, env.reset(seed=0)[0])
-    for _ in range(count + 5):
-        observation, rewards, ended, cut, infos = env.step(actions.draw())
-        digests.add(name, observation, rewards, ended, cut)
-        digests.add(f"{name}, info", info_results(infos))
-        if mode == "Disabled" and ended.any():
-            digests.add(name, env.reset(options={"reset_mask": ended})[0])
+def random_actions(seed: int, layouts: int, size: int) -> Iterator[Any]:
+    """Yield actions, for every environment about its own middle and with its own spread."""
+    rng = np.random.default_rng(seed)
+    middle = rng.uniform(-0.9, 0.6, (layouts, size))
+    spread = rng.choice([0.05, 0.3, 1.2], (layouts, 1))
+    while True:
+        yield (middle + spread * rng.uniform(-1.0, 1.0, middle.shape)).astype(np.float32)
 
 
 def episodes(digests: Digests) -> None:
     """Ten random episodes of every scene in a vector environment, with every autoreset mode."""
     for scene, mode in product(de.scene_names(), ("NextStep", "SameStep", "Disabled")):
-        vector_episodes(digests, scene, mode)
+        env = de.DominoChainVector(EPISODES, scene, autoreset_mode=mode)
+        actions = random_actions(20, EPISODES, env.single_action_space.shape[0])  # type: ignore[index]
+        name = f"{scene}, vector, {mode}"
+        digests.add(name, env.reset(seed=0)[0])
+        for _ in range(de.load_scene(scene).count + 5):
+            observation, rewards, ended, cut, infos = env.step(next(actions))
+            digests.add(name, observation, rewards, ended, cut)
+            digests.add(f"{name}, info", info_results(infos))
+            if mode == "Disabled" and ended.any():
+                digests.add(name, env.reset(options={"reset_mask": ended})[0])
 
 
 def scores(digests: Digests) -> None:

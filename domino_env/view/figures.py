@@ -63,6 +63,8 @@ def layouts_figure(
     scene: Scene | None = None,
     last: Callable[[Axes], None] | None = None,
     *,
+    ax: Axes | None = None,
+    panel: _Panel | None = None,
     register: bool = False,
 ) -> Figure:
     """Draw layouts below each other on one scale, and their curves along them.
@@ -77,6 +79,10 @@ def layouts_figure(
         Scene whose bounds are drawn; None for none.
     last
         Function that draws another panel below the others.
+    ax
+        Axes that get one panel, along whole layouts, and nothing else; None for a new figure.
+    panel
+        The panel that `ax` get; None for the gaps.
     register
         Whether pyplot shows the figure, if the caller uses pyplot.
 
@@ -85,6 +91,12 @@ def layouts_figure(
     Figure
         The figure.
     """
+    if ax is not None:
+        (panel or partial(_sizes, "spacing"))(ax, layouts, scene)
+        ax.set_xlabel(_across(layouts))
+        if len(layouts) > 1:
+            ax.legend(**LEGEND)
+        return cast("Figure", ax.figure)
     tall = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
     low, high = _range(layouts, scene, tall)
     shown = min(high, low + LONGEST * tall)
@@ -121,23 +133,19 @@ def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -
     """Draw a layout to scale and its gaps, or its gaps alone into axes."""
     count, _, sizes = repr(layout)[len("Layout(") : -1].partition(": ")
     layouts = [DrawnLayout(layout, None, "as it stands")]
-    if ax is not None:
-        return _draw_alone(ax, layouts, partial(_sizes, "spacing"))
-    return layouts_figure(layouts, count, sizes, register=register)
+    return layouts_figure(layouts, count, sizes, ax=ax, register=register)
 
 
 def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figure:
     """Draw the layout of a wave to scale, its gaps and its speed, or its speed alone into axes."""
     physics, ended = wave.physics, wave.outcome.name.lower().replace("_", " ")
     layouts = [DrawnLayout(wave.layout, wave, "the layout")]
-    if ax is not None:
-        return _draw_alone(ax, layouts, _speed)
     headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ended
     subtitle = (
         f"{wave.layout.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s, gravity {physics.gravity:g} m/s²"
     )
-    return layouts_figure(layouts, headline, subtitle, register=register)
+    return layouts_figure(layouts, headline, subtitle, ax=ax, panel=_speed, register=register)
 
 
 def beside_uniform(
@@ -182,26 +190,12 @@ def beside_uniform(
         DrawnLayout(uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
         DrawnLayout(layout, wave, name),
     ]
-    if ax is not None:
-        return _draw_alone(ax, layouts, partial(_sizes, "spacing"), scene)
     subtitle = (
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
     headline = f"{scene.name}: {scene.against_uniform(score, wave)}"
-    return layouts_figure(layouts, headline, subtitle, scene, last, register=register)
-
-
-def _draw_alone(
-    axes: Axes, layouts: Sequence[DrawnLayout], panel: _Panel, scene: Scene | None = None
-) -> Figure:
-    """Draw one panel of the figure, along whole layouts, into axes."""
-    panel(axes, layouts, scene)
-    axes.set_xlabel(_across(layouts))
-    if len(layouts) > 1:
-        axes.legend(**LEGEND)
-    figure: Any = axes.figure
-    return cast("Figure", figure)
+    return layouts_figure(layouts, headline, subtitle, scene, last, ax=ax, register=register)
 
 
 _Panel = Callable[[Axes, Sequence[DrawnLayout], Scene | None], None]

@@ -47,8 +47,6 @@ class Strip:
     ----------
     number
         Number of the strip, from 1.
-    total
-        Number of all strips.
     sheet
         Number of its sheet of paper, from 1.
     middle
@@ -64,7 +62,6 @@ class Strip:
     """
 
     number: int
-    total: int
     sheet: int
     middle: float
     begin: float
@@ -115,15 +112,14 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
             f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
             f"at most {MOST_SHEETS:,} are drawn; check that its sizes are in metres"
         )
-    strips = []
+    plan = []
     for k in range(total):
-        low, high_end = begin + k * stretch, begin + (k + 1) * stretch
-        inside = np.flatnonzero((front > low) & (rear < high_end))
+        left, right = begin + k * stretch, begin + (k + 1) * stretch
+        inside = np.flatnonzero((front > left) & (rear < right))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        dominoes = tuple(inside.tolist())
-        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes, margin))
-    return strips
+        plan.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
+    return plan
 
 
 def write_template(
@@ -172,7 +168,7 @@ def write_template(
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in plan:
                     if strip.sheet == number:
-                        _draw(axes, layout, strip)
+                        _draw(axes, layout, strip, len(plan))
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
     amount = f"a page of advice and {counted(total, 'sheet')} with {counted(len(plan), 'strip')}"
@@ -240,8 +236,8 @@ def _advise(axes: Axes, steps: Sequence[str]) -> None:
         y -= 4.9 * (len(lines) - 1)
 
 
-def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
-    """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours."""
+def _draw(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
+    """Draw one of all strips: edges, dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
     places, left = places_along(layout), strip.margin * MM
     right = left + (strip.end - strip.begin) * MM
@@ -263,7 +259,7 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     y = middle + edge - 4.0
     axes.text(0.5 * (left + right), y, f"strip {strip.number}", ha="center", va="center", size=7)
     for x, neighbour, align in (left, strip.number - 1, "left"), (right, strip.number + 1, "right"):
-        if 1 <= neighbour <= strip.total:
+        if 1 <= neighbour <= total:
             axes.vlines(x, middle - edge, middle + edge, color="black", lw=LINE, ls="--")
             words = f"  joins strip {neighbour}  "
             axes.text(x, y, words, ha=align, va="center", size=7)

@@ -67,25 +67,15 @@ def test_problems_with_other_numbers_of_runs_weigh_the_same():
     assert performance_profile([few, many], np.array([0.5])).value == pytest.approx(0.75)
 
 
-def test_fewer_than_five_runs_have_no_interval():
-    assert interquartile_mean([np.arange(4.0)]).interval is None
-    assert interquartile_mean([np.arange(9.0), np.arange(4.0)]).interval is None
-    low, high = interquartile_mean([np.arange(5.0)]).interval or (np.nan, np.nan)
-    assert 0.0 <= low < 2.0 < high <= 4.0
-
-
-def test_a_problem_without_a_layout_lowers_the_interval():
-    estimate = interquartile_mean([np.full(5, -np.inf), np.linspace(0.5, 0.9, 5)])
-    assert estimate.interval is not None
-    assert estimate.interval[0] == -np.inf
-    assert estimate.interval[1] <= 0.9
-
-
-def test_runs_are_resampled_within_their_scene():
-    """Check that the interval has no width if only the scenes differ."""
-    estimate = interquartile_mean([np.full(5, 0.2), np.full(5, 0.9)])
-    assert estimate.interval == pytest.approx((0.55, 0.55))
-    assert estimate.value == pytest.approx(0.55)
+@pytest.mark.parametrize(("problems", "interval"), [
+    ([np.arange(4.0)], None),
+    ([np.arange(9.0), np.arange(4.0)], None),
+    ([np.arange(5.0)], pytest.approx((2.0, 2.0), abs=2.0)),
+    ([np.full(5, 0.2), np.full(5, 0.9)], pytest.approx((0.55, 0.55))),
+    ([np.full(5, -np.inf), np.full(5, 0.9)], (-np.inf, -np.inf)),
+], ids=["few", "few in a scene", "enough", "resampled within scenes", "no layout"])  # fmt: skip
+def test_intervals(problems, interval):
+    assert interquartile_mean(problems).interval == interval
 
 
 def test_a_profile_counts_the_runs_beyond_each_target():
