@@ -14,6 +14,9 @@ def short(name, count=7):
     return scene.with_uniform([0.021, 0.0075]) if name in ("jitter", "table") else scene
 
 
+SMALL = short("sprint").replace(name="small")
+
+
 def play(env, policy, **reset):
     """Return actions, observations, rewards and the last info of one episode."""
     observation, info = env.reset(**reset)

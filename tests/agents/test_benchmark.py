@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from env_scenes import SMALL
 from scipy import stats
 
 pytest.importorskip("stable_baselines3")
@@ -26,9 +27,6 @@ from optimize.experiments.estimates import (
 from optimize.experiments.experiment import Experiment, best_of_problems
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import TaskResult
-
-SMALL = replace(de.load_scene("sprint"), name="small", count=7)
-
 
 SCORES = np.array(
     [[0.1, 0.5, 0.9], [0.4, 0.2, 1.1], [0.7, 0.6, 0.8], [-0.2, 0.3, 1.0], [0.3, 0, 0.9]]

@@ -2,10 +2,10 @@
 
 import json
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from env_scenes import SMALL
 
 pytest.importorskip("stable_baselines3")
 
@@ -21,35 +21,25 @@ pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::U
 LEARNED = ("apg", "ppo", "ars")
 
 
-@pytest.fixture(scope="module")
-def small():
-    return replace(de.load_scene("sprint"), name="small", count=7)
-
-
 @pytest.mark.parametrize("method", LEARNED)
-def test_a_learner_keeps_a_budget_and_is_reproducible(small, method):
-    budget = 400
-    remaining = []
-    one, two = (
-        search(
-            small, method, budget=budget, seed=5, callback=lambda m: remaining.append(m.remaining)
-        )
-        for _ in range(2)
-    )
-    assert 0.7 * budget < one.evaluations <= budget
+def test_a_learner_keeps_a_budget_and_is_reproducible(method):
+    budget, remaining = 400, []
+    options = {"seed": 5, "callback": lambda evaluator: remaining.append(evaluator.remaining)}
+    result, again = (search(SMALL, method, budget=budget, **options) for _ in range(2))
+    assert 0.7 * budget < result.evaluations <= budget
     assert min(remaining) >= 0
-    assert one.evaluations == two.evaluations
-    assert np.array_equal(one.layout.spacing, two.layout.spacing)
-    assert [t[3] for t in one.trace] == [t[3] for t in two.trace]
-    assert small.violations(one.layout) == []
-    assert one.falls > one.evaluations
-    assert one.score == pytest.approx(one.trace[-1][3], rel=1e-5)
+    assert result.evaluations == again.evaluations
+    assert np.array_equal(result.layout.spacing, again.layout.spacing)
+    assert [t[3] for t in result.trace] == [t[3] for t in again.trace]
+    assert SMALL.violations(result.layout) == []
+    assert result.falls > result.evaluations
+    assert result.score == pytest.approx(result.trace[-1][3], rel=1e-5)
 
 
-def test_a_budget_may_be_one_layout_or_a_clock(small):
-    assert search(small, "ppo", budget=1).evaluations == 1
-    assert search(small, "ars", seconds=1e-9).evaluations >= 1
-    assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its default steps take minutes
+def test_a_budget_may_be_one_layout_or_a_clock():
+    assert search(SMALL, "ppo", budget=1).evaluations == 1
+    assert search(SMALL, "ars", seconds=1e-9).evaluations >= 1
+    assert search(SMALL, "ppo", seconds=1.0).seconds < 30.0  # its default steps take minutes
 
 
 def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from env_scenes import SMALL
 
 import domino_env as de
 from agents import evaluate
@@ -13,16 +14,11 @@ from domino_env import DominoChain
 from domino_env.cli.main import main
 
 
-@pytest.fixture(scope="module")
-def small():
-    return replace(de.load_scene("sprint"), name="small", count=8)
-
-
 @pytest.mark.parametrize("name", ["uniform", "greedy", "ramp"])
-def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small, name):
-    rollout = SCRIPTED[name](small)
-    assert small.violations(rollout.layout) == []
-    assert rollout.score == small.score(rollout.layout)
+def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
+    rollout = SCRIPTED[name](SMALL)
+    assert SMALL.violations(rollout.layout) == []
+    assert rollout.score == SMALL.score(rollout.layout)
     if rollout.score > 0.0:  # the largest next reward alone may stop the wave
         assert rollout.gain == pytest.approx(rollout.score / rollout.uniform.score - 1.0)
     else:
@@ -30,18 +26,18 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small,
         assert rollout.gain is None
 
 
-def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length(small):
-    assert SCRIPTED["ramp"](small).gain > 0.0
-    exact = replace(small, length=0.16)
+def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length():
+    assert SCRIPTED["ramp"](SMALL).gain > 0.0
+    exact = replace(SMALL, length=0.14)
     rollout = SCRIPTED["ramp"](exact)
     assert exact.violations(rollout.layout) == []
 
 
-def test_greedy_takes_the_action_with_the_largest_next_reward(small):
-    rollout = SCRIPTED["greedy"](small)
-    env = DominoChain(small)
+def test_greedy_takes_the_action_with_the_largest_next_reward():
+    rollout = SCRIPTED["greedy"](SMALL)
+    env = DominoChain(SMALL)
     env.reset()
-    low, high = small.spacing
+    low, high = SMALL.spacing
     action = 2.0 * (rollout.layout.spacing[0] - low) / (high - low) - 1.0
     reward = env.step(np.array([action]))[1]
     for other in np.linspace(-1.0, 1.0, 9):
@@ -60,12 +56,12 @@ def test_a_layout_whose_wave_stops_is_completed():
     assert hills.violations(completed(beginning, hills)) == []
 
 
-def test_scripted_policies_are_evaluated_by_name(small, capsys):
-    assert evaluate("uniform", small).score == small.uniform().score
+def test_scripted_policies_are_evaluated_by_name(capsys):
+    assert evaluate("uniform", SMALL).score == SMALL.uniform().score
     with pytest.raises(ValueError, match="name one to build for"):
         evaluate("uniform")
     with pytest.raises(ValueError, match="no best known layout of scene 'small' ships"):
-        evaluate("plan", small)
+        evaluate("plan", SMALL)
     assert main(["evaluate", "uniform", "--scene", "sprint"]) == 0
     output = capsys.readouterr().out
     assert "score 0.802997" in output

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from env_scenes import SMALL
 from sampled_scenes import small_scenes
 
 pytest.importorskip("stable_baselines3")
@@ -31,7 +32,6 @@ from domino_env import DominoChain
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
-SMALL = replace(de.load_scene("sprint"), name="small", count=7)
 TINY = {  # environments, steps, options
     "apg": (4, 1200, {}),
     "ppo": (16, 6000, {"n_steps": 12, "batch_size": 96, "n_epochs": 4}),
