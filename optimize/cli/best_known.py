@@ -27,11 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino best-known`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all)")
     parser.add_argument(
-        "--layout",
-        type=LAYOUT_FILE,
-        metavar="FILE",
+        "--layout", type=LAYOUT_FILE, metavar="FILE",
         help="write the layout of one scene, .csv/.json",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--verify", action="store_true", help="simulate the layouts as rigid bodies"
     )
@@ -50,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.scenes if name not in records]
     if unknown:
         raise ValueError(f"no layout of '{unknown[0]}' is known: name one of {', '.join(records)}")
-    wanted = {name: records[name] for name in arguments.scenes or records}
+    chosen = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update are options of --verify: give it too")
     if arguments.layout:
@@ -58,14 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError("--layout writes one layout: name one scene")
         from domino_env.scenes.io.reading import load_scene, write_layout
 
-        ((name, record),) = wanted.items()
+        ((name, record),) = chosen.items()
         beside = write_layout(record.layout, arguments.layout, load_scene(name))
         print(f"written to {arguments.layout}, the scene to {beside}")
         return 0
     if not arguments.verify:
-        _list(wanted)
+        _list(chosen)
         return 0
-    return _verify(wanted, arguments)
+    return _verify(chosen, arguments)
 
 
 def _list(records: dict[str, BestKnown]) -> None:
@@ -78,9 +76,11 @@ def _list(records: dict[str, BestKnown]) -> None:
     for name, record in records.items():
         scene = load_scene(name)
         score = scene.in_words(record.score, scene.simulate(record.layout))
-        one = known_verification(record.layout, scene.physics)
-        checked = "not verified" if one is None else f"at most {one.checks[0].largest:.3%} apart"
-        lines.append((name, score, record.method, checked))
+        verified = known_verification(record.layout, scene.physics)
+        difference = "not verified"
+        if verified is not None:
+            difference = f"at most {verified.checks[0].largest:.3%} apart"
+        lines.append((name, score, record.method, difference))
     print("\n".join(text_table(("scene", "best known", "by", "reference simulator"), lines)))
 
 
@@ -97,10 +97,10 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
     verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
-        write_json({name: asdict(one) for name, one in verified.items()}, arguments.json)
+        write_json({name: asdict(checks) for name, checks in verified.items()}, arguments.json)
     if arguments.update:
         write_verified(read_verified() | verified)
-    verdicts = Counter(one.verdict.partition(":")[0] for one in verified.values())
+    verdicts = Counter(checks.verdict.partition(":")[0] for checks in verified.values())
     if arguments.json != "-":
         numbers = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
         print("\n" + "\n".join(known_table(verified)))

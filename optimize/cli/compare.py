@@ -22,12 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import NATURAL, add_out_option
-from optimize.cli.options import (
-    add_limit_options,
-    add_methods_option,
-    add_study_options,
-    run_study,
-)
+from optimize.cli import options
 
 if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
@@ -39,11 +34,11 @@ DEFAULT_SECONDS = 4.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
-    add_methods_option(parser, "all that are installed")
+    options.add_methods_option(parser, "all that are installed")
     parser.add_argument("--seeds", type=NATURAL, metavar="N", default=5, help="number of seeds (5)")
-    add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
+    options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
     add_out_option(parser, "runs/comparison")
-    add_study_options(parser)
+    options.add_study_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,10 +50,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
     scenes = [load_scene(name) for name in names]
-    chosen = arguments.methods or [*registry.METHODS, *registry.installed_peers()]
+    methods = arguments.methods or [*registry.METHODS, *registry.installed_peers()]
     if arguments.seconds is None and arguments.budget is None:
         arguments.seconds = DEFAULT_SECONDS
-    tasks = plan_tasks(scenes, chosen, range(arguments.seeds), arguments.budget, arguments.seconds)
+    tasks = plan_tasks(scenes, methods, range(arguments.seeds), arguments.budget, arguments.seconds)
     default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
 
     def write(experiment: Experiment, folder: Path) -> Sequence[str]:
@@ -67,4 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
         print()
         return write_comparison(experiment, folder)
 
-    return run_study(arguments, "comparison", default, tasks, write, known_score=known_score)
+    return options.run_study(
+        arguments, "comparison", default, tasks, write, known_score=known_score
+    )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from optimize.experiments.task import Task
 
 DEFAULT_STORE = "runs/studies.sqlite"
-SETTINGS = ("scene", "scenes", "set", "random", "seed", "methods", "seeds", "budget", "seconds")
+SETTINGS = ("scene", "scenes", "set", "methods", "seeds", "budget", "seconds")
 """Options that decide the tasks of a study, which `domino studies` shows."""
 
 
@@ -28,24 +28,25 @@ def names_in(text: str) -> list[str]:
 
 
 def add_methods_option(
-    parser: argparse.ArgumentParser, shown: str, default: list[str] | None = None
+    parser: argparse.ArgumentParser, default_in_words: str, default: list[str] | None = None
 ) -> None:
     """Add --methods, a list of names."""
     parser.add_argument(
-        "--methods", type=names_in, metavar="NAME,...", default=default, help=f"methods ({shown})"
-    )
+        "--methods", type=names_in, metavar="NAME,...", default=default,
+        help=f"methods ({default_in_words})",
+    )  # fmt: skip
 
 
 def add_limit_options(
-    parser: argparse.ArgumentParser, of: str, budget: str = "none", seconds: str = "none"
+    parser: argparse.ArgumentParser, run: str, budget: str = "none", seconds: str = "none"
 ) -> None:
-    """Add --budget and --seconds, with their defaults in words."""
+    """Add --budget and --seconds, the limits of a run, with their defaults in words."""
     parser.add_argument(
-        "--budget", type=NATURAL, metavar="N", help=f"evaluations of {of} at most ({budget})"
+        "--budget", type=NATURAL, metavar="N", help=f"evaluations of {run} at most ({budget})"
     )
     parser.add_argument(
         "--seconds", type=SECONDS, metavar="S",
-        help=f"time of {of} at most [s], not reproducible ({seconds})",
+        help=f"time of {run} at most [s], not reproducible ({seconds})",
     )  # fmt: skip
 
 
@@ -108,10 +109,10 @@ def study_from(
             "continue it by --resume, or give another --name"
         )
     if name is None:
-        same = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
+        equal = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
         names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
-        new = next(one for one in names if one not in studies)
-        name = same[-1] if arguments.resume and same else new
+        unused = next(name for name in names if name not in studies)
+        name = equal[-1] if arguments.resume and equal else unused
     return store.begin(name, kind, settings)
 
 
@@ -147,10 +148,10 @@ def run_study(
         require_writable(Path(arguments.out or "runs"))
         study = study_from(arguments, kind, default, tasks)
         folder = Path(arguments.out or f"runs/{study.name}")
-        more = f"what is done is in study '{study.name}'; the same command with --resume continues"
-        before = f", {study.tasks} of them done before" if study.tasks else ""
+        next_step = f"results are in study '{study.name}'; the same command with --resume continues"
+        stored = f", {study.tasks} of them done before" if study.tasks else ""
         number = counted(len(tasks), "search")
-        print(f"study '{study.name}' in {arguments.store}: {number}{before}", flush=True)
+        print(f"study '{study.name}' in {arguments.store}: {number}{stored}", flush=True)
         try:
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options
@@ -159,10 +160,10 @@ def run_study(
             print(f"{counted(len(experiment.results), 'result')}; written to {folder}: {files}")
             return exit_code(experiment)
         except OSError as error:
-            raise OSError(f"{error}; {more}") from None
+            raise OSError(f"{error}; {next_step}") from None
         except KeyboardInterrupt:
-            done = f"{len(study.done())} of {len(tasks)} runs are complete"
-            raise KeyboardInterrupt(f"interrupted: {done}; {more}") from None
+            completed = f"{len(study.done())} of {len(tasks)} runs are complete"
+            raise KeyboardInterrupt(f"interrupted: {completed}; {next_step}") from None
 
 
 def exit_code(experiment: Experiment) -> int:

@@ -23,7 +23,7 @@ from optimize.result import SearchResult
 
 GROUND_PARTS = ("rise", "tilt")
 PATH = Path(__file__).with_name("best_known.json")
-RTOL = 1e-12  # relative error at which a record is simulated
+RTOL = 1e-12  # relative error of the arrival times of a record
 MIN_GAIN = 1e-9  # relative gain that makes a new record
 
 
@@ -96,8 +96,8 @@ def update(result: SearchResult, path: Path | None = None) -> bool:
     """
     path = path or PATH
     scene, layout = result.scene, result.layout
-    known, score = best_known(path).get(scene.name), closest_score(scene, layout)
-    if known is not None and score <= known.score + MIN_GAIN * abs(known.score):
+    old, score = best_known(path).get(scene.name), closest_score(scene, layout)
+    if old is not None and score <= old.score + MIN_GAIN * abs(old.score):
         return False
     record = {
         "score": score, "method": result.method, "seed": result.seed,

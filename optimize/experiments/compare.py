@@ -105,16 +105,18 @@ def plan_tasks(
         )
     names = [registry.name_of(method) for method in methods]
     labels = labels or [{} for _ in scenes]
-    points = [describe_labels(ls) or s.name for s, ls in zip(scenes, labels, strict=True)]
-    require_distinct(scenes=points, methods=names, seeds=seeds)
+    pairs = list(zip(scenes, labels, strict=True))
+    problems = [describe_labels(point) or scene.name for scene, point in pairs]
+    require_distinct(scenes=problems, methods=names, seeds=seeds)
     for name in names:
         registry.load(name)
     for name, limit in (("budget", budget), ("seconds", seconds)):
         if limit is not None:
             require(name, limit, above=0.0, whole=name == "budget")
+    texts = [(scene.to_toml(), point) for scene, point in pairs]
     return [
         Task(text, method, seed, budget, seconds, point)
-        for text, point in zip([scene.to_toml() for scene in scenes], labels, strict=True)
+        for text, point in texts
         for seed in seeds
         for method in names
     ]
@@ -131,8 +133,8 @@ def require_distinct(**lists: Sequence[object]) -> None:
 
 def known_score(result: TaskResult) -> float:
     """Return the score of the best known layout of a result's scene; -inf where there is none."""
-    scene, known = scene_of(result.scene), best_known().get(result.scene_name)
+    scene, record = scene_of(result.scene), best_known().get(result.scene_name)
     # a scene of the same name may be another one: the layout must satisfy its rules
-    if known is None or scene.violations(known.layout):
+    if record is None or scene.violations(record.layout):
         return -np.inf
-    return float(scene.score(known.layout))
+    return float(scene.score(record.layout))

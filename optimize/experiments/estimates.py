@@ -137,8 +137,8 @@ def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:
     resampled = []
     for _ in range(RESAMPLES // CHUNK):
         indices = [rng.integers(g.shape[-1], size=(CHUNK, g.shape[-1])) for g in runs]
-        chosen = [group[..., index] for group, index in zip(runs, indices, strict=True)]
-        resampled.append(statistic(chosen))
+        samples = [group[..., index] for group, index in zip(runs, indices, strict=True)]
+        resampled.append(statistic(samples))
     spread = np.concatenate(resampled, axis=-1)
     spread.sort(axis=-1)  # no interpolation: before the first layout a score is -inf
     return Estimate(value, (spread[..., OUTSIDE], spread[..., -1 - OUTSIDE]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,14 @@ import numpy as np
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
-from optimize.experiments.task import Label, Task, TaskResult
+from optimize.experiments.task import Task, TaskResult
 
-SMALLEST_GAP = 1e-7  # a smaller gap is within the tolerance of the searches
+SMALLEST_GAP = 1e-7  # relative; a smaller gap is within the tolerance of the searches
 CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
-CURVE_POINTS = 120
+CURVE_POINTS, GAP_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
+EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # first time of the curves of gaps
+KnownScore = Callable[[TaskResult], float]
+"""Returns the best score known beforehand of the problem of a result; -inf for none."""
 
 
 @dataclass(frozen=True)
@@ -78,19 +81,9 @@ class Experiment:
         return list(self.results[0].labels)
 
     @property
-    def points(self) -> list[tuple[Label, ...]]:
-        """Values of the labels, each combination once."""
-        return list(dict.fromkeys(tuple(r.labels.values()) for r in self.results))
-
-    @property
     def clock(self) -> str:
         """Measure of the limit of a run: "seconds", or the repeatable "evaluations"."""
         return "seconds" if self.tasks[0].budget is None else "evaluations"
-
-    @property
-    def limit(self) -> str:
-        """Limit of a run in words."""
-        return self.tasks[0].limit
 
     def over_seeds(self, statistic: str) -> str:
         """Return the number of seeds in words, after the name of a statistic over them."""
@@ -131,12 +124,10 @@ class Experiment:
         return first_time(times, scores >= best - gap * abs(best))
 
     def times(self) -> Floats:
-        """Return 200 times, evenly spread over the logarithm of the clock."""
-        first = min(float(self.steps(r)[0][0]) for r in self.results)
-        task = self.tasks[0]
-        if task.seconds is not None:
-            return np.geomspace(max(first, 1e-4), task.seconds, 200)
-        return np.geomspace(max(first, 1.0), max(task.budget or 0, first + 1.0), 200)
+        """Return times, evenly spread over the logarithm of the clock up to the limit of a run."""
+        first = max(EARLIEST[self.clock], min(self.steps(r)[0][0] for r in self.results))
+        limit = self.tasks[0].budget or self.tasks[0].seconds or 0.0
+        return np.geomspace(first, max(limit, 2.0 * first), GAP_POINTS)
 
     # normalised scores --------------------------------------------------------------------------
 
@@ -164,16 +155,17 @@ class Experiment:
         shared = [p for p in self.problems if self.runs(first, p) and self.runs(second, p)]
         if not shared:
             return None
-        return improvement(*([self.final_scores(m, p)[0] for p in shared] for m in (first, second)))
+        scores = [[self.final_scores(m, p)[0] for p in shared] for m in (first, second)]
+        return improvement(*scores)
 
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
         """Return the interquartile mean of the normalised scores after a time [s]; -inf if none."""
-        when = np.array([seconds])
-        scores = _by_problem(
-            self.runs(method, problem),
-            lambda r: self.normalised(r, self.best_scores(r, when, "seconds"))[0],
-        )
-        return float(middle_mean(scores))
+        times = np.array([seconds])
+
+        def score(result: TaskResult) -> Floats:
+            return self.normalised(result, self.best_scores(result, times, "seconds")[0])
+
+        return float(middle_mean(_by_problem(self.runs(method, problem), score)))
 
     def curve(
         self, method: str, clock: str, problem: str | None = None, earliest: float = 1e-9
@@ -210,14 +202,9 @@ def first_time(times: Floats, reached: np.ndarray) -> float:
     return float(times[reached.argmax()]) if reached.any() else np.inf
 
 
-def no_known_score(_: TaskResult) -> float:
-    """Return the best known score of a problem of which none is known."""
-    return -np.inf
-
-
 def best_of_problems(
-    results: Sequence[TaskResult],
-    known_score: Callable[[TaskResult], float] = no_known_score,
+    results: Iterable[TaskResult],
+    known_score: KnownScore = lambda _: -np.inf,
     *,
     fixed: bool = False,
 ) -> dict[str, float]:
@@ -228,24 +215,26 @@ def best_of_problems(
     results
         Results of all runs.
     known_score
-        As of `run_experiment`.
+        See `KnownScore`.
     fixed
         True where better results leave a known score as it is, so that it favours no method.
     """
-    known: dict[str, float] = {}
-    for result in results:
-        if result.problem not in known:
-            known[result.problem] = known_score(result)
-    best = dict(known)
-    for result in results:
-        if not fixed or known[result.problem] == -np.inf:
-            best[result.problem] = max(best[result.problem], result.score)
+    best: dict[str, float] = {}
+    for problem, runs in _groups(results).items():
+        known = known_score(runs[0])
+        is_kept = fixed and known > -np.inf
+        best[problem] = known if is_kept else max(known, *(run.score for run in runs))
     return best
 
 
-def _by_problem(runs: Sequence[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:
+def _by_problem(runs: Iterable[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:
     """Return the values of runs as an array for each problem."""
-    groups: dict[str, list[Floats]] = {}
-    for r in runs:
-        groups.setdefault(r.problem, []).append(value(r))
-    return [np.array(group) for group in groups.values()]
+    return [np.array([value(run) for run in group]) for group in _groups(runs).values()]
+
+
+def _groups(runs: Iterable[TaskResult]) -> dict[str, list[TaskResult]]:
+    """Return the runs on each problem."""
+    groups: dict[str, list[TaskResult]] = {}
+    for run in runs:
+        groups.setdefault(run.problem, []).append(run)
+    return groups

@@ -1,30 +1,23 @@
-"""Pictures of experiments: curves of methods in panels, maps over two settings, intervals."""
+"""Pictures of experiments: curves of methods in panels, and intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from domino_env.core.colours import FAINT, INK, KNOWN, UNIFORM
-from domino_env.core.plot_style import (
-    LEGEND,
-    method_lines,
-    new_panels,
-    plain_numbers,
-    style,
-    write_png,
-)
+from domino_env.core import plot_style
+from domino_env.core.colours import FAINT, KNOWN, UNIFORM
+from domino_env.core.files import counted
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
-from optimize.experiments.task import Label, TaskResult
+from optimize.experiments.task import Label
 
 Band = tuple[Floats, Floats] | None  # ends of the interval around each point
 Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
@@ -34,7 +27,6 @@ Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"
 MAX_PANELS = 6  # of a sweep
-MAX_TICKS = 12  # of an axis of a map
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
@@ -70,11 +62,11 @@ def draw_curves(
     dashed
         Methods whose lines are dashed.
     """
-    figure, all_axes = new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), *headings)
-    lines = method_lines(methods)
+    figure, all_axes = plot_style.new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), *headings)
+    lines = plot_style.method_lines(methods)
     handles: dict[str, Any] = {}
     for (title, curves), axes in zip(panels.items(), all_axes, strict=True):
-        style(axes, title)
+        plot_style.style(axes, title)
         prepare(axes, title)
         axes.set_xlabel(labels[0])
         for method, (x, y, band) in curves.items():
@@ -88,8 +80,9 @@ def draw_curves(
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             handles[method] = axes.plot(x, y, **line)[0]
     all_axes[0].set_ylabel(labels[1])
-    figure.legend(list(handles.values()), list(handles), loc="outside right center", **LEGEND)
-    write_png(figure, path)
+    names, lines_drawn = list(handles), list(handles.values())
+    figure.legend(lines_drawn, names, loc="outside right center", **plot_style.LEGEND)
+    plot_style.write_png(figure, path)
 
 
 def draw_over_time(experiment: Experiment, path: Path) -> None:
@@ -100,27 +93,27 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     for problem, method in product(experiment.problems, experiment.methods):
         if runs := experiment.runs(method, problem):
             gaps = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
-            middle, *band = _band(gaps)
-            panels.setdefault(problem, {})[method] = (times, middle, (band[0], band[1]))
-            ends.setdefault(method, []).append(middle[-1])
+            median, band = _median_and_range(gaps)
+            panels.setdefault(problem, {})[method] = (times, median, band)
+            ends.setdefault(method, []).append(median[-1])
     best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]
 
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 30.0))
-        plain_numbers(axes.xaxis, (1,))
+        plot_style.plain_numbers(axes.xaxis, (1,))
         axes.set_xlim(times[0], times[-1])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
     headings = (
         f"Shortfall from the best known against {clock}",
-        f"{experiment.limit} for each run, {experiment.over_seeds(MEDIANS)}",
+        f"{experiment.tasks[0].limit} for each run, {experiment.over_seeds(MEDIANS)}",
     )
     draw_curves(path, panels, headings, (clock, "shortfall from the best known"), prepare, best)
 
 
 def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
-    """Draw a map for each method over two settings, else a panel for each setting.
+    """Draw gains or scores in a panel for each setting, over all values of the other settings.
 
     Parameters
     ----------
@@ -134,28 +127,28 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         Unit of its score; without one, scores are drawn, not gains.
     """
     keys, value = experiment.keys, "gain over uniform" if unit else "score"
-    number = len(experiment.points)
+    groups = experiment.over_seeds(MEDIANS)
+    if len(keys) > 1:
+        groups = "medians and range over seeds and the other settings"
+    scenes = counted(len(experiment.problems), "scene")
     headings = (
         f"{name}: {value}, over {' and '.join(keys)}",
-        f"{number} scenes, {experiment.limit} a search, {experiment.over_seeds(MEDIANS)}",
+        f"{scenes}, {experiment.tasks[0].limit} a search, {groups}",
     )
-    columns = zip(*experiment.points, strict=True)
-    places = {key: _places(list(column)) for key, column in zip(keys, columns, strict=True)}
-    if len(keys) == 2 and number == len(places[keys[0]]) * len(places[keys[1]]):
-        across, up = (list(places[key]) for key in keys)
-        write_png(_maps(experiment, across, up, headings, gains=bool(unit)), path)
-        return
+    places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
     panels: dict[str, dict[str, Curve]] = {}
-    for key in keys[:MAX_PANELS]:
-        panels[key] = {}
-        for method in experiment.methods:
-            groups: dict[float, list[float]] = {}
-            for r in experiment.runs(method):
-                x = places[key][r.labels[key]]
-                groups.setdefault(x, []).append(_value(r, gains=bool(unit)))
-            lines = [(x, *_band(np.array(groups[x]))) for x in sorted(groups)]
-            x, middle, *ends = np.array(lines).T
-            panels[key][method] = (x, middle, (ends[0], ends[1]))
+    for key, method in product(keys[:MAX_PANELS], experiment.methods):
+        values: dict[float, list[float]] = {}
+        for r in experiment.runs(method):
+            drawn = values.setdefault(places[key][r.labels[key]], [])
+            if not unit:
+                drawn.append(r.score)
+            elif r.gain is not None:
+                drawn.append(100.0 * r.gain)
+        x = np.array(sorted(values))
+        bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
+        median, low, high = np.array([(median, *band) for median, band in bands]).T
+        panels.setdefault(key, {})[method] = (x, median, (low, high))
 
     def prepare(axes: Axes, key: str) -> None:
         ticks = places[key]
@@ -208,12 +201,12 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
 
 def draw_intervals(experiment: Experiment, path: Path) -> None:
     """Draw the interquartile means with their intervals, and the performance profile."""
-    figure, (means, profile) = new_panels(
+    figure, (means, profile) = plot_style.new_panels(
         2, 2, (4.6, 3.4), headline="Normalised scores at the end of the runs",
         subtitle="95 % intervals of five or more runs, all scenes with equal weights",
     )  # fmt: skip
     order = [name for name in experiment.ranked(())[::-1] if name in experiment.complete]
-    lines = method_lines(experiment.methods)
+    lines = plot_style.method_lines(experiment.methods)
     for y, name in enumerate(order):
         mean, colour = experiment.mean_score(name), lines[name]["color"]
         if mean.interval is not None:
@@ -225,78 +218,28 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
             profile.fill_between(
                 PROFILE_TARGETS, *fraction.interval, color=colour, alpha=0.12, linewidth=0
             )
-    style(means, "interquartile mean")
+    plot_style.style(means, "interquartile mean")
     means.set_xlim(LOWEST, HIGHEST)
     means.set_yticks(range(len(order)), order)
     means.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
-    style(profile, "fraction of runs with a higher normalised score")
+    plot_style.style(profile, "fraction of runs with a higher normalised score")
     profile.set_ylim(0.0, 1.02)
     profile.set_xlim(PROFILE_TARGETS[0], PROFILE_TARGETS[-1])
-    profile.legend(loc="lower left", **LEGEND)
+    profile.legend(loc="lower left", **plot_style.LEGEND)
     for axes in (means, profile):
         axes.set_xticks([0.0, 0.5, 1.0], ["uniform", "50 %", "best known"])
         axes.set_xlabel("normalised score")
-    write_png(figure, path)
+    plot_style.write_png(figure, path)
 
 
-def _maps(
-    experiment: Experiment,
-    across: list[Label],
-    up: list[Label],
-    headings: tuple[str, str],
-    *,
-    gains: bool,
-) -> Figure:
-    """Draw the medians of each method over the values of two settings."""
-    methods = experiment.methods[:MAX_PANELS]
-    figure, panels = new_panels(len(methods), 3, (4.0, 3.2), (1.6, 0.5), *headings)
-    maps = np.full((len(methods), len(up), len(across)), np.nan)
-    for m, method in enumerate(methods):
-        cells: dict[tuple[int, int], list[float]] = {}
-        for r in experiment.runs(method):
-            x, y = r.labels.values()
-            cells.setdefault((up.index(y), across.index(x)), []).append(_value(r, gains=gains))
-        for cell, values in cells.items():
-            maps[(m, *cell)] = _band(np.array(values))[0]
-    known = maps[np.isfinite(maps)]
-    colours = {"cmap": "Blues", "vmin": known.min(initial=1.0), "vmax": known.max(initial=0.0)}
-    if gains:  # blue is better than uniform, red worse
-        largest = np.abs(known).max(initial=0.0)
-        colours = {"cmap": "RdBu", "vmin": -largest, "vmax": largest}
-    image: Any = None
-    for method, values_there, axes in zip(methods, maps, panels, strict=True):
-        image = axes.imshow(values_there, origin="lower", aspect="auto", **colours)
-        axes.grid(False)
-        axes.set_title(method, loc="left", size=11, color=INK)
-        axes.set_xlabel(experiment.keys[0])
-        for set_ticks, labels in ((axes.set_xticks, across), (axes.set_yticks, up)):
-            ticks = range(0, len(labels), -(-len(labels) // MAX_TICKS))
-            names = [f"{v:g}" if isinstance(v := labels[k], float) else str(v) for k in ticks]
-            set_ticks(list(ticks), names)
-    panels[0].set_ylabel(experiment.keys[1])
-    percent = " %" if gains else ""
-    bar = figure.colorbar(image, ax=panels, format=FuncFormatter(lambda y, _: f"{y:g}{percent}"))
-    bar.outline.set_visible(False)
-    return figure
+def _median_and_range(values: Floats) -> tuple[Any, tuple[Any, Any]]:
+    """Return the median over the first axis, and the least and largest value."""
+    return np.median(values, axis=0), (values.min(axis=0), values.max(axis=0))
 
 
-def _value(result: TaskResult, *, gains: bool) -> float:
-    """Return the value that is drawn for a result: its gain [%], or its score."""
-    if not gains:
-        return result.score
-    return np.nan if result.gain is None else 100.0 * result.gain
-
-
-def _band(values: Floats) -> tuple[Any, Any, Any]:
-    """Return median, least and largest value over the first axis, NaN left out."""
-    if not np.isfinite(values).any():
-        return (np.full(values.shape[1:], np.nan),) * 3
-    values = np.where(np.isnan(values), np.nanmedian(values, axis=0), values)
-    return np.median(values, axis=0), values.min(axis=0), values.max(axis=0)
-
-
-def _places(values: list[Label]) -> dict[Label, float]:
+def _places(values: Iterable[Label]) -> dict[Label, float]:
     """Return the coordinates of values: numbers themselves, words one after the other."""
-    if any(isinstance(value, str) for value in values):
-        return {value: float(k) for k, value in enumerate(dict.fromkeys(values))}
-    return {value: float(value) for value in sorted(values, key=float)}
+    labels = dict.fromkeys(values)
+    if any(isinstance(label, str) for label in labels):
+        return {label: float(k) for k, label in enumerate(labels)}
+    return {label: float(label) for label in labels}

@@ -96,7 +96,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
     sections += failures_section(experiment)
     return PAGE.format(
         title=title, picture=picture, runs=counted(len(experiment.results), "search"),
-        limit=experiment.limit, over=experiment.over_seeds("medians over"),
+        limit=experiment.tasks[0].limit, over=experiment.over_seeds("medians over"),
         sections="\n".join(sections),
     )  # fmt: skip
 
@@ -127,13 +127,14 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
             ))  # fmt: skip
-    more = ["", f"{len(lines) - MAX_LINES} more lines are in the CSV file."]
-    return markdown_table(names, lines[:MAX_LINES]) + (more if len(lines) > MAX_LINES else [])
+    note = ["", f"{len(lines) - MAX_LINES} note lines are in the CSV file."]
+    return markdown_table(names, lines[:MAX_LINES]) + (note if len(lines) > MAX_LINES else [])
 
 
 def failures_section(experiment: Experiment) -> list[str]:
     """Return the runs without a result, with the reasons, as lines of Markdown."""
     if not experiment.failures:
         return []
-    lines = [f"- {one.task.name}: {one.reason}" for one in experiment.failures[:MAX_LINES]]
+    failures = experiment.failures[:MAX_LINES]
+    lines = [f"- {failure.task.name}: {failure.reason}" for failure in failures]
     return ["", "## Runs without a result", "", *lines]

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import closing
 
 import msgspec
-from tqdm import tqdm
+import numpy as np
 
+from domino_env.core.progress import progress_bar
 from optimize.executors import ExecutorLost, loss_as_error
-from optimize.experiments.experiment import (
-    Experiment,
-    Failure,
-    best_of_problems,
-    no_known_score,
-)
+from optimize.experiments.experiment import Experiment, Failure, KnownScore, best_of_problems
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
-LINE = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
+FORMAT = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
+LINE = FORMAT.replace("|{bar}| ", "in ")  # where there is no terminal
 
 
 def run_experiment(
@@ -28,7 +24,7 @@ def run_experiment(
     executor: Executor | None = None,
     study: Study | None = None,
     *,
-    known_score: Callable[[TaskResult], float] = no_known_score,
+    known_score: KnownScore = lambda _: -np.inf,
     name: str = "tasks",
     progress: bool | None = False,
 ) -> Experiment:
@@ -50,8 +46,8 @@ def run_experiment(
     name
         Name of all tasks together in the progress line.
     progress
-        True for a progress line on standard error; None for one on a terminal, and elsewhere a line
-        for each finished task.
+        True for a progress line on standard error; None for one on a terminal, and elsewhere a new
+        line now and then.
 
     Returns
     -------
@@ -70,17 +66,15 @@ def run_experiment(
     keys = {task.key: task for task in tasks}
     missing = [task for key, task in keys.items() if key not in results]
     interrupted = False
-    with tqdm(
-        total=len(keys), initial=len(keys) - len(missing), desc=name, bar_format=LINE, leave=False,
-        smoothing=0.0, dynamic_ncols=True, disable=None if progress is None else not progress,
+    with progress_bar(
+        progress, line=LINE, bar_format=FORMAT, total=len(keys), initial=len(keys) - len(missing),
+        desc=name, leave=False, smoothing=0.0, dynamic_ncols=True,
     ) as line:  # fmt: skip
-        each = progress is None and line.disable  # no terminal
-        here = ((task, task.run) for task in missing)
-        pairs = here if executor is None else _run_on(executor, missing)
+        local = ((task, task.run) for task in missing)
+        pairs = local if executor is None else _run_on(executor, missing)
         try:
             with closing(pairs):
                 for task, outcome in pairs:
-                    message = ""
                     try:
                         with loss_as_error():
                             result = results[task.key] = outcome()
@@ -88,33 +82,27 @@ def run_experiment(
                         raise
                     except Exception as error:
                         failures.append(Failure(task, _reason(error)))
-                        message = f"failed: {failures[-1].reason}"
+                        line.set_postfix_str(f"{len(failures)} failed", refresh=False)
                     else:
                         if study is not None:
                             study.add(result)
-                        gain = "" if result.gain is None else f", {result.gain:+.2%}"
-                        message = f"{result.score:.6f}{gain}" if each else ""
-                    line.n += 1
-                    line.refresh()
-                    if message:
-                        line.write(f"{line.n}/{line.total} {task.name}: {message}", file=sys.stderr)
-                        sys.stderr.flush()
+                    line.update()
         except KeyboardInterrupt:
             if executor is not None and hasattr(executor, "kill"):
                 executor.kill()  # a running task cannot be cancelled
             if not any(key in results for key in keys):
                 raise
             interrupted = True
-    chosen = tuple(
+    available = tuple(
         msgspec.structs.replace(results[task.key], labels=task.labels)
         for task in tasks
         if task.key in results
     )
-    if not chosen:
+    if not available:
         reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
         raise ValueError(f"no run has a result{reason}")
-    best = best_of_problems(chosen, known_score)
-    return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
+    best = best_of_problems(available, known_score)
+    return Experiment(tuple(tasks), available, best, tuple(failures), interrupted)
 
 
 def _run_on(

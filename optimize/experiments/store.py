@@ -123,11 +123,11 @@ class Store:
             impossible, or the store cannot be written.
         """
         text = json.dumps(dict(settings), allow_nan=False)
-        now = datetime.now(UTC).isoformat(timespec="seconds")
+        begun = datetime.now(UTC).isoformat(timespec="seconds")
         with self.transaction() as connection:
             connection.execute(
                 "INSERT OR IGNORE INTO studies (name, kind, settings, begun) VALUES (?, ?, ?, ?)",
-                (name, kind, text, now),
+                (name, kind, text, begun),
             )
         study = self.study(name)
         if (study.kind, study.settings) != (kind, json.loads(text)):
@@ -160,7 +160,7 @@ class Store:
         """
         studies = {study.name: study for study in self.studies()}
         if name not in studies:
-            known = ", ".join(f"'{one}'" for one in list(studies)[-10:]) or "none yet"
+            known = ", ".join(f"'{study}'" for study in list(studies)[-10:]) or "none yet"
             raise ValueError(f"{self.path} has no study '{name}' (there: {known})")
         return studies[name]
 
@@ -239,18 +239,17 @@ def export_study(study: Study, path: Path) -> int:
         raise ValueError(f"{path}: a study is exported to a .csv or .parquet file")
     lines = [_cells(study.name, result) for result in study.done().values()]
     names = list(dict.fromkeys(name for line in lines for name in line))
-    columns = {name: [line.get(name) for line in lines] for name in names}
     if kind == ".csv":
-        texts = [
-            [json.dumps(v) if isinstance(v, tuple | list) else v for v in column]
-            for column in columns.values()
-        ]
-        write_csv(path, names, zip(*texts, strict=True))
+        for line in lines:
+            lists = {k: json.dumps(v) for k, v in line.items() if isinstance(v, tuple | list)}
+            line.update(lists)
+        write_csv(path, names, (map(line.get, names) for line in lines))
     else:
         require_extra("Parquet", "parquet", "pyarrow")
         import pyarrow
         from pyarrow import parquet
 
+        columns = {name: [line.get(name) for line in lines] for name in names}
         write_bytes(path, lambda file: parquet.write_table(pyarrow.table(columns), file))
     return len(lines)
 

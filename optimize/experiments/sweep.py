@@ -1,12 +1,11 @@
-"""Sweep of methods over many variations of one scene, on a grid or sampled from ranges."""
+"""Sweep of methods over many variations of one scene, on a grid of values."""
 
 from __future__ import annotations
 
 import copy
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -29,45 +28,11 @@ DEFAULT_BUDGET = 2000  # layouts of a search
 MAX_POINTS = 100_000
 WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # of a table such as [spacing]
-GRID_SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
-RANDOM_SYNTAX = "write KEY=FROM:TO, KEY=FROM:TO:log or KEY=VALUE,VALUE,… to sample from"
+SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A key of the scene's file and its values.
-
-    Attributes
-    ----------
-    key
-        Name with the tables before it, such as "physics.friction".
-    values
-        All values; None for the range from `low` to `high`.
-    low, high
-        Least and largest value of a range.
-    log
-        True for a range that is sampled evenly in the logarithm.
-    """
-
-    key: str
-    values: tuple[Value, ...] | None
-    low: float = 0.0
-    high: float = 0.0
-    log: bool = False
-
-    def sample(self, rng: np.random.Generator) -> Value:
-        """Draw a value."""
-        if self.values is not None:
-            return self.values[int(rng.integers(len(self.values)))]
-        if self.key in WHOLE_KEYS:
-            return int(rng.integers(math.ceil(self.low), math.floor(self.high) + 1))
-        if self.log:
-            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
-        return float(rng.uniform(self.low, self.high))
-
-
-def parse_axis(text: str, *, sampled: bool = False) -> Axis:
-    """Read an axis from a text such as "physics.friction=0:0.5:11".
+def parse_axis(text: str) -> tuple[str, list[Value]]:
+    """Read a key of the scene's file and its values from a text.
 
     Parameters
     ----------
@@ -75,83 +40,63 @@ def parse_axis(text: str, *, sampled: bool = False) -> Axis:
         KEY=FROM:TO:NUMBER for evenly spread values, FROM:TO:NUMBER:log for values evenly spread in
         the logarithm, VALUE,VALUE for numbers or words, or [V, V] for a list of values in JSON, for
         keys that hold lists themselves.
-    sampled
-        True for FROM:TO and FROM:TO:log as ranges to sample from, without a number.
+
+    Returns
+    -------
+    key : str
+        Name with the tables before it, such as "physics.friction".
+    values : list
+        Its values.
 
     Raises
     ------
     ValueError
         The text is none of these; the message has the syntax.
     """
-    key, _, given = (part.strip() for part in text.partition("="))
-    syntax = RANDOM_SYNTAX if sampled else GRID_SYNTAX
+    key, _, listing = (part.strip() for part in text.partition("="))
     try:
-        if not given or not all(key.split(".")):
+        if not listing or not all(key.split(".")):
             raise ValueError("a key or its values are missing")
-        if ":" in given:
-            return _range(key, given, sampled=sampled)
-        words = json.loads(given) if given.startswith("[") else given.split(",")
-        values = [_number_or_word(key, w) if isinstance(w, str) else w for w in words]
-        return Axis(key, _distinct(values))
+        if ":" in listing:
+            words = _spread(listing)
+        else:
+            words = json.loads(listing) if listing.startswith("[") else listing.split(",")
+        values: list[Value] = [_value(key, w) if isinstance(w, str) else w for w in words]
+        if not values or len({repr(value) for value in values}) < len(values):
+            raise ValueError("give each value once")
+        return key, values
     except ValueError as error:
-        raise ValueError(f"--set {text}: {error}; {syntax}") from None
+        raise ValueError(f"--set {text}: {error}; {SYNTAX}") from None
 
 
-def _range(key: str, text: str, *, sampled: bool) -> Axis:
-    """Read FROM:TO:NUMBER, or FROM:TO to sample from, each with :log or without."""
+def _spread(text: str) -> list[str]:
+    """Return the values of FROM:TO:NUMBER, with :log or without, as words."""
     parts = text.split(":")
     log = parts[-1].strip() == "log"
-    first, last, *number = parts[: len(parts) - log]
-    ends = np.array([float(first), float(last)])
+    if len(parts) != 3 + log:
+        raise ValueError("give two numbers and the number of values")
+    ends = np.array([float(parts[0]), float(parts[1])])
     require("FROM, TO", ends, above=0.0 if log else -math.inf)
-    low, high = ends.tolist()
-    if sampled:
-        if number or not low < high:
-            raise ValueError("give two numbers, the smaller one first")
-        return Axis(key, None, low, high, log)
-    if len(number) != 1:
-        raise ValueError("give the number of values")
-    require("NUMBER", int(number[0]), 1, MAX_POINTS, whole=True)
-    spread = (np.geomspace if log else np.linspace)(low, high, int(number[0]))
-    # twelve digits: 0.3, not 0.30000000000000004
-    return Axis(key, _distinct([_whole(key, float(f"{value:.12g}")) for value in spread]))
+    require("NUMBER", int(parts[2]), 1, MAX_POINTS, whole=True)
+    spread = (np.geomspace if log else np.linspace)(ends[0], ends[1], int(parts[2]))
+    return [f"{value:.12g}" for value in spread]  # 0.3, not 0.30000000000000004
 
 
-def _distinct(values: list[Value]) -> tuple[Value, ...]:
-    """Return values of which each is given once."""
-    if not values or len({repr(value) for value in values}) < len(values):
-        raise ValueError("give each value once")
-    return tuple(values)
-
-
-def _number_or_word(key: str, word: str) -> Label:
-    """Return a word as a number where it is one."""
+def _value(key: str, word: str) -> Label:
+    """Return a word as a number where it is one, whole where the key holds whole numbers."""
     try:
-        return _whole(key, float(word))
+        number = float(word)
     except ValueError:
         return word.strip()
+    return int(number) if key in WHOLE_KEYS and number.is_integer() else number
 
 
-def _whole(key: str, number: float) -> float | int:
-    """Return a whole number where the key holds such."""
-    return int(number) if key in WHOLE_KEYS and number == int(number) else number
-
-
-def grid(axes: Sequence[Axis]) -> list[Point]:
-    """Combine the values in every way, the last axis changing first."""
-    values = [axis.values for axis in axes if axis.values is not None]
-    number = math.prod(len(v) for v in values)
+def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
+    """Combine the values of all keys in every way, those of the last key changing first."""
+    number = math.prod(map(len, axes.values()))
     if number > MAX_POINTS:
         raise ValueError(f"{number} points: a sweep has at most {MAX_POINTS}; split it")
-    keys = [axis.key for axis in axes]
-    return [dict(zip(keys, chosen, strict=True)) for chosen in product(*values)]
-
-
-def sample_points(axes: Sequence[Axis], number: int, rng: np.random.Generator) -> list[Point]:
-    """Sample points from the axes; a point that is drawn twice is returned once."""
-    require("random", number, 1, MAX_POINTS, whole=True)
-    points = [{axis.key: axis.sample(rng) for axis in axes} for _ in range(number)]
-    return list({repr(point): point for point in points}.values())
+    return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
 def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
@@ -186,10 +131,10 @@ def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> S
             if not isinstance(table, dict):
                 raise ValueError(f"{where}: '{key}': {part} is no table of the scene's file")
         if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
-            # one way of giving a range replaces the others; min, max and step are one way
-            others = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
-            for other in others:
-                table.pop(other, None)
+            # one form of a range replaces another; min, max and step are one form
+            replaced = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
+            for name_of_range in replaced:
+                table.pop(name_of_range, None)
         table[last] = copy.deepcopy(value)
     scene = scene_of_document(document, name, where)
     try:
@@ -207,8 +152,6 @@ def sweep(
     budget: int | None = None,
     *,
     seconds: float | None = None,
-    random: int | None = None,
-    seed: int = 0,
     **options: Any,
 ) -> Experiment:
     """Search many variations of a scene.
@@ -227,10 +170,6 @@ def sweep(
         Number of layouts that each search may simulate; 2000 where `seconds` is not given either.
     seconds
         Time of each search [s], instead.
-    random
-        Number of points that are sampled, instead of all on the grid.
-    seed
-        Seed of these samples.
     options
         `executor`, `study`, `name` and `progress`: as of `run_experiment`.
 
@@ -249,10 +188,10 @@ def sweep(
     Examples
     --------
     >>> table = sweep("sprint", ["physics.friction=0,0.5"], ["random"], budget=50)
-    >>> [point for point, in table.points]
-    [0.0, 0.5]
+    >>> table.problems
+    ['physics.friction = 0.0', 'physics.friction = 0.5']
     """
-    tasks = plan_sweep(scene, axes, methods, seeds, budget, seconds, random=random, seed=seed)
+    tasks = plan_sweep(scene, axes, methods, seeds, budget, seconds)
     return run_experiment(tasks, **options)
 
 
@@ -263,24 +202,17 @@ def plan_sweep(
     seeds: int = 1,
     budget: int | None = None,
     seconds: float | None = None,
-    *,
-    random: int | None = None,
-    seed: int = 0,
 ) -> list[Task]:
     """Return the tasks of a sweep, in order, with every point checked; see `sweep`."""
     if isinstance(scene, Scene):
         base, name, file = scene.document(), scene.name, ""
     else:  # only the points are checked: they may replace what is impossible in the file
         base, name, file = read_named(scene)
-    parsed = [parse_axis(axis, sampled=random is not None) for axis in axes]
+    parsed = [parse_axis(axis) for axis in axes]
     if not parsed:
-        raise ValueError(f"nothing is swept: --set KEY=…; {GRID_SYNTAX}")
-    require_distinct(keys=[axis.key for axis in parsed])
-    require("seed", seed, 0, whole=True)
-    if random is None:
-        points = grid(parsed)
-    else:
-        points = sample_points(parsed, random, np.random.default_rng(seed))
+        raise ValueError(f"nothing is swept: --set KEY=…; {SYNTAX}")
+    require_distinct(keys=[key for key, _ in parsed])
+    points = grid(dict(parsed))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
     scenes = [scene_at(base, name, point, file) for point in points]

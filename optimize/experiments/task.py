@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import msgspec
 
@@ -26,7 +27,7 @@ Sizes = tuple[float, ...]
 CACHED_SCENES = 32  # in each process, with their uniform baselines: several tasks share a scene
 
 
-class TaskResult(msgspec.Struct, frozen=True):
+class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     """Result of a task: plain numbers, which JSON restores bitwise.
 
     It is reproducible under a budget of evaluations, except `seconds`, those in `trace`, and
@@ -66,11 +67,11 @@ class TaskResult(msgspec.Struct, frozen=True):
     score: float
     uniform_score: float
     gain: float | None
-    outcome: str
-    mean_speed: float
-    spacing: Sizes
-    thickness: Sizes
-    height: Sizes
+    outcome: str = "PROPAGATED"
+    mean_speed: float = 0.0
+    spacing: Sizes = ()
+    thickness: Sizes = ()
+    height: Sizes = ()
     evaluations: int
     falls: int
     seconds: float
@@ -168,9 +169,10 @@ class Task:
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
-        scores = result.score, result.uniform.score, result.gain
-        work = {"simulations": result.evaluations, "gradients": gradients}
-        return self.result_of(result.trace, *scores, result.wave, **work)
+        return self.result_of(
+            result.trace, result.score, result.uniform.score, result.gain, result.wave,
+            simulations=result.evaluations, gradients=gradients,
+        )  # fmt: skip
 
     def software(self) -> dict[str, str]:
         """Return the versions of all software that a result may depend on."""
@@ -185,23 +187,19 @@ class Task:
         wave: Wave | None = None,
         **work: int,
     ) -> TaskResult:
-        """Return the result of this task, whose spent budget stands at the end of the trace."""
-        sizes: list[Sizes] = [(), (), ()]
+        """Return the result of this task; the end of the trace has the effort of the run."""
+        simulated: dict[str, Any] = dict(work)
         if wave is not None:
-            layout = wave.layout
-            arrays = layout.spacing, layout.thickness, layout.height
-            sizes = [tuple(array.tolist()) for array in arrays]
+            simulated |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
+            for part in ("spacing", "thickness", "height"):
+                simulated[part] = tuple(getattr(wave.layout, part).tolist())
         steps = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
-        spacing, thickness, height = sizes
         return TaskResult(
             key=self.key, scene_name=self.scene_name, method=self.method, seed=self.seed,
             score=float(score), uniform_score=float(uniform_score),
             gain=None if gain is None else float(gain),
-            outcome="PROPAGATED" if wave is None else wave.outcome.name,
-            mean_speed=0.0 if wave is None else float(wave.mean_speed),
-            spacing=spacing, thickness=thickness, height=height,
             evaluations=steps[-1][0], falls=steps[-1][1], seconds=steps[-1][2], trace=steps,
-            labels=self.labels, versions=self.software(), scene=self.scene, **work,
+            labels=self.labels, versions=self.software(), scene=self.scene, **simulated,
         )  # fmt: skip
 
 

@@ -90,8 +90,8 @@ def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> l
     physics, best = scene.physics, _shortened(layout)
     baseline = _shortened(scene.uniform().layout)
     # the baseline of fixed pivots may be the better one: the search is less accurate
-    uniform = {id(u): u for u in (best_uniform_on(scene, baseline, floor), baseline)}
-    waves = [simulate_standing(u, physics, floor, RTOL) for u in uniform.values()]
+    layouts = {id(layout): layout for layout in (best_uniform_on(scene, baseline, floor), baseline)}
+    waves = [simulate_standing(layout, physics, floor, RTOL) for layout in layouts.values()]
     fastest = min(waves, key=lambda wave: wave.arrival_times[-1] / wave.layout.length)
     waves = [simulate_standing(best, physics, floor, RTOL), fastest]
     return [*waves, simulate_in_engine(best, physics, floor)] if engine else waves
@@ -109,9 +109,9 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         elif in_speed:  # also where the score is a mean over placement errors
             score = f"{rigid.mean_speed:.4f} m/s"
         else:
-            scored = replace(wave, arrival_times=rigid.arrival_times)
-            one = scene.as_placed  # the layout as simulated, without further placement errors
-            score = one.in_words(one.score(scored), scored)
+            rigid_wave = replace(wave, arrival_times=rigid.arrival_times)
+            placed = scene.as_placed  # the layout as simulated, without further placement errors
+            score = placed.in_words(placed.score(rigid_wave), rigid_wave)
         # a layout of which a domino does not topple has no gain
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None

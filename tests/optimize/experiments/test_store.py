@@ -3,8 +3,6 @@
 import csv
 import json
 import multiprocessing as mp
-import resource
-import signal
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
@@ -33,7 +31,8 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "a.sqlite"
 
 
-def other(result: TaskResult, number: int, **changes: object) -> TaskResult:
+def numbered(result: TaskResult, number: int, **changes: object) -> TaskResult:
+    """Return a result with another key."""
     return msgspec.structs.replace(result, key=f"{number:032x}", **changes)
 
 
@@ -41,7 +40,7 @@ def other(result: TaskResult, number: int, **changes: object) -> TaskResult:
 
 
 def test_results_come_back_bitwise(path, result):
-    ugly = other(
+    ugly = numbered(
         result, 7,
         score=float(np.nextafter(0.8, 1.0)), gain=None, seconds=5e-324, seed=2**63 - 1,
         spacing=tuple(x * (1.0 + 1e-15) for x in result.spacing), scene="title = 'é\U0001f600'",
@@ -70,21 +69,17 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path):
     store = open_store(path)
     settings = {"evaluations": 100, "scenes": ["a"]}
     assert store.begin("one", "sweep", settings) == store.begin("one", "sweep", settings)
-    with pytest.raises(ValueError, match=r"was begun as sweep with \{'evaluations': 100, "):
-        store.begin("one", "sweep", {"evaluations": 200, "scenes": ["a"]})
-    with pytest.raises(ValueError, match="not with the settings given: give the same"):
-        store.begin("one", "comparison", settings)
+    for kind, changed in (("sweep", {"evaluations": 200}), ("comparison", {})):
+        with pytest.raises(ValueError, match=r"was begun as sweep with \{'evaluations': 100, "):
+            store.begin("one", kind, settings | changed)
     with pytest.raises(ValueError, match=r"has no study 'two' \(there: 'one'\)"):
         store.study("two")
 
 
-@pytest.mark.parametrize("change", [
-    {"score": float("nan")}, {"labels": {"a": float("inf")}},
-], ids=str)  # fmt: skip
-def test_results_that_cannot_be_kept_are_rejected(path, result, change):
+def test_results_that_are_not_finite_are_rejected(path, result):
     study = open_store(path).begin("one", "sweep", {})
     with pytest.raises(ValueError, match="not JSON compliant"):
-        study.add(msgspec.structs.replace(result, **change))
+        study.add(msgspec.structs.replace(result, score=float("nan")))
     assert study.done() == {}
 
 
@@ -95,26 +90,26 @@ def write_for_ever(path: Path, result: TaskResult, pipe) -> None:
     study = open_store(path).begin("killed", "sweep", {})
     number = 0
     while True:
-        study.add(other(result, number))
+        study.add(numbered(result, number))
         pipe.send(number)
         number += 1
 
 
 def test_a_writer_that_is_killed_leaves_all_its_results(path, result):
     context = mp.get_context("fork")
-    mine, its = context.Pipe(duplex=False)
-    process = context.Process(target=write_for_ever, args=(path, result, its))
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=write_for_ever, args=(path, result, sender))
     process.start()
-    its.close()
-    kept = [mine.recv() for _ in range(30)]
+    sender.close()
+    kept = [receiver.recv() for _ in range(30)]
     process.kill()
     process.join()
     with suppress(EOFError):
-        while mine.poll():
-            kept.append(mine.recv())
+        while receiver.poll():
+            kept.append(receiver.recv())
     done = open_store(path).study("killed").done()
     assert len(done) in (len(kept), len(kept) + 1)  # the last may not have been reported
-    assert all(other(result, int(key, 16)) == found for key, found in done.items())
+    assert all(numbered(result, int(key, 16)) == stored for key, stored in done.items())
 
 
 # faults -----------------------------------------------------------------------------------------
@@ -126,7 +121,7 @@ def good(tmp_path_factory, result: TaskResult) -> bytes:
     path = tmp_path_factory.mktemp("store") / "good.sqlite"
     study = open_store(path).begin("one", "sweep", {"a": 1})
     for number in range(20):
-        study.add(other(result, number))
+        study.add(numbered(result, number))
     return path.read_bytes()
 
 
@@ -147,37 +142,27 @@ def test_damaged_stores_are_rejected(good, path, statement, message):
     assert path.read_bytes() == before
 
 
-def test_a_full_disk_and_a_locked_store_keep_the_results_so_far(path, result, monkeypatch):
+def test_a_locked_store_keeps_the_results_so_far(path, result, monkeypatch):
     study = open_store(path).begin("one", "sweep", {})
     study.add(result)
-    large = other(result, 1, scene="x" * 10**6)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 10_000, before[1]))
-    try:
-        with pytest.raises(ValueError, match="results stored before are kept: make room"):
-            study.add(large)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, ignored)
     monkeypatch.setattr("optimize.experiments.store.LOCK_TIMEOUT", 0.01)
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(ValueError, match="is locked; results stored before"):
-            study.add(large)
-    assert list(study.done()) == [result.key]
-    study.add(large)  # the disk has room, the lock is gone
+        with pytest.raises(ValueError, match="is locked; results stored before are kept"):
+            study.add(numbered(result, 1))
+    study.add(numbered(result, 1))
     assert len(study.done()) == 2
 
 
 def test_other_files_are_rejected(tmp_path):
     (tmp_path / "text").write_text("spacing,thickness\n" * 99)
-    with pytest.raises(ValueError, match=r"is not a database; .* no store of studies, name"):
-        open_store(tmp_path / "text")
-    with pytest.raises(ValueError, match="unable to open database file"):
-        open_store(tmp_path)
-    with pytest.raises(ValueError, match="text is a file: name a folder"):
-        open_store(tmp_path / "text" / "a.sqlite")
+    for name, message in {
+        "text": r"is not a database; .* no store of studies, name",
+        ".": "unable to open database file",
+        "text/a.sqlite": "text is a file: name a folder",
+    }.items():
+        with pytest.raises(ValueError, match=message):
+            open_store(tmp_path / name)
     with pytest.raises(ValueError, match="there is no store"):
         open_store(tmp_path / "none.sqlite", create=False)
     assert [f.name for f in tmp_path.iterdir()] == ["text"]
@@ -192,9 +177,9 @@ def test_the_command_lists_and_shows(output_of, path, result):
     store.begin("empty", "comparison", {})
     for number, score in enumerate((0.5, 0.7, 0.6)):
         gain = score / 0.5 - 1.0
-        study.add(other(result, number, score=score, uniform_score=0.5, gain=gain))
-    study.add(other(result, 8, scene_name="\x1b[31mred"))
-    study.add(other(result, 9, labels={"a": "\x9b2J"}))
+        study.add(numbered(result, number, score=score, uniform_score=0.5, gain=gain))
+    study.add(numbered(result, 8, scene_name="\x1b[31mred"))
+    study.add(numbered(result, 9, labels={"a": "\x9b2J"}))
     listed = output_of("studies", "--store", path)
     assert [line.split()[:3] for line in listed.splitlines()] == [
         ["study", "kind", "tasks"], ["friction", "sweep", "5"], ["empty", "comparison", "0"],
@@ -212,7 +197,7 @@ def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
     study = open_store(path).begin("=1+1", "sweep", {})
     labels = {"physics.friction": 0.1, "score": 3, "@word": "-1"}
     study.add(msgspec.structs.replace(result, labels=labels, gain=-0.25))
-    study.add(other(result, 1, scene_name="+x", labels={"@word": "-cmd"}, gain=None))
+    study.add(numbered(result, 1, scene_name="+x", labels={"@word": "-cmd"}, gain=None))
     file = path.with_name(f"all.{suffix}")
     text = output_of("studies", "export", "=1+1", "--to", file, "--store", path)
     assert text == f"written to {file}: 2 results\n"
@@ -243,7 +228,7 @@ def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
     layout = de.Layout.read(path.with_name("b.json"))
     assert scenes["both"].score(layout) == better.score
     assert de.load_scene(path.with_name("b.scene.toml")) == scenes["both"]
-    study.add(other(result, 1, scene="another"))
+    study.add(numbered(result, 1, scene="another"))
     assert main([*words, "--best", "both", "--to", "d.csv"]) == 2
     assert "has 2 scenes called 'both'" in capsys.readouterr().err
 
@@ -254,7 +239,6 @@ def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
     (["export", "one", "--to", "x.xls"], "to a .csv or .parquet file"),
     (["export", "one", "--best", "both", "--to", "x.txt"], "to a .csv or .json file"),
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scenes called 'nobody': name"),
-    (["export", "one", "--to", "a.sqlite/x.csv"], "cannot be written"),
 ])  # fmt: skip
 def test_errors_are_one_line(capsys, monkeypatch, tmp_path, good, words, message):
     monkeypatch.chdir(tmp_path)
