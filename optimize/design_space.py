@@ -14,7 +14,7 @@ ROUNDING = 1e-9  # distance outside of the box that counts as rounding
 
 
 class DesignSpace:
-    """Design vectors of a scene, and how they become layouts.
+    """Design vectors of a scene, and their layouts.
 
     A design vector x has one entry in [0, 1] for each free gap, then one for each free thickness,
     then one for each free height (over that of the domino before), from its least to its largest
@@ -31,9 +31,9 @@ class DesignSpace:
     dimension
         n, length of a design vector.
     low, high
-        (n,) values at 0 and 1 [m], or in heights where the scene has them so.
+        (n,) values at 0 and 1 [m], or in heights where the scene gives them so.
     discrete
-        Some values come from a list or the stock, so that scores have steps.
+        True where some values come from a list or the stock, so that scores have steps.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class DesignSpace:
 
     @property
     def coupled(self) -> bool:
-        """Some design vectors of the box stand for others: see `project`."""
+        """True where some design vectors of the box stand for others: see `project`."""
         return self.scene.length is not None or self.discrete or self._feasible.coupled
 
     @property
@@ -112,19 +112,19 @@ class DesignSpace:
 
     def layout_of(self, values: Floats) -> Layout:
         """Return the layout of free values (1, n), without regard to the rules."""
-        gaps, *others = self.split(values)
-        thick, tall = (None if part is None else part[0] for part in others)
-        return self.scene.layout(gaps[0], thick, tall)
+        gaps, *sizes = self.split(values)
+        thickness, height = (None if size is None else size[0] for size in sizes)
+        return self.scene.layout(gaps[0], thickness, height)
 
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene."""
         scene = self.scene
-        gaps, thick, tall = layout.spacing, layout.thickness[1:], layout.height
+        gaps, thickness, height = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
-            gaps, thick = gaps / np.minimum(tall[:-1], tall[1:]), thick / tall[1:]
+            gaps, thickness = gaps / np.minimum(height[:-1], height[1:]), thickness / height[1:]
         values = [gaps] * scene.free_spacing
-        values += [thick] * scene.free_thickness
-        values += [tall[1:] / tall[:-1]] * scene.free_height
+        values += [thickness] * scene.free_thickness
+        values += [height[1:] / height[:-1]] * scene.free_height
         return self._scaled(np.concatenate(values))
 
     def values(self, designs: Floats) -> Floats:
@@ -140,28 +140,32 @@ class DesignSpace:
             (B, N-1) each, of dominoes 1 … N-1 [m].
         """
         scene, pairs = self.scene, self.scene.count - 1
-        at = 0
+        start = 0
         gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
-        thick: Floats | None = None
-        tall: Floats | None = None
+        thickness: Floats | None = None
+        height: Floats | None = None
         if scene.free_spacing:
-            gaps, at = values[:, :pairs], pairs
+            gaps, start = values[:, :pairs], pairs
         if scene.free_thickness:
-            thick, at = values[:, at : at + pairs], at + pairs
+            thickness, start = values[:, start : start + pairs], start + pairs
         if scene.growth is not None:
-            growth = values[:, at:] if scene.free_height else np.full_like(gaps, scene.growth[0])
-            tall = np.asarray(scene.height * np.cumprod(growth, axis=1))
+            growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
+            height = np.asarray(scene.height * np.cumprod(growth, axis=1))
         if scene.in_heights:
-            own = np.full_like(gaps, scene.height) if tall is None else tall
-            before = np.concatenate([np.full((len(own), 1), scene.height), own[:, :-1]], axis=1)
-            gaps = gaps * before
-            thick = None if thick is None else thick * own
-        return gaps, thick, tall
+            unit = np.full_like(gaps, scene.height) if height is None else height
+            gaps = gaps * self._heights_before(unit)
+            thickness = None if thickness is None else thickness * unit
+        return gaps, thickness, height
+
+    def _heights_before(self, height: Floats) -> Floats:
+        """Return the heights (B, N-1) of dominoes 0 … N-2 by those of dominoes 1 … N-1 [m]."""
+        first = np.full((len(height), 1), self.scene.height)
+        return np.concatenate([first, height[:, :-1]], axis=1)
 
     def design_gradient(
         self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
     ) -> Floats:
-        """Turn derivatives by gaps, thicknesses and heights into derivatives by design vectors.
+        """Convert derivatives by gaps, thicknesses and heights to derivatives by design vectors.
 
         Parameters
         ----------
@@ -172,8 +176,8 @@ class DesignSpace:
         gradient
             Derivatives (B, N-1) by the quantities of dominoes 1 … N-1 [1/m].
         relaxed
-            Treat values from a list or the stock as if they could move; otherwise their derivative
-            is 0, because they stay where they are when a design vector changes a little.
+            True to treat values from a list or the stock as if they could move; otherwise their
+            derivative is 0, because they do not change when a design vector changes a little.
 
         Returns
         -------
@@ -206,7 +210,7 @@ class DesignSpace:
         designs
             (B, n) design vectors.
         anywhere
-            Accept entries outside of [0, 1] as they are.
+            True to accept entries outside of [0, 1] as they are.
 
         Raises
         ------
@@ -218,46 +222,43 @@ class DesignSpace:
             raise ValueError(
                 f"designs have shape {designs.shape}: expected (any number, {self.dimension})"
             )
-        if anywhere:
-            good, hint = np.isfinite(designs), ""
-        else:
-            good = (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)  # and so no NaN
-            hint = "; `project` gives the nearest design that is"
+        good = np.isfinite(designs)
+        if not anywhere:
+            good &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)
         if not good.all():
             b, i = np.argwhere(~good)[0]
             entry = designs[b, i]
-            raise ValueError(
-                f"design {b} has {entry} at place {i}: every entry is in [0, 1]"
-                + hint * bool(np.isfinite(entry))
-            )
+            hint = "; `project` gives the nearest design that is" * bool(np.isfinite(entry))
+            raise ValueError(f"design {b} has {entry} at place {i}: every entry is in [0, 1]{hint}")
         return designs if anywhere else np.clip(designs, 0.0, 1.0)
 
-    def _by_value(self, values: Floats, by: ScoreGradient) -> Floats:
+    def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:
         """Return derivatives by the free values, in heights where the scene has them so."""
         scene, pairs = self.scene, self.scene.count - 1
-        by_gap, by_thickness, by_height = by.spacing, by.thickness, by.height
+        by_gap, by_thickness = derivatives.spacing, derivatives.thickness
+        by_height = derivatives.height
         if scene.in_heights:
-            gaps, thick, tall = self.split(values)
-            if tall is None:
+            gaps, thickness, height = self.split(values)
+            if height is None:
                 by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
             else:
-                first = np.full((len(tall), 1), scene.height)
-                before = np.concatenate([first, tall[:, :-1]], axis=1)
-                thick = scene.thickness[0] * tall if thick is None else thick
+                thickness = scene.thickness[0] * height if thickness is None else thickness
                 # a height scales the thickness of its domino and the gap behind it
-                whole = by_height * tall + by_thickness * thick
-                whole[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
-                growth = values[:, -pairs:] if scene.free_height else np.ones_like(tall)
+                by_scale = by_height * height + by_thickness * thickness
+                by_scale[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
+                growth = values[:, -pairs:] if scene.free_height else np.ones_like(height)
                 # a growth scales all later heights
-                by_height = np.cumsum(whole[:, ::-1], axis=1)[:, ::-1] / growth
-                by_gap, by_thickness = by_gap * before, by_thickness * tall
+                by_height = np.cumsum(by_scale[:, ::-1], axis=1)[:, ::-1] / growth
+                by_gap = by_gap * self._heights_before(height)
+                by_thickness = by_thickness * height
         free = [scene.free_spacing, scene.free_thickness, scene.free_height]
         parts = zip((by_gap, by_thickness, by_height), free, strict=True)
-        return np.concatenate([by for by, is_free in parts if is_free], axis=1)
+        return np.concatenate([part for part, is_free in parts if is_free], axis=1)
 
     def _wanted(self, designs: Floats) -> Floats:
         """Return the values (B, n) before the rules are applied."""
         return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
 
     def _scaled(self, values: Floats) -> Floats:
+        """Return the design vectors of values that keep the rules."""
         return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))

@@ -60,7 +60,7 @@ class Evaluator:
         Relative gain of the second half of the effort below which the search ends, after a least
         effort; the largest effort is inverse to it. None for no such end.
     callback
-        Function that is called with the evaluator after every batch.
+        Function that is called with the evaluator after every batch; by default, nothing is.
     journal
         Journal of the search; None for none.
     executor
@@ -92,7 +92,7 @@ class Evaluator:
         max_seconds: float | None = None,
         *,
         tolerance: float | None = None,
-        callback: Callable[[Evaluator], None] | None = None,
+        callback: Callable[[Evaluator], None] = lambda _: None,
         journal: Journal | None = None,
         executor: Executor | None = None,
         clock: Callable[[], float] = time.perf_counter,
@@ -108,10 +108,10 @@ class Evaluator:
         self.effort = 0
         self.tolerance = tolerance
         self._efforts: list[int] = []  # at the improvements
-        each = min(max(0.5 * (problem.scene.count + problem.dimension), SHORT), LONG)
-        each *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
-        self.least_effort = LEAST_EFFORT / each
-        self.most_effort = MOST_EFFORT / each * TOLERANCE / (tolerance or TOLERANCE)
+        cost = min(max(0.5 * (problem.scene.count + problem.dimension), SHORT), LONG)
+        cost *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
+        self.least_effort = LEAST_EFFORT / cost
+        self.most_effort = MOST_EFFORT / cost * TOLERANCE / (tolerance or TOLERANCE)
         self._callback = callback
         self._journal = journal
         self._executor = executor
@@ -119,7 +119,7 @@ class Evaluator:
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
             self._piece = min(self._piece, allowed_threads())  # each may take seconds
-            self._stop = self._is_late
+            self._stop = lambda: bool(self.finalists) and self.seconds >= max_seconds
         self._clock = clock
         self._before = self._replayed = 0.0  # [s] spent before the search, and at the last replay
         self._since = clock()
@@ -130,8 +130,8 @@ class Evaluator:
     def seconds(self) -> float:
         """Time of the search so far, including the time before it was stopped and resumed [s]."""
         replaying = self._journal is not None and self._journal.replaying
-        now = 0.0 if replaying else self._clock() - self._since
-        return self._before + self._replayed + now
+        running = 0.0 if replaying else self._clock() - self._since
+        return self._before + self._replayed + running
 
     @property
     def remaining(self) -> float:
@@ -139,6 +139,11 @@ class Evaluator:
         if self.max_evaluations is None:
             return np.inf
         return float(self.max_evaluations - self.evaluations)
+
+    @property
+    def remaining_seconds(self) -> float | None:
+        """Time that is left [s], more than 0; None without a limit."""
+        return None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
 
     @property
     def progress(self) -> float:
@@ -170,10 +175,6 @@ class Evaluator:
                 )
         return ""
 
-    def _is_late(self) -> bool:
-        limit = self.max_seconds
-        return limit is not None and bool(self.finalists) and self.seconds >= limit
-
     @property
     def late_gain(self) -> float:
         """Gain of the second half of the effort, relative to the score.
@@ -182,8 +183,8 @@ class Evaluator:
         effort again is not expected to gain more.
         """
         i = bisect_right(self._efforts, self.effort // 2) - 1
-        before = self.trace[i][3] if i >= 0 else -np.inf
-        return (self.best_score - before) / abs(self.best_score)
+        earlier = self.trace[i][3] if i >= 0 else -np.inf
+        return (self.best_score - earlier) / abs(self.best_score)
 
     def require_more(self) -> None:
         """Raise `BudgetSpent`, with the reason, where a limit is reached."""
@@ -268,15 +269,15 @@ class Evaluator:
             ).of_one()
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
-        found: list[Scores] = []
-        # The same pieces with and without an executor: no result may depend on it.
+        results: list[Scores] = []
+        # the same pieces with and without an executor: no result may depend on it
         step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
-        most = step if gradient or self._executor is None else self.bulk
-        at = 0
-        while at < len(designs):
+        batch = step if gradient or self._executor is None else self.bulk
+        start = 0
+        while start < len(designs):
             self.require_more()
-            size = int(min(most, len(designs) - at, self.remaining))
-            pieces = [designs[i : min(i + step, at + size)] for i in range(at, at + size, step)]
+            end = start + int(min(batch, len(designs) - start, self.remaining))
+            pieces = [designs[i : min(i + step, end)] for i in range(start, end, step)]
             answers = self._answers(pieces, gradient, rtol or self.problem.rtol, relaxed)
             try:
                 for piece, scores in zip(pieces, answers, strict=True):
@@ -284,14 +285,14 @@ class Evaluator:
                     if gradient and differences:
                         self.problem.fill_gradients(piece, scores, self.evaluate)
                     self._note(scores, piece.__getitem__)
-                    found.append(scores)
-                    at += len(piece)
+                    results.append(scores)
             except StoppedError:  # amid a simulation of seconds
                 raise BudgetSpent(self.stop_reason) from None
-        return found[0] if len(found) == 1 else _joined(found)
+            start = end
+        return _joined(results)
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Find how late each domino of one design vector is hit: see `Problem.lateness`.
+        """Compute how late each domino of a layout is hit: see `Problem.lateness`.
 
         Raises
         ------
@@ -300,51 +301,50 @@ class Evaluator:
         """
         self.require_more()
         design = np.asarray(design, dtype=np.float64)
-
         answer = self._replay("lateness", design[None])
         if answer is None:
-            scores, late, gradient = self.problem.lateness(design)
-            answer = [*_packed(scores), late, gradient]
+            scores, lateness, gradient = self.problem.lateness(design)
+            answer = [*_packed(scores), lateness, gradient]
             self._keep("lateness", design[None], answer)
-        *parts, late, gradient = answer
-        scores = _unpacked(parts)
+        *arrays, lateness, gradient = answer
+        scores = _unpacked(arrays)
         self._count(scores)
         self._note(scores, lambda _: design)
-        return scores, late, gradient
+        return scores, lateness, gradient
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
-        """Provide an evaluator for shorter layouts of the same kind, which count by their dominoes.
+        """Provide an evaluator of shorter layouts of the same kind, which count by their dominoes.
 
-        It has no journal: a resumed search evaluates these again.
+        It has no journal: a resumed search evaluates these layouts again.
 
         Parameters
         ----------
         problem
             Problem of the shorter layouts.
         evaluations
-            Most of them; at most half of what remains here.
+            Largest number of shorter layouts; at most half of the remaining evaluations is used.
 
         Raises
         ------
         BudgetSpent
             At the end, where this evaluator has reached a limit.
         """
-        share = problem.dominoes / self.problem.dominoes
+        cost = problem.dominoes / self.problem.dominoes  # of a shorter layout, in evaluations
         if self.max_evaluations is not None:
-            evaluations = max(1, min(evaluations, int(0.5 * self.remaining / share)))
-        seconds = None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
-        own = Evaluator(
-            problem, evaluations, seconds, callback=lambda _: self._call_back(), clock=self._clock
-        )
+            evaluations = max(1, min(evaluations, int(0.5 * self.remaining / cost)))
+        shorter = Evaluator(
+            problem, evaluations, self.remaining_seconds, callback=lambda _: self._callback(self),
+            clock=self._clock,
+        )  # fmt: skip
         try:
-            yield own
+            yield shorter
         except BudgetSpent:
             pass
         finally:
-            self.evaluations += math.ceil(own.evaluations * share)
-            self.effort += math.ceil(own.effort * share)
-            self.falls += own.falls
+            self.evaluations += math.ceil(shorter.evaluations * cost)
+            self.effort += math.ceil(shorter.effort * cost)
+            self.falls += shorter.falls
         self.require_more()
 
     def _answers(
@@ -353,19 +353,19 @@ class Evaluator:
         """Yield the scores of one piece after the other, from the journal as far as it has them."""
         kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
         pieces = list(pieces)
-        found: Iterator[Scores]
-        while pieces and (known := self._replay(kind, pieces[0])) is not None:
+        results: Iterator[Scores]
+        while pieces and (arrays := self._replay(kind, pieces[0])) is not None:
             pieces.pop(0)
-            yield _unpacked(known)
+            yield _unpacked(arrays)
         evaluate = partial(
             self.problem.evaluate, gradient=gradient, rtol=rtol, differences=False, relaxed=relaxed
         )
         with loss_as_error():
             if self._executor is None or len(pieces) < 2:
-                found = (evaluate(piece, stop=self._stop) for piece in pieces)
+                results = (evaluate(piece, stop=self._stop) for piece in pieces)
             else:
-                found = self._executor.map(evaluate, pieces)
-            for piece, scores in zip(pieces, found, strict=True):
+                results = self._executor.map(evaluate, pieces)
+            for piece, scores in zip(pieces, results, strict=True):
                 self._keep(kind, piece, _packed(scores))
                 yield scores
 
@@ -373,10 +373,10 @@ class Evaluator:
         """Return the answer of the journal, whose time becomes that of the search."""
         if self._journal is None or not self._journal.replaying:
             return None
-        found = self._journal.find(self._journal.digest(kind, designs))
-        if found is None:
+        entry = self._journal.find(self._journal.digest(kind, designs))
+        if entry is None:
             return None
-        seconds, arrays = found
+        seconds, arrays = entry
         self._replayed, self._since = max(self._replayed, seconds), self._clock()
         return arrays
 
@@ -398,16 +398,12 @@ class Evaluator:
             self._efforts.append(self.effort)
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
             self.finalists.append((score, best))
-        self._call_back()
-
-    def _call_back(self) -> None:
-        if self._callback is not None:
-            self._callback(self)
+        self._callback(self)
 
 
 def _joined(parts: Sequence[Scores]) -> Scores:
     """Concatenate the scores of one or more pieces."""
-    return _unpacked([np.concatenate(one) for one in zip(*map(_packed, parts), strict=True)])
+    return _unpacked([np.concatenate(arrays) for arrays in zip(*map(_packed, parts), strict=True)])
 
 
 def _packed(scores: Scores) -> list[Floats]:

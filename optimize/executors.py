@@ -18,14 +18,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-)
+from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -60,11 +53,11 @@ def loss_as_error() -> Iterator[None]:
     """Turn the errors of an executor that has ended into ExecutorLost."""
     try:
         yield
-    except (BrokenExecutor, CancelledError) as error:
+    except (futures.BrokenExecutor, futures.CancelledError) as error:
         raise ExecutorLost(f"the executor ended before its tasks: {error}") from None
 
 
-class ProcessExecutor(ThreadPoolExecutor):
+class ProcessExecutor(futures.ThreadPoolExecutor):
     """Worker processes that are replaced when one of them dies.
 
     A `ProcessPoolExecutor` breaks as a whole when one process dies, and does not report which task
@@ -79,11 +72,11 @@ class ProcessExecutor(ThreadPoolExecutor):
 
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
-        self._pools: dict[int, ProcessPoolExecutor] = {}  # by thread
+        self._pools: dict[int, futures.ProcessPoolExecutor] = {}  # by thread
         self._lock = threading.Lock()
         self._killed = False
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> futures.Future[Any]:
         """Call `fn` in a worker.
 
         Returns
@@ -123,8 +116,8 @@ class ProcessExecutor(ThreadPoolExecutor):
                 if self._killed:
                     raise ExecutorLost("the executor was ended")
                 if thread not in self._pools:
-                    # spawn: a fork would inherit locks that threads hold
-                    self._pools[thread] = ProcessPoolExecutor(1, get_context("spawn"), begin_worker)
+                    spawn = get_context("spawn")  # a fork would inherit locks that threads hold
+                    self._pools[thread] = futures.ProcessPoolExecutor(1, spawn, begin_worker)
                 future = self._pools[thread].submit(call)
             try:
                 return future.result()
@@ -159,7 +152,7 @@ def _end_with_parent() -> None:
 def without_ctrl_c() -> Iterator[None]:
     """Block SIGINT in processes started inside.
 
-    A terminal sends Ctrl-C to all processes; the first one decides how the others end.
+    A terminal sends Ctrl-C to all processes; the parent process ends its workers itself.
     """
     if sys.platform == "win32":
         yield
@@ -167,15 +160,15 @@ def without_ctrl_c() -> Iterator[None]:
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # its own start would unblock the signal again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @contextmanager
-def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
+def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Executor]:
     """Connect to Dask workers; a task whose worker dies is run again by another."""
     import dask
     from distributed import Client, LocalCluster
@@ -225,16 +218,18 @@ def require_same_versions(client: Any, address: str) -> None:
             f"the Dask workers at {address} cannot import {error.name}: install domino-chains "
             "there, and where the scheduler runs"
         ) from None
-    for worker, theirs in remote.items():
-        if theirs != versions():
+    for worker, installed in remote.items():
+        if installed != versions():
             raise ValueError(
-                f"the Dask worker {worker} has {theirs}, and here it is {versions()}: results may "
-                "differ; install the same versions"
+                f"the Dask worker {worker} has {installed}, and here it is {versions()}: results "
+                "may differ; install the same versions"
             )
 
 
 @contextmanager
-def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[Executor | None]:
+def open_executor(
+    workers: int | None = None, dask: str | None = None
+) -> Iterator[futures.Executor | None]:
     """Open an executor as a context; None where neither argument is given.
 
     An exception inside the context ends the workers at once; otherwise they finish first.

@@ -37,12 +37,12 @@ class Journal:
     context
         Everything besides the request that determines an answer, such as scene and versions.
     resume
-        Continue with the answers in the file; otherwise they are deleted.
+        True to continue with the answers in the file; otherwise they are deleted.
 
     Attributes
     ----------
     replaying
-        The next answer may come from the file.
+        True while the next answer may come from the file.
 
     Raises
     ------
@@ -115,15 +115,17 @@ class Journal:
             self._database.close()
 
     def _save(self) -> None:
+        """Write the answers in memory, in one transaction."""
         insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)"
         with self._errors_in_words(), self._database as database:
             database.execute("BEGIN")
-            # Ctrl-C may come between this and the next lines: then they are repeated
+            # Ctrl-C may come between this line and the next: then the answers are written again
             database.executemany(insert, self._waiting)
         self._waiting = []
 
     @contextmanager
     def _errors_in_words(self) -> Iterator[None]:
+        """Raise errors of the file as ValueError, with the next action."""
         try:
             yield
         except (sqlite3.Error, MsgspecError, TypeError, ValueError) as error:

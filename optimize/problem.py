@@ -17,11 +17,11 @@ from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
 from optimize.design_space import DesignSpace
 
-GRADIENT_RTOL = 1e-8
+GRADIENT_RTOL = 1e-8  # relative error of the arrival times of gradients
 # The error of a score is smooth but for jumps of its tolerance, where the simulator changes its
 # rule. Differences over this step need the closer tolerance, and then are good to about 1e-8.
-STEP = 1e-5
-STEP_RTOL = 1e-10
+STEP = 1e-5  # of a difference, as a part of the box
+STEP_RTOL = 1e-10  # relative error of the arrival times of differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Problem(DesignSpace):
     **Higher scores are better**: an optimiser that minimises is given their negative. A layout that
     does what the scene asks scores more than 0 (with `objective = "mean_speed"`, its speed in m/s).
     One whose wave stops scores less than 0, the more the further it came, so that a search can
-    climb. See `Scene.score`.
+    ascend. See `Scene.score`.
 
     A design vector is an array (n,) of entries in [0, 1], a batch of them (B, n): one entry for
     each free gap, from its least to its largest value, then for each free thickness, then for each
@@ -95,7 +95,7 @@ class Problem(DesignSpace):
     low, high
         (n,) values at 0 and 1 [m], or in heights where the scene has them so.
     discrete
-        Whether some values come from a list or the stock, so that scores have steps.
+        True where some values come from a list or the stock, so that scores have steps.
     dominoes
         Number of dominoes that are simulated for one score.
 
@@ -141,16 +141,16 @@ class Problem(DesignSpace):
         designs
             (n,) a design vector, or (B, n) a batch.
         gradient
-            Compute gradients too.
+            True to compute gradients too.
         rtol
             Relative error allowed in the arrival times; that of the problem where None. Gradients
             always use 1e-8.
         differences
-            Where a score has no exact gradient, because the wave stopped or broke a limit, take it
-            by differences, with 2n simulations each; otherwise it is zero.
+            True to take a gradient by differences, with 2n simulations, where there is no exact
+            one, because the wave stopped or broke a limit; otherwise it is zero.
         relaxed
-            Differentiate by values from a list or the stock as if they could move; otherwise
-            these derivatives are 0.
+            True to differentiate by values from a list or the stock as if they could move;
+            otherwise these derivatives are 0.
         stop
             As of `simulate_standing`, for scenes with a floor; None for no such end.
 
@@ -177,11 +177,9 @@ class Problem(DesignSpace):
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else rtol or self.rtol
         batch = replace(self.scene.batch(*sizes, rtol), stop=stop)
-        if not gradient:
-            result = self.scene.evaluate(batch)
+        result = self.scene.evaluate(batch, gradient=gradient)
+        if result.gradient is None:
             return Scores(result.score, result.reach, result.falls)
-        result = self.scene.evaluate(batch, gradient=True)
-        assert result.gradient is not None
         gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)
         scores = Scores(result.score, result.reach, result.falls, gradients)
         gradients[scores.without_gradient] = 0.0
@@ -205,16 +203,16 @@ class Problem(DesignSpace):
         """
         n = self.dimension
         for b in np.flatnonzero(scores.without_gradient):
-            here = np.clip(designs[b], 0.0, 1.0)
-            ahead, behind = np.minimum(here + STEP, 1.0), np.maximum(here - STEP, 0.0)
-            points = np.repeat(here[None], 2 * n, axis=0)
-            np.fill_diagonal(points[:n], ahead)
-            np.fill_diagonal(points[n:], behind)
-            around = evaluate(points, rtol=STEP_RTOL).score
-            scores.gradient[b] = (around[:n] - around[n:]) / (ahead - behind) * self.movable
+            design = np.clip(designs[b], 0.0, 1.0)
+            above, below = np.minimum(design + STEP, 1.0), np.maximum(design - STEP, 0.0)
+            points = np.repeat(design[None], 2 * n, axis=0)
+            np.fill_diagonal(points[:n], above)
+            np.fill_diagonal(points[n:], below)
+            score = evaluate(points, rtol=STEP_RTOL).score
+            scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.movable
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Find how late each domino of a scene with a schedule is hit, for least squares.
+        """Compute how late each domino of a scene with a schedule is hit, for least squares.
 
         It takes as long as N gradients.
 
@@ -245,14 +243,14 @@ class Problem(DesignSpace):
         scores = Scores(result.score, result.reach, result.falls)
         if wave.outcome != Outcome.PROPAGATED:
             return scores, np.empty(0), np.empty((0, self.dimension))
-        pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+        gradients = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
         if self.scene.ground is not None:
-            pulled = [self.scene.ground.along_ground(one, wave.layout) for one in pulled]
+            gradients = [self.scene.ground.along_ground(g, wave.layout) for g in gradients]
         designs = np.repeat(self.checked(self.one(design)), pairs, axis=0)
-        by = ScoreGradient(
-            np.array([one.spacing for one in pulled]),
-            np.array([one.thickness[1:] for one in pulled]),
-            np.array([one.height[1:] for one in pulled]),
+        by_sizes = ScoreGradient(
+            np.array([g.spacing for g in gradients]),
+            np.array([g.thickness[1:] for g in gradients]),
+            np.array([g.height[1:] for g in gradients]),
         )
-        gradient = self.design_gradient(designs, self.values(designs), by)
+        gradient = self.design_gradient(designs, self.values(designs), by_sizes)
         return scores, wave.arrival_times[1:] - tempo.schedule(self.scene.count), gradient

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.problem import Problem, Scores
 from optimize.result import SearchResult
-from optimize.run_folder import JOURNAL, RunFolder
+from optimize.run_folder import JOURNAL, begin_run, write_run
 
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
@@ -40,9 +41,6 @@ BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a 
 LONG = 20.0  # [s] of processor time from which on a search announces its duration
 TIMED = 8  # gradients that are timed for that
 AS_LONG = 130  # variables of which the local search takes as long as the simulation
-NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
-LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
-BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 
 
@@ -83,15 +81,16 @@ def search(
         Of all randomness. The same seed gives bitwise the same result, with a budget of evaluations
         or none (not with one of seconds), for any number of threads.
     seconds
-        Time that may be spent [s], that of the uniform baseline included where the scene object
-        does not know it yet; None for no limit. On a floor, the uniform baseline counts as the
+        Time that may be spent [s], including that of the uniform baseline where the scene object
+        does not have it yet; None for no limit. On a floor, the uniform baseline counts as the
         first evaluation.
     tolerance
         Relative gain of the second half of the evaluations below which a search ends, after at
         least some 10 s (for up to 250 dominoes), and after at most some 14 s times 1e-4 over the
         tolerance. None for 1e-4 without a budget or seconds, and for no such end with them.
     progress
-        Whether to show a line with the best so far; None for on a terminal.
+        True for a line with the best so far; None for one on a terminal, and elsewhere a new line
+        now and then.
     folder
         Folder to write the run to, see `optimize.run_folder`; None for nowhere.
     callback
@@ -119,8 +118,8 @@ def search(
     ------
     ValueError
         For an unknown method or scene, a method that evaluates nothing, a budget that is not
-        positive, a folder that holds a run already or, with resume, another search or more of this
-        one, a result that cannot be written, or a scene without free values.
+        positive, a folder that holds a run already or, with `resume`, another search or more of
+        this one, a result that cannot be written, or a scene without free values.
 
     Examples
     --------
@@ -140,15 +139,16 @@ def search(
     if tolerance is not None:
         require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain")
     if resume and folder is None:
-        raise ValueError("resume: name the folder of the search to go on with")
+        raise ValueError("resume: give the folder of the search to continue")
     if tolerance is None and budget is None and seconds is None:
         tolerance = TOLERANCE
     problem = Problem(scene)
-    files = journal = None
+    journal = None
+    evaluations_before = 0
     interrupted = False
     with ExitStack() as stack:
         if folder is not None:
-            files = RunFolder(Path(folder), scene, method, seed, resume=resume)
+            evaluations_before = begin_run(Path(folder), scene, method, seed, resume=resume)
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
@@ -159,8 +159,6 @@ def search(
 
         def after_batch(evaluator: Evaluator) -> None:
             show(evaluator)
-            if files is not None:
-                files.save(evaluator)
             if callback is not None:
                 callback(evaluator)
 
@@ -179,8 +177,8 @@ def search(
             with threadpool_limits(1, user_api="blas"):
                 run(evaluator, np.random.default_rng(seed))
             ended = f"done: {evaluator.status or 'the method has nothing left to try'}"
-        except BudgetSpent as spent:
-            reason = str(spent) or evaluator.stop_reason or "too little is left"
+        except BudgetSpent as end_of_budget:
+            reason = str(end_of_budget) or evaluator.stop_reason or "too little is left"
             ended = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, ended = True, "interrupted"
@@ -208,8 +206,8 @@ def search(
         interrupted=interrupted,
         ended=ended,
     )
-    if files is not None:
-        files.finish(result)
+    if folder is not None:
+        write_run(Path(folder), result, evaluations_before)
     return result
 
 
@@ -225,11 +223,11 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
     """
     problem = evaluator.problem
     design = problem.design(uniform.layout)
-    again = problem.layout(design)
-    if np.allclose(again.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):
-        found = Waves.of_waves([uniform.wave], problem.scene.count)
+    layout = problem.layout(design)
+    if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):
+        falls = Waves.of_waves([uniform.wave], problem.scene.count).falls
         score = np.array([uniform.score])
-        evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), found.falls), lambda _: design)
+        evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
 
 
 def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
@@ -305,7 +303,7 @@ def _best(
     layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
     scores = scene.evaluate_waves(waves).score.tolist()
-    return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])
+    return max(zip(layouts, waves, scores, strict=True), key=itemgetter(2))
 
 
 def _announce_duration(evaluator: Evaluator) -> None:

@@ -108,19 +108,18 @@ class DominoProblem(Problem[Floats]):
     ) -> None:
         super().__init__(seed=seed)
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        given = {name: getattr(self.scene.physics, name) for name in self._names()}
-        self.config = self.Config(**given | (config or {}))
+        physics = {name: getattr(self.scene.physics, name) for name in self._names()}
+        self.config = self.Config(**physics | (config or {}))
         self.scene = self._scene_under({})
         self.conditions = self.Conditions(**{n: getattr(self.config, n) for n in self._names()})
         self.objectives = ((self.scene.objective, ObjectiveDirection.MAXIMIZE),)
         self._box = UnitBox(self.scene)
         self.design_space = spaces.Box(self._box.low, self._box.high, dtype=np.float64)
-
         self.design_constraints = (constraint(categories=THEORY)(self._rules),)
 
     @property
     def dataset(self) -> Any:
-        """Published designs: there are none, so that access raises ValueError."""
+        """Published designs; there are none, and access raises ValueError."""
         raise ValueError("no data set is published: random_design and optimize make designs")
 
     def layout(self, design: Floats) -> Layout:
@@ -158,11 +157,11 @@ class DominoProblem(Problem[Floats]):
             Best score at every improvement; a step is the number of layouts simulated by then.
         """
         start = self._box.design(self.layout(starting_point))
-        others = registry.load("auto")
+        auto = registry.load("auto")
 
         def from_start(evaluator: Evaluator, rng: np.random.Generator) -> None:
             descend("L-BFGS-B", evaluator, start)
-            others(evaluator, rng)
+            auto(evaluator, rng)
 
         budget, scene = self._config(config).budget, self._scene_under(config)
         result = search(scene, from_start, budget, self.seed or 0, progress=False)
@@ -197,8 +196,8 @@ class DominoProblem(Problem[Floats]):
     def _rules(self, design: Floats) -> None:
         """Assert that a design keeps the scene's rules; EngiBench checks the design space."""
         if self.design_space.contains(design):
-            broken = self.scene.violations(self.layout(design))
-            assert not broken, "; ".join(broken)
+            violations = self.scene.violations(self.layout(design))
+            assert not violations, "; ".join(violations)
 
     def _values(self, designs: Floats) -> Floats:
         """Return the free values (n,) of one design vector (1, n) in the unit box."""

@@ -20,6 +20,8 @@ from domino_env.core.projection import even_out
 from domino_env.core.types import Floats
 from domino_env.kernels.jit import compile_alone
 
+XTOL = 1e-15  # error of the shift over the largest range: a few times the rounding of a float
+
 
 def nearest_smooth(
     values: Floats, low: Floats, high: Floats, change: Floats, total: float | None = None
@@ -50,21 +52,21 @@ def nearest_smooth(
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
     if total is None:
-        return np.array([_nearest(one, low, high, change) for one in values])
+        return np.array([_nearest(point, low, high, change) for point in values])
     from scipy.optimize import brentq
 
     span = float((high - low).max())
     total = min(max(total, float(low.sum())), float(high.sum()))
-    found = np.empty_like(values)
-    for b, one in enumerate(values):
+    nearest = np.empty_like(values)
+    for b, point in enumerate(values):
 
-        def excess(shift: float, one: Floats = one) -> float:
-            return float(_nearest(one + shift, low, high, change).sum()) - total
+        def excess(shift: float, point: Floats = point) -> float:
+            return float(_nearest(point + shift, low, high, change).sum()) - total
 
-        below, above = float((low - one).min()) - span, float((high - one).max()) + span
-        shift = brentq(excess, below, above, xtol=1e-15 * span)
-        found[b] = _nearest(one + shift, low, high, change)
-    return even_out(found, low, high, total)
+        below, above = float((low - point).min()) - span, float((high - point).max()) + span
+        shift = brentq(excess, below, above, xtol=XTOL * span)
+        nearest[b] = _nearest(point + shift, low, high, change)
+    return even_out(nearest, low, high, total)
 
 
 @compile_alone
@@ -124,9 +126,9 @@ def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Float
                 x[last] = high[i + 1]
         for j in range(first, last + 1):
             slope[j] += x[j] - values[i + 1]
-    near = np.empty(n)
-    near[n - 1] = min(max(best[n - 1], low[n - 1]), high[n - 1])
+    nearest = np.empty(n)
+    nearest[n - 1] = min(max(best[n - 1], low[n - 1]), high[n - 1])
     for i in range(n - 2, -1, -1):
-        wanted = min(max(best[i], near[i + 1] - change[i]), near[i + 1] + change[i])
-        near[i] = min(max(wanted, low[i]), high[i])
-    return near
+        value = min(max(best[i], nearest[i + 1] - change[i]), nearest[i + 1] + change[i])
+        nearest[i] = min(max(value, low[i]), high[i])
+    return nearest

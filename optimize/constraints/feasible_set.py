@@ -11,6 +11,9 @@ from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
+ROUNDING = 1e-13  # relative to the largest range: a smaller shift to the allowed values is none
+TIGHT = 1e-9  # relative distance to the largest change that counts as at it
+
 
 class FeasibleSet:
     """The rules on the free values of a layout: gaps first, then thicknesses, then growths.
@@ -23,15 +26,15 @@ class FeasibleSet:
     Attributes
     ----------
     low, high
-        (n,) bounds [m], or in heights where the scene has them so.
+        (n,) bounds [m], or in heights where the scene gives them so.
     total
         Sum of all values [m]; None for any.
-    discrete
-        Some values are from a list or the stock.
     stepped
-        (n,) values that are.
+        (n,) True for values from a list or the stock.
+    discrete
+        True where some values are.
     coupled
-        The difference of neighbouring gaps is limited.
+        True where the difference of neighbouring gaps is limited.
 
     Raises
     ------
@@ -40,8 +43,8 @@ class FeasibleSet:
 
     Notes
     -----
-    Nearest means least sum of squares [m²]. Where values from a list or the stock and others share
-    a length, the former are chosen first, so that the others can still meet it.
+    Nearest means least sum of squares [m²]. Where values from a list or the stock share a length
+    with others, the former are chosen first, so that the others can still meet it.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -73,50 +76,50 @@ class FeasibleSet:
             self.stock = scene.stock.without(scene.first_thickness)
         elif n > gaps:
             lists[gaps:] = [scene.thickness_values] * (n - gaps)
-        self.listed = listed = np.array([one is not None for one in lists], dtype=bool)
+        self.listed = listed = np.array([values is not None for values in lists], dtype=bool)
         self.stepped = listed.copy()  # listed, or from the stock
         self.stepped[gaps:] |= self.stock is not None
         self.discrete = bool(self.stepped.any())
         self.lists: Lists | None = None
         if listed.any():
             change = self.change[listed[:-1] & listed[1:]]
-            chosen = [one for one in lists if one is not None]
-            self.lists = Lists(chosen, change, self._total_of_lists())
+            values = [values for values in lists if values is not None]
+            self.lists = Lists(values, change, self._total_of_lists())
 
     def _total_of_lists(self) -> tuple[float, float] | None:
         """Return the range of the sum of the listed values in which the others can meet it."""
         if self.total is None:
             return None
         if self.stock is not None:
-            left = self.total - float(self.stock.dominoes.sum())
-            return left, left
-        others = ~self.listed
-        most, least = float(self.high[others].sum()), float(self.low[others].sum())
-        return self.total - most, self.total - least
+            gaps = self.total - float(self.stock.dominoes.sum())
+            return gaps, gaps
+        unlisted = ~self.listed
+        largest, smallest = float(self.high[unlisted].sum()), float(self.low[unlisted].sum())
+        return self.total - largest, self.total - smallest
 
     def project(self, values: Floats) -> Floats:
         """Find the nearest allowed values to each of `values` (B, n)."""
         if not self.discrete:
             return self._project(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
-        found = values.copy()
+        nearest = values.copy()
         if self.lists is not None:
-            found[:, self.listed] = self.lists.nearest(values[:, self.listed])
+            nearest[:, self.listed] = self.lists.nearest(values[:, self.listed])
         if self.stock is not None:
-            found[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
+            nearest[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
         rest = ~self.stepped
         if rest.any() and self.total is None:
-            found[:, rest] = self._project(values[:, rest], rest, None)
+            nearest[:, rest] = self._project(values[:, rest], rest, None)
         elif rest.any():
-            left = self.total - found[:, self.stepped].sum(axis=1)
-            for b in range(len(found)):
-                found[b, rest] = self._project(values[b : b + 1, rest], rest, float(left[b]))[0]
-        return found
+            sums = self.total - nearest[:, self.stepped].sum(axis=1)
+            for b in range(len(nearest)):
+                nearest[b, rest] = self._project(values[b : b + 1, rest], rest, float(sums[b]))[0]
+        return nearest
 
-    def _project(self, values: Floats, which: Bools, total: float | None) -> Floats:
+    def _project(self, values: Floats, selected: Bools, total: float | None) -> Floats:
         """Project the selected entries (n,), which are on no list."""
-        low, high = self.low[which], self.high[which]
-        change = self.change[which[:-1] & which[1:]]
+        low, high = self.low[selected], self.high[selected]
+        change = self.change[selected[:-1] & selected[1:]]
         if np.isfinite(change).any():
             return nearest_smooth(values, low, high, change, total)
         values = np.clip(values, low, high)
@@ -133,12 +136,12 @@ class FeasibleSet:
     def tangent(
         self, gradients: Floats, wanted: Floats, values: Floats, relaxed: bool = False
     ) -> Floats:
-        """Turn gradients by the nearest allowed values into gradients by the values wanted.
+        """Convert gradients by the nearest allowed values to gradients by the values wanted.
 
-        Values bound together move together: all where a length is given, neighbours whose
-        difference is at its largest, and those held at a bound not at all. Where the wanted values
-        are allowed, only the length counts, so that every way out of a corner is visible. Values
-        from a list or the stock do not change with a small change of the wanted ones: their
+        Values that are tied move together: all where a length is given, and neighbours whose
+        difference is at its largest; values at a bound do not move. Where the wanted values are
+        allowed, only the length counts, so that the gradient has every direction out of a corner.
+        Values from a list or the stock do not change with a small change of the wanted ones: their
         gradient is 0.
 
         Parameters
@@ -150,7 +153,8 @@ class FeasibleSet:
         values
             (B, n) allowed values nearest to them.
         relaxed
-            Leave the gradients as they are where some values are discrete, as if all could move.
+            True to leave the gradients as they are where some values are discrete, as if all could
+            move.
 
         Returns
         -------
@@ -159,24 +163,24 @@ class FeasibleSet:
         """
         if relaxed and self.discrete:
             return gradients
-        found = np.where(self.stepped, 0.0, gradients)
+        by_wanted = np.where(self.stepped, 0.0, gradients)
         if self.total is None and not self.coupled:
-            return found
-        span = float((self.high - self.low).max())
-        every = np.arange(len(self.low))
+            return by_wanted
+        rounding = ROUNDING * float((self.high - self.low).max())
         for b in range(len(gradients)):
-            off = np.where(self.stepped, 0.0, wanted[b] - values[b])
+            shift = np.where(self.stepped, 0.0, wanted[b] - values[b])
             inside = (values[b] > self.low) & (values[b] < self.high)
-            held = (~inside & (off != 0.0)) | self.stepped
-            moved = np.abs(off).max() > 1e-13 * span
+            held = (~inside & (shift != 0.0)) | self.stepped
+            moved = np.abs(shift).max() > rounding
             if self.coupled and moved:
                 ends = self.stepped[:-1] | self.stepped[1:]
-                tight = np.abs(np.diff(values[b])) >= self.change * (1.0 - 1e-9)
-                group = np.concatenate([every[:1], np.cumsum(~tight | ends)])
+                tight = np.abs(np.diff(values[b])) >= self.change * (1.0 - TIGHT)
+                group = np.concatenate([[0], np.cumsum(~tight | ends)])
                 held = (np.bincount(group, weights=held) > 0.0)[group]
-                found[b] = (np.bincount(group, weights=found[b]) / np.bincount(group))[group]
+                mean = np.bincount(group, weights=by_wanted[b]) / np.bincount(group)
+                by_wanted[b] = mean[group]
             if self.total is not None:
                 free = inside & ~held
-                found[b] -= found[b][free].mean() if free.any() else 0.0
-            found[b, held if moved else self.stepped] = 0.0
-        return found
+                by_wanted[b] -= by_wanted[b][free].mean() if free.any() else 0.0
+            by_wanted[b, held if moved else self.stepped] = 0.0
+        return by_wanted

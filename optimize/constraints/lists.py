@@ -64,9 +64,9 @@ class Lists:
         n, longest = self.values.shape
         listed = np.isfinite(self.values)
         rise = np.where(listed, self.values - self.values[:, :1], 0.0)
-        whole = np.round(rise / QUANTUM).astype(np.int64)
-        unit = int(np.gcd.reduce(whole.ravel())) or 1
-        self.units = whole // unit
+        multiples = np.round(rise / QUANTUM).astype(np.int64)
+        unit = int(np.gcd.reduce(multiples.ravel())) or 1
+        self.units = multiples // unit
         step = unit * QUANTUM
         base = float(self.values[:, 0].sum())
         self.low_sum = int(np.ceil((total[0] - base - QUANTUM) / step))
@@ -95,7 +95,7 @@ class Lists:
         else:
             lists = self.values, self.number, self.units, self.change + SLACK
             sums = self.low_sum, self.high_sum
-            levels = np.array([_by_dynamic_programme(one, *lists, *sums) for one in wanted])
+            levels = np.array([_by_dynamic_programme(values, *lists, *sums) for values in wanted])
         if levels.size and levels.min() < 0:
             raise ValueError(
                 "no layout of the values allowed has the length and the changes allowed"
@@ -120,8 +120,8 @@ class Lists:
         steps = np.arange(1, width)
         cost = 2.0 * steps - 1.0 - 2.0 * offset[..., None]
         cost[:, steps >= self.number[:, None]] = np.inf
-        most = int((self.number - 1).sum())
-        low, high = max(self.low_sum, 0), min(self.high_sum, most)
+        most_steps = int((self.number - 1).sum())
+        low, high = max(self.low_sum, 0), min(self.high_sum, most_steps)
         if low > high:
             return np.full(wanted.shape, -1)
         levels = np.empty(wanted.shape, dtype=np.int64)
@@ -151,19 +151,19 @@ def _by_dynamic_programme(
     # index of the value and the state before it, as one number
     choice = np.full((n, high_sum + 1, states), -1, dtype=np.int64)
     for i in range(n):
-        after = np.full((high_sum + 1, states), np.inf)
+        next_cost = np.full((high_sum + 1, states), np.inf)
         for k in range(number[i]):
-            more, square = units[i, k], (values[i, k] - wanted[i]) ** 2
+            rise, square = units[i, k], (values[i, k] - wanted[i]) ** 2
             state = k if states > 1 else 0
-            for before in range(states):
+            for previous in range(states):
                 tied = states > 1 and i > 0
-                if tied and abs(values[i, k] - values[i - 1, before]) > change[i - 1]:
+                if tied and abs(values[i, k] - values[i - 1, previous]) > change[i - 1]:
                     continue
-                for total in range(more, high_sum + 1):
-                    c = cost[total - more, before] + square
-                    if c < after[total, state]:
-                        after[total, state], choice[i, total, state] = c, k * states + before
-        cost = after
+                for total in range(rise, high_sum + 1):
+                    c = cost[total - rise, previous] + square
+                    if c < next_cost[total, state]:
+                        next_cost[total, state], choice[i, total, state] = c, k * states + previous
+        cost = next_cost
     total, state = -1, -1
     for s in range(max(low_sum, 0), high_sum + 1):
         for last in range(states):

@@ -38,10 +38,10 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     import cvxpy as cp
 
     places, kinds = costs.shape
-    few = changes < places  # else the corners are whole numbers by themselves
-    taken = cp.Variable((places, kinds), boolean=few)
+    limited = changes < places  # else the corners are whole numbers by themselves
+    taken = cp.Variable((places, kinds), boolean=limited)
     rules = [cp.sum(taken, axis=1) == 1.0, cp.sum(taken, axis=0) <= count, taken >= 0.0]
-    if few:
+    if limited:
         rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], taken)) >= places - changes)
     scaled = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
     programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled, taken))), rules)
@@ -71,37 +71,36 @@ def nearest_from_stock(wanted: Floats, stock: Stock) -> Floats:
     The thicknesses taken are in the order of those wanted, so that only the dominoes that remain
     have to be found: a dynamic programme over the sorted stock.
     """
-    box = np.sort(stock.dominoes)
-    n = wanted.shape[1]
+    dominoes = np.sort(stock.dominoes)
     order = np.argsort(wanted, axis=1, kind="stable")
     rising = np.take_along_axis(wanted, order, axis=1)
-    exact = len(box) == n
-    taken = np.broadcast_to(box, wanted.shape) if exact else _best_of_stock(rising, box)
-    found = np.empty_like(rising)
-    np.put_along_axis(found, order, taken, axis=1)
-    return found
+    exact = len(dominoes) == wanted.shape[1]
+    taken = np.broadcast_to(dominoes, wanted.shape) if exact else _best_of_stock(rising, dominoes)
+    nearest = np.empty_like(rising)
+    np.put_along_axis(nearest, order, taken, axis=1)
+    return nearest
 
 
-def _best_of_stock(rising: Floats, box: Floats) -> Floats:
+def _best_of_stock(rising: Floats, dominoes: Floats) -> Floats:
     """Choose n of the m sorted dominoes, in order, nearest to rising values (B, n)."""
     batch, n = rising.shape
-    spare = len(box) - n
-    # cost[b, left]: of the places so far, with `left` of the sorted dominoes left out
+    spare = len(dominoes) - n
+    # cost[b, omitted]: of the places so far, without `omitted` of the sorted dominoes
     cost = np.zeros((batch, spare + 1))
     skipped = np.zeros((n, batch, spare + 1), dtype=np.int64)
     for i in range(n):
-        # least cost with at most that many left before this place
-        at = np.zeros((batch, spare + 1), dtype=np.int64)
-        for left in range(1, spare + 1):
-            better = cost[:, left] < np.take_along_axis(cost, at[:, left - 1 : left], 1)[:, 0]
-            at[:, left] = np.where(better, left, at[:, left - 1])
-        skipped[i] = at
-        square = (box[i : i + spare + 1] - rising[:, i : i + 1]) ** 2
-        cost = np.take_along_axis(cost, at, axis=1) + square
-    left = np.argmin(cost, axis=1)
+        # number of dominoes omitted before this place at the least cost, at most so many
+        best = np.zeros((batch, spare + 1), dtype=np.int64)
+        for omitted in range(1, spare + 1):
+            fewer = np.take_along_axis(cost, best[:, omitted - 1 : omitted], 1)[:, 0]
+            better = cost[:, omitted] < fewer
+            best[:, omitted] = np.where(better, omitted, best[:, omitted - 1])
+        skipped[i] = best
+        square = (dominoes[i : i + spare + 1] - rising[:, i : i + 1]) ** 2
+        cost = np.take_along_axis(cost, best, axis=1) + square
+    omitted = np.argmin(cost, axis=1)
     taken = np.empty((batch, n))
-    every = np.arange(batch)
     for i in range(n - 1, -1, -1):
-        taken[:, i] = box[i + left]
-        left = skipped[i, every, left]
+        taken[:, i] = dominoes[i + omitted]
+        omitted = skipped[i, np.arange(batch), omitted]
     return taken

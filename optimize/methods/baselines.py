@@ -11,6 +11,7 @@ from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
 PLANNED = 20_000  # evaluations that NGOpt assumes where there is no limit
+WIDE = 0.2  # first step of NGOpt, which it does not choose itself, as a part of the box
 
 
 def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -34,9 +35,8 @@ def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """
     import nevergrad
 
-    # a wide first step, which NGOpt does not choose itself
     array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
-    array = array.set_mutation(sigma=0.2).set_bounds(0.0, 1.0)
+    array = array.set_mutation(sigma=WIDE).set_bounds(0.0, 1.0)
     array.random_state = np.random.RandomState(int(rng.integers(2**31)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -58,9 +58,7 @@ def tpe(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
     problem = evaluator.problem
     names = [f"x{i:04d}" for i in range(problem.dimension)]
-    space: dict[str, Any] = {
-        name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in names
-    }
+    space: dict[str, Any] = dict.fromkeys(names, optuna.distributions.FloatDistribution(0.0, 1.0))
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     sampler = optuna.samplers.TPESampler(seed=int(rng.integers(2**31)))
     study = optuna.create_study(direction="maximize", sampler=sampler)

@@ -60,12 +60,12 @@ WITH_TEXT = ("agent",)  # names that a colon and a text belong to
 
 
 def installed_peers() -> list[str]:
-    """List the names of the peers that are installed."""
-    return [name for name, (_, needed) in PEERS.items() if find_spec(needed) is not None]
+    """Return the names of the peers that are installed."""
+    return [name for name, (_, package) in PEERS.items() if find_spec(package) is not None]
 
 
 def of_others() -> dict[str, EntryPoint]:
-    """List methods of installed packages by name, learned ones among them."""
+    """Return the methods of installed packages by name, such as learned ones."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
@@ -93,19 +93,18 @@ def load(name: str | Method) -> Method:
     if not isinstance(name, str):
         return _checked(name, name_of(name))
     word, colon, text = name.partition(":")
-    others = {} if name in METHODS else of_others()
-    if word in others and bool(colon) == (word in WITH_TEXT):
-        found = others[word].load()
-        return cast("Method", found(text) if colon else found)
-    if colon and text and word not in (*METHODS, *others):
+    installed = {} if name in METHODS else of_others()
+    if word in installed and bool(colon) == (word in WITH_TEXT):
+        method = installed[word].load()
+        return cast("Method", method(text) if colon else method)
+    if colon and text and word not in (*METHODS, *installed):
         return _checked(import_own(name), name)
-    own = [other + ":RUN" * (other in WITH_TEXT) for other in others]
-    require_choice("method", name, [*METHODS, *PEERS, *own, "package.module:function"])
-    place = METHODS.get(name)
-    if place is None:
-        place, needed = PEERS[name]
-        require_extra(f"method '{name}'", "peers", needed)
-    return cast("Method", resolve_name(f"optimize.methods.{place}"))
+    names = [word + ":RUN" * (word in WITH_TEXT) for word in installed]
+    require_choice("method", name, [*METHODS, *PEERS, *names, "package.module:function"])
+    function, package = (METHODS[name], None) if name in METHODS else PEERS[name]
+    if package is not None:
+        require_extra(f"method '{name}'", "peers", package)
+    return cast("Method", resolve_name(f"optimize.methods.{function}"))
 
 
 def name_of(method: str | Method) -> str:
@@ -124,14 +123,14 @@ def import_own(name: str) -> object:
     ValueError
         If it cannot be imported.
     """
-    here = str(Path.cwd())
-    if here not in sys.path:  # spawned processes get this list
-        sys.path.append(here)
+    folder = str(Path.cwd())
+    if folder not in sys.path:  # spawned processes get this list
+        sys.path.append(folder)
     try:
         return resolve_name(name)
     except (AttributeError, ImportError, SyntaxError, ValueError) as error:
         raise ValueError(
-            f"method '{name}' cannot be imported from {here} or where Python finds packages: "
+            f"method '{name}' cannot be imported from {folder} or where Python finds packages: "
             f"{error}; name a function at the top of a module as package.module:function"
         ) from error
 

@@ -64,8 +64,13 @@ from optimize.problem import Problem
 
 SIMPLEX = 0.1  # size of the first simplex, as a part of the box
 MANY = 200  # variables above which trust-constr uses the cheaper SR1
+INSIDE = 1e-3  # least distance of a start of trust-constr to the faces of the box
+COBYQA_EVALUATIONS = 500  # of one run for each variable and one more
 DIRECT_EVALUATIONS = 100  # for each variable and box
-MEMBERS_PER_VARIABLE, MOST_MEMBERS = 3, 256
+SMALLEST_BOX, SHIFT = 1e-6, 0.1  # least radius of a box of DIRECT; its random shift over the radius
+MEMBERS_PER_VARIABLE, LEAST_MEMBERS, MOST_MEMBERS = 3, 16, 256
+NEAREST = -2.0  # decimal exponent of the least distance of a first member to the uniform baseline
+UNLIMITED = 10**9  # iterations and evaluations, where only the evaluator ends a method
 MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
 
 TOLERANCES: dict[str, dict[str, Any]] = {
@@ -75,16 +80,16 @@ TOLERANCES: dict[str, dict[str, Any]] = {
         "maxiter": 1000, "gtol": 1e-6, "xtol": 1e-6, "initial_tr_radius": 0.3,
         "initial_barrier_parameter": 1e-4, "initial_barrier_tolerance": 1e-4,
     },
-    "COBYQA": {"initial_tr_radius": 0.1, "final_tr_radius": 1e-5, "maxiter": 10**6},
-    "Powell": {"maxiter": 10**9, "maxfev": 10**9, "xtol": 1e-4, "ftol": 1e-7},
-    "Nelder-Mead": {"maxiter": 10**9, "maxfev": 10**9, "xatol": 1e-6, "fatol": 1e-8},
+    "COBYQA": {"initial_tr_radius": 0.1, "final_tr_radius": 1e-5, "maxiter": UNLIMITED},
+    "Powell": {"maxiter": UNLIMITED, "maxfev": UNLIMITED, "xtol": 1e-4, "ftol": 1e-7},
+    "Nelder-Mead": {"maxiter": UNLIMITED, "maxfev": UNLIMITED, "xatol": 1e-6, "fatol": 1e-8},
 }  # fmt: skip
 
 
 def cost(evaluator: Evaluator, design: Floats) -> tuple[float, Floats]:
     """Compute minus the score, and its gradient (n,)."""
-    found = evaluator.evaluate(design, gradient=True)
-    return -found.score, -found.gradient
+    scores = evaluator.evaluate(design, gradient=True)
+    return -scores.score, -scores.gradient
 
 
 def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
@@ -100,24 +105,24 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
         (n,) a design vector.
     """
     x, options = start, TOLERANCES[solver]
-    more: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
+    arguments: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
     function: Any = partial(cost, evaluator)
     if solver in MOST_VARIABLES:
         few = FewVariables(evaluator, MOST_VARIABLES[solver])
         function, x = few.cost, few.nearest(start)
-        more = {"bounds": [(0.0, 1.0)] * len(x)}
+        arguments = {"bounds": [(0.0, 1.0)] * len(x)}
     if solver == "trust-constr":
-        x = np.clip(x, 1e-3, 1.0 - 1e-3)  # strictly inside, as the method begins
-        more["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
-        more["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
+        x = np.clip(x, INSIDE, 1.0 - INSIDE)  # strictly inside, as the method begins
+        arguments["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
+        arguments["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
     elif solver == "SLSQP":
-        more["constraints"] = _linear_rules(evaluator.problem)
+        arguments["constraints"] = _linear_rules(evaluator.problem)
     elif solver == "COBYQA":
-        options = options | {"maxfev": 500 * (len(x) + 1)}
+        options = options | {"maxfev": COBYQA_EVALUATIONS * (len(x) + 1)}
     elif solver == "Nelder-Mead":
         corners = np.concatenate([x[None], x + np.diag(np.where(x < 0.5, SIMPLEX, -SIMPLEX))])
         options = options | {"initial_simplex": corners, "adaptive": len(x) > 1}
-    optimize.minimize(function, x, method=solver, options=options, **more)
+    optimize.minimize(function, x, method=solver, options=options, **arguments)
 
 
 def _restarted(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -138,9 +143,9 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
             optimize.LinearConstraint(coefficients[None] / size, total / size, total / size)
         )
     if problem.linear is not None:
-        matrix, most = problem.linear
+        matrix, limit = problem.linear
         size = np.abs(matrix).max()
-        rules.append(optimize.LinearConstraint(matrix / size, -np.inf, most / size))
+        rules.append(optimize.LinearConstraint(matrix / size, -np.inf, limit / size))
     return rules
 
 
@@ -159,14 +164,15 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
     radius = 1.0
     while True:
         centre = few.nearest(evaluator.best)
-        if radius < 1e-6:
+        if radius < SMALLEST_BOX:
             radius = 1.0
         # the middle of each box is evaluated first: random shifts make all of them different
-        centre = np.clip(centre + 0.1 * radius * rng.uniform(-1, 1, len(centre)), 0.0, 1.0)
+        shift = SHIFT * radius * rng.uniform(-1, 1, len(centre))
+        centre = np.clip(centre + shift, 0.0, 1.0)
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
             few.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * few.dimension,
-            maxiter=10**6, locally_biased=True, vol_tol=0.0, len_tol=1e-6,
+            maxiter=10**6, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
         )  # fmt: skip
         radius *= 0.5
 
@@ -182,7 +188,7 @@ def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
     while True:
         optimize.dual_annealing(
             lambda design: -evaluator.evaluate(design).score,
-            bounds, x0=start, maxiter=1000, maxfun=10**9, rng=rng, minimizer_kwargs=local,
+            bounds, x0=start, maxiter=1000, maxfun=UNLIMITED, rng=rng, minimizer_kwargs=local,
         )  # fmt: skip
         start = problem.project(rng.random(problem.dimension)[None])[0]
 
@@ -192,15 +198,15 @@ def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> No
     problem = evaluator.problem
     n = problem.dimension
     uniform = uniform_design(problem)
-    members = min(max(16, MEMBERS_PER_VARIABLE * n), MOST_MEMBERS)
+    members = min(max(LEAST_MEMBERS, MEMBERS_PER_VARIABLE * n), MOST_MEMBERS)
     while True:
         # around the baseline near and far: most layouts from all over the box would be poor
-        spread = 10.0 ** rng.uniform(-2.0, 0.0, (members, 1))
+        spread = 10.0 ** rng.uniform(NEAREST, 0.0, (members, 1))
         first = problem.project(np.clip(uniform + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
         first[0] = uniform
         optimize.differential_evolution(
             lambda columns: -evaluator.evaluate(columns.T).score,
             [(0.0, 1.0)] * n, init=first, strategy="currenttobest1bin", mutation=(0.4, 0.9),
-            recombination=0.9, maxiter=10**9, tol=1e-6, polish=False, updating="deferred",
+            recombination=0.9, maxiter=UNLIMITED, tol=1e-6, polish=False, updating="deferred",
             vectorized=True, rng=rng,
         )  # fmt: skip

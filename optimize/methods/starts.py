@@ -15,7 +15,8 @@ from domino_env.core.types import Floats, Ints
 from optimize.evaluator import Evaluator
 from optimize.problem import Problem
 
-KICK = 0.1  # standard deviation of a perturbation, as a part of the box
+KICK = 0.1  # largest standard deviation of a perturbation, as a part of the box; least: a tenth
+GROWTH = 1.02  # of the distance from the end, from knot to knot, at first
 
 
 def uniform_design(problem: Problem) -> Floats:
@@ -43,16 +44,17 @@ def knots(pairs: int, most: int) -> Ints:
     """Place at most `most` knots among 0 … pairs-1, both ends among them, as dense as possible."""
     if pairs <= most:
         return np.arange(pairs)
-    growth = 1.02  # of the distance from the end, from knot to knot
-    while True:
+    growth = GROWTH
+    while growth <= pairs:
         offsets = [0.0]
         while offsets[-1] < 0.5 * pairs:
             offsets.append(max(offsets[-1] + 1.0, offsets[-1] * growth))
         from_end = np.array(offsets[:-1]).astype(np.int64)
         places = np.unique(np.concatenate([from_end, pairs - 1 - from_end]))
-        if len(places) <= most or growth > pairs:
-            return places if len(places) <= most else np.array([0, pairs - 1])
+        if len(places) <= most:
+            return places
         growth = 1.0 + 1.1 * (growth - 1.0)
+    return np.array([0, pairs - 1])
 
 
 def schedule(parts: int, pairs: int, most: int) -> Floats:
@@ -62,8 +64,8 @@ def schedule(parts: int, pairs: int, most: int) -> Floats:
 
 def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
     """Build the (parts pairs, parts m) matrix from values at m places to a design vector."""
-    one = np.stack([np.interp(np.arange(pairs), places, e) for e in np.eye(len(places))], axis=1)
-    return np.asarray(np.kron(np.eye(parts), one))
+    columns = [np.interp(np.arange(pairs), places, unit) for unit in np.eye(len(places))]
+    return np.asarray(np.kron(np.eye(parts), np.stack(columns, axis=1)))
 
 
 class FewVariables:

@@ -1,5 +1,6 @@
 """Small scenes on which a search takes milliseconds."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -25,6 +26,13 @@ def small_scene(name: str) -> Scene:
     return replace(sprint, name=name, title=f"a small scene: {name}", **kinds[name])
 
 
+def without_times(result: SearchResult) -> list[object]:
+    """Return what a search repeats bitwise."""
+    trace = [(n, falls, score) for n, falls, _, score in result.trace]
+    spent = result.evaluations, result.falls, result.interrupted
+    return [result.layout, result.score, spent, trace]
+
+
 KINDS = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
 
 
@@ -33,6 +41,12 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """No drawing of results, which takes longer than searches in small scenes."""
     monkeypatch.setattr(SearchResult, "figure", lambda _: None)
     monkeypatch.setattr("domino_env.core.plot_style.png", lambda _: b"")
+
+
+@pytest.fixture(scope="session")
+def bits() -> Callable[[SearchResult], list[object]]:
+    """A function that returns what a search repeats bitwise."""
+    return without_times
 
 
 @pytest.fixture(scope="session")

@@ -24,7 +24,7 @@ def full(*_: object, **__: object) -> None:
 
 @pytest.fixture
 def no_search(monkeypatch) -> None:
-    """Whoever evaluates anything fails."""
+    """An evaluation fails the test."""
     monkeypatch.setattr(Evaluator, "evaluate", lambda *_, **__: pytest.fail("time was spent"))
 
 
@@ -52,18 +52,18 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     assert set(summary["versions"]) == {"python", "domino-chains", "numpy", "scipy", "numba", "cma"}
 
 
-@pytest.mark.parametrize("name", ["layout.csv", "scene.toml", "summary.json", "result.png"])
+@pytest.mark.parametrize("name", ["layout.csv", "summary.json", JOURNAL])
 def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
-    (tmp_path / name).write_text("mine")
+    (tmp_path / name).write_text("text")
     with pytest.raises(ValueError, match=f"holds {name} already: go on with --resume, or name an"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    assert files(tmp_path) == {name: b"mine"}
+    assert files(tmp_path) == {name: b"text"}
 
 
 def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp_path):
-    (tmp_path / "file").write_text("mine")
-    for folder, message in (("file", "is a file: name a folder"), ("file/run", "is a file: name")):
-        with pytest.raises(ValueError, match=message):
+    (tmp_path / "file").touch()
+    for folder in ("file", "file/run"):
+        with pytest.raises(ValueError, match="is a file: name a folder"):
             search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
 
@@ -71,11 +71,11 @@ def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp
 def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")
     for name in ("notes.txt", *DERIVED):
-        (tmp_path / name).write_text("mine")
+        (tmp_path / name).write_text("text")
     first = search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     again = search(scenes["spacing"], "random", budget=10, folder=tmp_path, resume=True)
     assert again.layout == first.layout
-    assert all((tmp_path / name).read_text() == "mine" for name in DERIVED)
+    assert all((tmp_path / name).read_text() == "text" for name in DERIVED)
     assert "removed" not in caplog.text
     better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
     assert better.layout != first.layout
@@ -88,15 +88,14 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
     before = files(tmp_path)
-    with pytest.raises(ValueError, match=r"600 evaluations, than 20 of .* give more"):
+    message = "holds 600 evaluations of this search and stays as it is: this run ended after"
+    with pytest.raises(ValueError, match=f"{message} 20; give it a larger budget"):
         search(*words, budget=20, folder=tmp_path, resume=True)
-    with pytest.raises(ValueError, match="holds more of this search, 600 evaluations, than"):
-        search(*words, seconds=1e-9, folder=tmp_path, resume=True)
 
     def interrupted(_: Evaluator) -> None:
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match="what is there stays"):
+    with pytest.raises(KeyboardInterrupt, match=message):
         search(*words, budget=700, folder=tmp_path, resume=True, callback=interrupted)
     after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
@@ -107,46 +106,28 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
 def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change):
     search(scenes["spacing"], "random", 10, folder=tmp_path)
     before = files(tmp_path)
-    asked = {"scene": "spacing", "method": "random", "seed": 0} | change
+    words = {"scene": "spacing", "method": "random", "seed": 0} | change
+    words["scene"] = scenes[words["scene"]]
     if not change:
         monkeypatch.setattr("optimize.run_folder.versions", lambda: {"numpy": "1.0"})
-    scene, method, seed = scenes[asked["scene"]], asked["method"], asked["seed"]
-    with pytest.raises(ValueError, match="holds a search by random with seed 0, or of") as error:
-        search(scene, method, 30, seed, folder=tmp_path, resume=True)
-    assert str(error.value).endswith("begin anew in another folder, without --resume")
+    with pytest.raises(
+        ValueError, match="holds a search by random with seed 0, or of another"
+    ) as e:
+        search(**words, budget=30, folder=tmp_path, resume=True)
+    assert str(e.value).endswith("begin anew in another folder, without --resume")
     assert files(tmp_path) == before
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_the_best_so_far_is_on_disk_while_the_search_runs(scenes, monkeypatch, tmp_path):
-    monkeypatch.setattr("optimize.run_folder.PAUSE", 0.0)
-    scores = []
-
-    def look(evaluator: Evaluator) -> None:
-        summary = json.loads((tmp_path / "summary.json").read_text())
-        layout = de.Layout.read(tmp_path / "layout.csv")
-        assert not summary["finished"]
-        assert summary["score"] == evaluator.best_score
-        assert scenes["both"].score(layout) == pytest.approx(evaluator.best_score, abs=2e-6)
-        assert not (tmp_path / "result.png").exists()
-        scores.append(evaluator.best_score)
-
-    search(scenes["both"], "cma", budget=300, folder=tmp_path, callback=look)
-    assert len(set(scores)) > 3
-
-
-@pytest.mark.usefixtures("no_pictures")
 def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path):
-    def run(budget: int) -> None:
-        search(scenes["both"], "cma", budget, folder=tmp_path, resume=True)
-
-    run(200)
+    options = {"folder": tmp_path, "resume": True}
+    search(scenes["both"], "cma", 200, **options)
     before = files(tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
         patch.setattr("optimize.run_folder.require_writable", lambda _: None)  # it filled up later
         with pytest.raises(ValueError, match=r"No space .*; make room, and continue"):
-            run(300)
+            search(scenes["both"], "cma", 300, **options)
     after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
-    run(300)
+    search(scenes["both"], "cma", 300, **options)

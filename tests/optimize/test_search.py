@@ -1,6 +1,7 @@
 """search(): its arguments and its end."""
 
 import re
+import signal
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,7 +14,7 @@ from domino_env.core.threads import allowed_threads
 from domino_env.rigid import dynamics
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform_layouts import UniformLayouts
-from optimize import search
+from optimize import Evaluator, search
 from optimize.experiments.task import Task
 
 
@@ -28,7 +29,7 @@ from optimize.experiments.task import Task
     ({"seed": -1}, "seed = -1: give a whole number, at least 0"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
 ])  # fmt: skip
-def test_what_cannot_be_searched_is_rejected(words, message):
+def test_impossible_searches_are_rejected(words, message):
     with pytest.raises(ValueError, match=message.replace("?", r"\?")):
         search(**({"scene": "sprint"} | words))
 
@@ -40,11 +41,11 @@ def test_a_scene_that_leaves_nothing_free():
 
 
 def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch):
-    now, found = [0.0], Scene.uniform
+    now, uniform = [0.0], Scene.uniform
 
     def slow(scene: Scene, seconds: float | None = None) -> object:
         now[0] += 0.0 if "_uniform" in vars(scene) else 5.0
-        return found(scene, seconds)
+        return uniform(scene, seconds)
 
     def clock() -> float:
         return now[0]
@@ -79,10 +80,10 @@ def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch,
 def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch):
     simulated, scores = [0], UniformLayouts.scores
 
-    def counted(layouts: UniformLayouts, points: np.ndarray, *more: object) -> np.ndarray:
-        found = scores(layouts, points, *more)
+    def counted(layouts: UniformLayouts, points: np.ndarray, *options: object) -> np.ndarray:
+        result = scores(layouts, points, *options)  # raises where the limit is reached
         simulated[0] += len(points) if layouts.scene.floor_friction is not None else 0
-        return found
+        return result
 
     monkeypatch.setattr(UniformLayouts, "scores", counted)
     scene = scenes["spacing"].replace(floor_friction=0.31, count=5)
@@ -128,7 +129,13 @@ def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog):
     assert "the search of both takes up to about " in caplog.text
 
 
-def test_a_search_says_why_it_ended(scenes):
+def test_ctrl_c_before_the_first_layout_is_raised(scenes, monkeypatch):
+    monkeypatch.setattr(Evaluator, "evaluate", lambda *_: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        search(scenes["spacing"], "random", budget=10)
+
+
+def test_the_result_has_the_reason_of_the_end(scenes):
     scene = scenes["spacing"]
     assert search(scene, "random", 7).ended == "limit of 7 layouts reached"
     assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
@@ -162,9 +169,9 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
 
     def flattering(scene: Scene, batch, gradient=False):
         gaps.extend(batch.spacing)
-        found = original(scene, batch, gradient)
-        found.score[-1] = 5.0 if len(gaps) == 302 else found.score[-1]  # two of them compile
-        return found
+        result = original(scene, batch, gradient)
+        result.score[-1] = 5.0 if len(gaps) == 302 else result.score[-1]  # two of them compile
+        return result
 
     monkeypatch.setattr(Scene, "evaluate", flattering)
     result = search(scene, "random", budget=300)

@@ -22,7 +22,9 @@ from optimize.problem import Problem
 PLANES = 10  # gradients that the model keeps
 FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, relative to the box
 POOR, GOOD = 0.1, 0.7  # ratio to the predicted gain below and above which the region changes
+GROW, SHRINK, SHRINK_FAST = 2.0, 0.4, 0.25  # factors of the radius; the last where no step gains
 AROUND = 4.0  # radii within which planes are kept
+GAIN = 1e-10  # a smaller predicted relative gain counts as none
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -106,33 +108,33 @@ class Step:
 def _ascend(evaluator: Evaluator, step: Step, start: Floats) -> None:
     """Search from one start until the trust region has shrunk to nothing."""
     problem = evaluator.problem
-    here = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
-    found = evaluator.evaluate(here, gradient=True)
-    score, gradient = found.score, found.gradient
-    known = deque([(here, score, gradient)], maxlen=PLANES)
+    design = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
+    result = evaluator.evaluate(design, gradient=True)
+    score, gradient = result.score, result.gradient
+    points = deque([(design, score, gradient)], maxlen=PLANES)
     radius = FIRST
     while radius > SMALLEST:
-        planes = [p for p in known if np.abs(p[0] - here).max() <= AROUND * radius]
+        planes = [plane for plane in points if np.abs(plane[0] - design).max() <= AROUND * radius]
         # no plane may lie below the point itself: the score is not concave everywhere
-        heights = [max(s + g @ (here - x) - score, 0.0) for x, s, g in planes]
+        heights = [max(s + g @ (design - x) - score, 0.0) for x, s, g in planes]
         gradients = [g for _, _, g in planes]
         missing = PLANES - len(planes)
         gradients += [gradient] * missing
         heights += [0.0] * missing
         size = max(float(np.abs(gradient).max()), 1e-300)  # scales the programme
-        best = step.best(here, np.array(gradients) / size, np.array(heights) / size, radius)
-        if best is None or best[1] * size <= 1e-10 * abs(score):
-            radius *= 0.25
+        best = step.best(design, np.array(gradients) / size, np.array(heights) / size, radius)
+        if best is None or best[1] * size <= GAIN * abs(score):
+            radius *= SHRINK_FAST
             continue
-        there = problem.project(np.clip(here + best[0], 0.0, 1.0)[None])[0]
-        found = evaluator.evaluate(there, gradient=True)
-        known.append((there, found.score, found.gradient))
-        ratio = (found.score - score) / (best[1] * size)
+        candidate = problem.project(np.clip(design + best[0], 0.0, 1.0)[None])[0]
+        result = evaluator.evaluate(candidate, gradient=True)
+        points.append((candidate, result.score, result.gradient))
+        ratio = (result.score - score) / (best[1] * size)
         if ratio > GOOD:
-            radius = min(2.0 * radius, LARGEST)
+            radius = min(GROW * radius, LARGEST)
         elif ratio < POOR:
-            radius *= 0.4
-        if found.score > score:
-            here, score, gradient = there, found.score, found.gradient
+            radius *= SHRINK
+        if result.score > score:
+            design, score, gradient = candidate, result.score, result.gradient
         else:
-            known.append((here, score, gradient))  # the plane here must stay in the model
+            points.append((design, score, gradient))  # the plane here must stay in the model

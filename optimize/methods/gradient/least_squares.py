@@ -26,8 +26,11 @@ from optimize.methods.starts import starts
 
 ON_TIME = 1e-9  # [s] RMS error below which a layout is on time
 DAMPING = 1e-2  # at first, relative to the largest squared derivative
+HARDER, EASIER = 4.0, 10.0  # factor of the damping after a step that fails; divisor after others
+SMALLEST = 1e-14  # least damping, above the rounding of the squares
 TRIES = 12  # dampings tried before a layout counts as a minimum
-ROUNDS = 100
+ROUNDS = 100  # steps from one start at most
+ROOM = 1e-12  # least room of a variable at a face of the box, which the bounded solver needs
 FEW = 4  # starts that show whether a schedule can be kept
 ON_SCHEDULE = f"every domino is hit on schedule, to {ON_TIME:g} s"
 SLOW, PATIENCE = 0.999, 8  # ratio of errors that counts as no gain, and rounds of it that end it
@@ -65,19 +68,19 @@ def _least_squares(evaluator: Evaluator, design: Floats) -> bool:
         scale = float(np.square(gradient).sum(axis=0).max())
         for _ in range(TRIES):
             step = _step(design, lateness, gradient, damping * scale)
-            ahead = problem.project((design + step)[None])[0]
-            found = evaluator.lateness(ahead)
-            if found[0].score[0] > scores.score[0]:
+            candidate = problem.project((design + step)[None])[0]
+            result = evaluator.lateness(candidate)
+            if result[0].score[0] > scores.score[0]:
                 break
-            damping *= 4.0
+            damping *= HARDER
         else:
             return False
-        gained = np.square(found[1]).sum() < SLOW * np.square(lateness).sum()
+        gained = np.square(result[1]).sum() < SLOW * np.square(lateness).sum()
         idle = 0 if gained else idle + 1
         if idle == PATIENCE:
             return False
-        design, (scores, lateness, gradient) = ahead, found
-        damping = max(damping / 10.0, 1e-14)
+        design, (scores, lateness, gradient) = candidate, result
+        damping = max(damping / EASIER, SMALLEST)
     return False
 
 
@@ -86,8 +89,8 @@ def _step(design: Floats, lateness: Floats, gradient: Floats, damping: float) ->
     n = len(design)
     matrix = np.concatenate([gradient, np.sqrt(damping) * np.eye(n)])
     right = np.concatenate([-lateness, np.zeros(n)])
-    room = np.maximum(1.0 - design, 1e-12), np.maximum(design, 1e-12)
-    free = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    if np.all(free <= room[0]) and np.all(free >= -room[1]):
-        return np.asarray(free)
-    return np.asarray(lsq_linear(matrix, right, bounds=(-room[1], room[0]), method="bvls").x)
+    low, high = -np.maximum(design, ROOM), np.maximum(1.0 - design, ROOM)
+    step = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    if np.any((step < low) | (step > high)):
+        step = lsq_linear(matrix, right, bounds=(low, high), method="bvls").x
+    return np.asarray(step)

@@ -26,10 +26,14 @@ if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
 RISE, TURN = 1e-4, 0.5  # conditions of Armijo and weak Wolfe, relative to the first slope
+ANGLE = 1e-10  # least cosine between a step and the gradient, below which curvature is given up
+CURVED = 1e-12  # least cosine between a step and its change of the gradient that is kept
+BRACKET = 0.1  # relative width of the bracket at which a line search takes its best point
 DENSE = 200  # variables up to which the whole inverse curvature is kept
 MEMORY = 30  # pairs of step and change of the gradient that are kept for more variables
 TRIES = 14  # evaluations of one line search
-LARGEST = 0.15  # first change of a variable, relative to the box
+LARGEST = 0.15  # largest change of a variable in the first try of a line search, as part of the box
+FIRST = LARGEST / 3.0  # the same along the gradient, where nothing is known of the curvature
 WINDOW = 8  # steps over which the gain is measured
 ENOUGH = 1e-7  # a smaller relative gain over them ends the search
 
@@ -87,6 +91,7 @@ class LocalSearch:
             self.done = True
 
     def _feasible(self, design: Floats) -> Floats:
+        """Return the nearest design vector that keeps the rules."""
         design = np.clip(design, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
@@ -98,15 +103,15 @@ class LocalSearch:
             direction = self._direction()
             if direction is None:
                 return
-            found = yield from self._line_search(direction)
-            if found is None:
+            point = yield from self._line_search(direction)
+            if point is None:
                 if self._curvature.fresh:
                     return
                 self._curvature.forget()
                 continue
-            design, score, gradient = found
+            design, score, gradient = point
             self._curvature.add(design - self.design, self.gradient - gradient)
-            self.design, self.score, self.gradient = found
+            self.design, self.score, self.gradient = point
             self._history.append(score)
             if len(self._history) > WINDOW and score - self._history[0] <= ENOUGH * abs(score):
                 return
@@ -125,12 +130,12 @@ class LocalSearch:
         step = self._curvature.times(gradient, gradient != 0.0)
         if step is not None:
             step = self._inward(step)
-            if step @ gradient > 1e-10 * np.linalg.norm(step) * np.linalg.norm(gradient):
+            if step @ gradient > ANGLE * np.linalg.norm(step) * np.linalg.norm(gradient):
                 return step
             self._curvature.forget()
         if self._guess is not None:
             return gradient * self._guess
-        return gradient * (LARGEST / 3.0 / float(np.abs(gradient).max()))
+        return gradient * (FIRST / float(np.abs(gradient).max()))
 
     def _line_search(
         self, direction: Floats
@@ -157,7 +162,7 @@ class LocalSearch:
                     return best
                 low = length
             length = 0.5 * (low + high) if high < np.inf else 2.0 * length
-            if best is not None and high - low < 0.1 * high:
+            if best is not None and high - low < BRACKET * high:
                 return best
         return best
 
@@ -191,6 +196,7 @@ class CoarseToFine:
         self._begin(start)
 
     def _begin(self, design: Floats) -> None:
+        """Begin the search on the next schedule, or on the design vector after the last."""
         self._matrix = self._matrices.pop(0) if self._matrices else None
         if self._matrix is None:
             self._search = LocalSearch(design, self._project)
@@ -214,8 +220,8 @@ class CoarseToFine:
         self.evaluations += 1
         if score > self.score:
             self.score, self.design = score, self.wanted
-        here = gradient if self._matrix is None else self._matrix.T @ gradient
-        self._search.update(score, here)
+        by_values = gradient if self._matrix is None else self._matrix.T @ gradient
+        self._search.update(score, by_values)
         if self._search.done:
             if self._matrix is None:
                 self.done = True
@@ -236,11 +242,11 @@ def advance(searches: Searches, gradients: int) -> Search:
     gradients
         Largest number of evaluations with gradient of each.
     """
-    until = {id(one): one.evaluations + gradients for one in searches}
-    while live := [one for one in searches if not one.done and one.evaluations < until[id(one)]]:
-        scores, found = yield Request(np.array([one.wanted for one in live]), gradient=True)
-        for one, score, gradient in zip(live, scores, found, strict=True):
-            one.update(float(score), gradient)
+    ends = {id(search): search.evaluations + gradients for search in searches}
+    while running := [s for s in searches if not s.done and s.evaluations < ends[id(s)]]:
+        answer = yield Request(np.array([s.wanted for s in running]), gradient=True)
+        for search, score, gradient in zip(running, *answer, strict=True):
+            search.update(float(score), gradient)
 
 
 def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int) -> None:
@@ -257,18 +263,21 @@ class _Dense:
         self.fresh = True
 
     def forget(self) -> None:
+        """Return to the first guess."""
         self._inverse = self._first
         self.fresh = True
 
     def times(self, gradient: Floats, free: Bools) -> Floats | None:
+        """Return the step of the free variables; None while nothing is known."""
         if self.fresh:
             return None
         return np.where(free, self._inverse @ gradient, 0.0)
 
     def add(self, s: Floats, y: Floats) -> None:
+        """Learn from a step s and the change y of minus the gradient."""
         y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
-        if product <= 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
+        if product <= CURVED * np.linalg.norm(s) * np.linalg.norm(y):
             return
         if self.fresh:
             self._inverse = self._inverse * (1.0 if self._guessed else product / float(y @ y))
@@ -286,27 +295,30 @@ class _Limited:
 
     @property
     def fresh(self) -> bool:
+        """True while nothing is known."""
         return not self._pairs
 
     def forget(self) -> None:
+        """Return to the beginning."""
         self._pairs.clear()
 
     def times(self, gradient: Floats, free: Bools) -> Floats | None:
+        """Return the step of the free variables; None while nothing is known."""
         if not self._pairs:
             return None
-        q, parts = gradient.copy(), []
+        step, coefficients = gradient.copy(), []
         for s, y, product in reversed(self._pairs):
-            a = float(s @ q) / product
-            parts.append(a)
-            q -= a * y
+            coefficients.append(float(s @ step) / product)
+            step -= coefficients[-1] * y
         s, y, product = self._pairs[-1]
-        q *= product / float(y @ y)
-        for (s, y, product), a in zip(self._pairs, reversed(parts), strict=True):
-            q += (a - float(y @ q) / product) * s
-        return np.where(free, q, 0.0)
+        step *= product / float(y @ y)
+        for (s, y, product), a in zip(self._pairs, reversed(coefficients), strict=True):
+            step += (a - float(y @ step) / product) * s
+        return np.where(free, step, 0.0)
 
     def add(self, s: Floats, y: Floats) -> None:
+        """Learn from a step s and the change y of minus the gradient."""
         y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
-        if product > 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
+        if product > CURVED * np.linalg.norm(s) * np.linalg.norm(y):
             self._pairs.append((s, y, product))

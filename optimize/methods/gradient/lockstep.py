@@ -57,18 +57,18 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
     BudgetSpent
         Where fewer evaluations remain.
     """
-    live = list(searches)
+    running = list(searches)
     requests: dict[Search, Request | None] = {}
     answers: dict[Search, Answer] = {}
     while True:
-        for search in list(live):
+        for search in list(running):
             try:
-                known = search in answers
-                requests[search] = search.send(answers[search]) if known else next(search)
+                answered = search in answers
+                requests[search] = search.send(answers[search]) if answered else next(search)
             except StopIteration:
                 if search is searches[0]:
                     return
-                live.remove(search)
+                running.remove(search)
                 del requests[search]
         answers = _answers(evaluator, requests, gradient=False)
         answers |= _answers(evaluator, requests, gradient=True)
@@ -82,8 +82,8 @@ def _answers(
     if not wanted:
         return {}
     designs = np.concatenate(list(wanted.values()))
-    found = evaluator.evaluate(designs, gradient, differences=False)
-    gradients = found.gradient if gradient else np.empty((len(designs), 0))
+    scores = evaluator.evaluate(designs, gradient, differences=False)
+    gradients = scores.gradient if gradient else np.empty((len(designs), 0))
     ends = np.cumsum([len(part) for part in wanted.values()])[:-1]
-    parts = zip(np.split(found.score, ends), np.split(gradients, ends), strict=True)
+    parts = zip(np.split(scores.score, ends), np.split(gradients, ends), strict=True)
     return dict(zip(wanted, parts, strict=True))

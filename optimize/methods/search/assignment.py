@@ -20,6 +20,7 @@ from optimize.methods.starts import starts
 from optimize.problem import Problem
 
 LONG, SHORT = 80, 10  # gradients of a thorough and of a quick local search
+EQUAL = 1e-9  # difference of two variables that count as the same domino
 CHANGES = (2, 4, 8, 16)  # places that a programme may change
 EXCHANGES = 200  # layouts of each kind that are tried
 FEW = 8  # layouts of those tried that are refined
@@ -38,35 +39,35 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
     score, design = _refined(evaluator, problem.project(start[None]), LONG)
     idle = 0
     while problem.discrete and idle < IDLE:
-        tried = _others(evaluator, design, rng, first=idle == 0)
-        if len(tried) == 0:
+        neighbours = _neighbours(evaluator, design, rng, first=idle == 0)
+        if len(neighbours) == 0:
             return
-        scores = evaluator.evaluate(tried).score
-        best = tried[np.argsort(-scores, kind="stable")[:FEW]]
-        ahead, there = _refined(evaluator, best, SHORT)
-        if ahead > score + GAIN * abs(score):
-            score, design, idle = ahead, there, 0
+        scores = evaluator.evaluate(neighbours).score
+        best = neighbours[np.argsort(-scores, kind="stable")[:FEW]]
+        new_score, new_design = _refined(evaluator, best, SHORT)
+        if new_score > score + GAIN * abs(score):
+            score, design, idle = new_score, new_design, 0
         else:
             idle += 1
     if problem.discrete:
         _refined(evaluator, design[None], LONG)
 
 
-def _refined(evaluator: Evaluator, begins: Floats, gradients: int) -> tuple[float, Floats]:
+def _refined(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[float, Floats]:
     """Return the best score and design vector of local searches from some layouts."""
     project = evaluator.problem.project if evaluator.problem.coupled else None
-    searches = [LocalSearch(begin, project) for begin in begins]
+    searches = [LocalSearch(design, project) for design in designs]
     run_local_searches(evaluator, searches, gradients)
-    best = max(searches, key=lambda one: one.score)
+    best = max(searches, key=lambda search: search.score)
     return best.score, best.design
 
 
-def _others(
+def _neighbours(
     evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
 ) -> Floats:
-    """Propose layouts with another order, or other values from a list.
+    """Propose layouts (B, n) with another order, or other values from a list.
 
-    first: this design vector is changed for the first time.
+    `first` is True where this design vector is changed for the first time.
     """
     problem = evaluator.problem
     stock = problem.scene.stock is not None
@@ -77,71 +78,68 @@ def _others(
         changed.append(_assigned(evaluator, design))
     if problem.scene.spacing_values or (problem.scene.thickness_values and not stock):
         changed.append(_stepped(problem, design, rng))
-    if not changed:
-        return np.empty((0, len(design)))
-    near = problem.project(np.concatenate(changed))
-    return unique_points(near[np.any(near != design, axis=1)])
+    designs = problem.project(np.concatenate(changed))
+    return unique_points(designs[np.any(designs != design, axis=1)])
 
 
 def _assigned(evaluator: Evaluator, design: Floats) -> Floats:
     """Propose the assignments of the largest predicted gain that change few places."""
     problem = evaluator.problem
     assert problem.scene.stock is not None
-    left = problem.scene.stock.without(problem.scene.first_thickness)
-    kinds = np.array(left.thickness)
+    stock = problem.scene.stock.without(problem.scene.first_thickness)
+    kinds = np.array(stock.thickness)
     pairs = problem.scene.count - 1
     gradient = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
     room = (problem.high - problem.low)[-pairs:]
-    now = problem.low[-pairs:] + design[-pairs:] * room
-    current = np.abs(now[:, None] - kinds).argmin(axis=1)
-    costs = -(gradient[-pairs:] / room)[:, None] * (kinds - now[:, None])
-    found = np.repeat(design[None], len(CHANGES), axis=0)
+    thickness = problem.low[-pairs:] + design[-pairs:] * room
+    current = np.abs(thickness[:, None] - kinds).argmin(axis=1)
+    costs = -(gradient[-pairs:] / room)[:, None] * (kinds - thickness[:, None])
+    designs = np.repeat(design[None], len(CHANGES), axis=0)
     for i, changes in enumerate(CHANGES):
-        chosen = assign(costs, np.array(left.count), current, changes)
-        found[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / room
-    return found
+        chosen = assign(costs, np.array(stock.count), current, changes)
+        designs[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / room
+    return designs
 
 
 def _exchanged(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose exchanges of two dominoes, with the same gaps or the same pivots."""
     pairs = problem.scene.count - 1
-    body = design[-pairs:]
-    first, second = np.nonzero(np.triu(np.abs(body[:, None] - body) > 1e-9))
-    pick = rng.permutation(len(first))[:EXCHANGES]
-    found = np.repeat(design[None], len(pick), axis=0)
-    every = np.arange(len(pick))
-    i, j = len(design) - pairs + first[pick], len(design) - pairs + second[pick]
-    found[every, i], found[every, j] = design[j], design[i]
-    if problem.scene.free_spacing:
-        moved = every % 2 == 1
+    thickness = design[-pairs:]
+    first, second = np.nonzero(np.triu(np.abs(thickness[:, None] - thickness) > EQUAL))
+    chosen = rng.permutation(len(first))[:EXCHANGES]
+    first, second = first[chosen], second[chosen]
+    designs = np.repeat(design[None], len(chosen), axis=0)
+    numbers = np.arange(len(chosen))
+    i, j = len(design) - pairs + first, len(design) - pairs + second
+    designs[numbers, i], designs[numbers, j] = design[j], design[i]
+    if problem.scene.free_spacing:  # every other exchange keeps the pivots
+        odd = numbers % 2 == 1
         scale = (problem.high - problem.low)[-1] / (problem.high - problem.low)[0]
         shift = scale * (design[j] - design[i])
-        found[every[moved], first[pick][moved]] -= shift[moved]
-        found[every[moved], second[pick][moved]] += shift[moved]
-    return np.clip(found, 0.0, 1.0)
+        designs[numbers[odd], first[odd]] -= shift[odd]
+        designs[numbers[odd], second[odd]] += shift[odd]
+    return np.clip(designs, 0.0, 1.0)
 
 
 def _inserted(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose moves of one domino to another place; those between move up; the gaps stay."""
     pairs = problem.scene.count - 1
-    found = np.repeat(design[None], EXCHANGES, axis=0)
-    for one in found:
+    thickness = design[-pairs:]
+    designs = np.repeat(design[None], EXCHANGES, axis=0)
+    for changed in designs:
         i, j = rng.integers(pairs, size=2)
-        body = np.delete(one[-pairs:], i)
-        one[-pairs:] = np.insert(body, j, design[len(design) - pairs + i])
-    return found
+        changed[-pairs:] = np.insert(np.delete(thickness, i), j, thickness[i])
+    return designs
 
 
 def _stepped(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose steps of one value up or down and, with a length, of another the other way."""
     values = problem.scene.spacing_values or problem.scene.thickness_values
     assert values is not None
-    n = len(design)
     step = float(np.diff(values).mean()) / (problem.high - problem.low)
-    found = np.repeat(design[None], EXCHANGES, axis=0)
-    every = np.arange(EXCHANGES)
-    for way in (1.0, -1.0) if problem.equality is not None else (0.0,):
-        place = rng.integers(n, size=EXCHANGES)
-        sign = way if way else rng.choice([-1.0, 1.0], EXCHANGES)
-        found[every, place] += sign * step[place]
-    return np.clip(found, 0.0, 1.0)
+    designs = np.repeat(design[None], EXCHANGES, axis=0)
+    for direction in (1.0, -1.0) if problem.equality is not None else (0.0,):
+        place = rng.integers(len(design), size=EXCHANGES)
+        sign = direction or rng.choice([-1.0, 1.0], EXCHANGES)
+        designs[np.arange(EXCHANGES), place] += sign * step[place]
+    return np.clip(designs, 0.0, 1.0)

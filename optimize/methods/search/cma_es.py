@@ -29,6 +29,10 @@ from optimize.methods.starts import uniform_design
 WIDE = 0.3  # first step, as a part of the box
 MANY = 200  # variables above which the covariance is kept diagonal
 CAREFUL = 0.003  # first step for more: a wide one would not converge
+TWICE = 2  # times the usual population: such a run ends in a good basin more often
+LARGEST = 64  # largest population, over the first
+NARROWER = 1.5  # decimal orders by which the first step of a small run may be narrower
+EDGE = 0.02  # least distance of a start to the faces of the box
 # With a given length many design vectors describe the same layout. Without a penalty on the
 # distance to that layout the search drifts among them.
 DRIFT = 100.0  # penalty of the mean square distance, over the score
@@ -36,29 +40,24 @@ DRIFT = 100.0  # penalty of the mean square distance, over the score
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Run one CMA-ES after the other until a limit is reached."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
-        _restart(evaluator, rng)
-
-
-def _restart(evaluator: Evaluator, rng: np.random.Generator) -> None:
     problem = evaluator.problem
     n = problem.dimension
-    default = 2 * (4 + int(3 * np.log(n)))  # twice the usual: more often a good basin
     start = uniform_design(problem)
     wide = CAREFUL if n > MANY else WIDE
+    size = default = TWICE * (4 + int(3 * np.log(n)))
     used = {"doubling": 0, "small": 0}
-    size = default
-    while True:
-        if used["doubling"] <= used["small"]:
-            used["doubling"] += _descend(evaluator, rng, start, wide, size)
-            size = min(2 * size, 64 * default)
-        elif rng.random() < 0.5:
-            used["small"] += _descend(evaluator, rng, start, wide, default)
-        else:
-            near = evaluator.best if rng.random() < 0.5 else rng.random(n)
-            step = wide * 10.0 ** (-1.5 * rng.random())
-            used["small"] += _descend(evaluator, rng, near, step, default)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
+        while True:
+            if used["doubling"] <= used["small"]:
+                used["doubling"] += _descend(evaluator, rng, start, wide, size)
+                size = min(2 * size, LARGEST * default)
+            elif rng.random() < 0.5:
+                used["small"] += _descend(evaluator, rng, start, wide, default)
+            else:
+                centre = evaluator.best if rng.random() < 0.5 else rng.random(n)
+                step = wide * 10.0 ** (-NARROWER * rng.random())
+                used["small"] += _descend(evaluator, rng, centre, step, default)
 
 
 def _descend(
@@ -66,9 +65,9 @@ def _descend(
 ) -> int:
     """Run until convergence; return the number of evaluations."""
     problem, n = evaluator.problem, len(start)
-    before = evaluator.evaluations
+    start_evaluations = evaluator.evaluations
     centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
-    centre[:n] = np.clip(start, 0.02, 0.98)
+    centre[:n] = np.clip(start, EDGE, 1.0 - EDGE)
     strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
     penalty = DRIFT * abs(problem.scene.uniform().score)
     while not strategy.stop():
@@ -78,10 +77,11 @@ def _descend(
         if problem.equality is not None or problem.linear is not None:
             costs += penalty * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(proposed, costs)
-    return evaluator.evaluations - before
+    return evaluator.evaluations - start_evaluations
 
 
 def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
+    """Return the options of pycma for n variables and a population."""
     return {
         "bounds": [0.0, 1.0],
         "popsize": size,
@@ -90,7 +90,7 @@ def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
         "tolfun": 1e-6,
-        "tolfunhist": 1e-6,  # a restart can gain far more
+        "tolfunhist": 1e-6,  # a restart can gain far more than what is left below this
         "tolx": 1e-5,
         "maxiter": np.inf,
         "verbose": -10,  # at -9 it would still read a file in the working directory

@@ -30,6 +30,7 @@ from optimize.problem import Problem
 
 LONG = 512  # dominoes from which on a layout is long
 SHORTEST, TIMES = 160, 4  # dominoes of the layout that is searched; ratio of the next count to it
+WELL_BELOW = 1.5  # least ratio of the count of the scene to that of the layout stretched last
 SEARCHED = 600  # evaluations of the shortest
 MOST, LEAST = 60, 12  # gradients of a layout four times as long, and of far longer ones
 WHOLE = 200  # gradients of the whole layout
@@ -51,10 +52,14 @@ def is_long(scene: Scene) -> bool:
     no stock, no growing heights, no uneven ground, no length with gaps from a list.
     """
     listed = scene.spacing_values is not None or scene.thickness_values is not None
-    other = scene.stock is not None or scene.growth is not None
-    other = other or (scene.ground is not None and not scene.ground.is_even)
-    alike = not (other or (listed and scene.length is not None))
-    return scene.count >= LONG and scene.criterion.rewards_speed and alike
+    uneven = scene.ground is not None and not scene.ground.is_even
+    depends_on_count = (
+        scene.stock is not None
+        or scene.growth is not None
+        or uneven
+        or (listed and scene.length is not None)
+    )
+    return scene.count >= LONG and scene.criterion.rewards_speed and not depends_on_count
 
 
 def best_stretched(
@@ -86,18 +91,18 @@ def best_stretched(
     scene = evaluator.problem.scene
     plateau = best_steady(scene)
     shorter = Problem(_shortened(scene, SHORTEST))
-    with evaluator.borrow(shorter, SEARCHED) as own:
-        search(own, rng)
-    designs = [own.best]
-    _score_stretched(evaluator, own.best)  # a result, should time run out on the way
+    with evaluator.borrow(shorter, SEARCHED) as borrowed:
+        search(borrowed, rng)
+    designs = [borrowed.best]
+    _score_stretched(evaluator, borrowed.best)  # a result, should time run out on the way
     for count in _counts(scene.count):
         shorter = Problem(_shortened(scene, count))
         gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
         arms: list[Stretched] = []
-        with evaluator.borrow(shorter, KEPT * gradients + STRETCHED) as own:
-            arms = _stretched(own, designs, plateau)
-            run_local_searches(own, arms, gradients)
-        designs = [arm.design for arm in arms] or [own.best]
+        with evaluator.borrow(shorter, KEPT * gradients + STRETCHED) as borrowed:
+            arms = _stretched(borrowed, designs, plateau)
+            run_local_searches(borrowed, arms, gradients)
+        designs = [arm.design for arm in arms] or [borrowed.best]
     arms = _stretched(evaluator, designs, plateau)
     run_local_searches(evaluator, arms, LEAST)
     best = max(arms, key=lambda arm: arm.score)
@@ -116,7 +121,7 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
 
     Notes
     -----
-    The push does not matter here: a uniform layout of so narrow gaps may not even begin to fall.
+    The push has no effect on a steady wave, which may be faster than any that the push can start.
     """
     if scene.length is not None:
         return None
@@ -126,8 +131,10 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
     best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
     for grid in GRIDS:
         axes = [
-            np.unique(np.clip(p + np.linspace(-r, r, n), a, b))
-            for p, r, n, a, b in zip(place, room, grid, low, high, strict=True)
+            np.unique(np.clip(middle + np.linspace(-half, half, number), least, largest))
+            for middle, half, number, least, largest in zip(
+                place, room, grid, low, high, strict=True
+            )
         ]
         for gap, thickness in product(*axes):
             speed = steady_wave(
@@ -141,6 +148,7 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
 
 
 def _score_stretched(evaluator: Evaluator, short: Floats) -> None:
+    """Evaluate a shorter layout that is stretched to the count of the scene."""
     problem = evaluator.problem
     pairs = problem.scene.count - 1
     longer = repeated(short.reshape(problem.dimension // pairs, -1), pairs, 1)
@@ -150,7 +158,7 @@ def _score_stretched(evaluator: Evaluator, short: Floats) -> None:
 def _counts(count: int) -> list[int]:
     """Return the numbers of dominoes on the way to `count`, the last of them well below it."""
     counts = [TIMES * SHORTEST]
-    while 1.5 * counts[-1] < count:
+    while WELL_BELOW * counts[-1] < count:
         counts.append(TIMES * counts[-1])
     return counts[:-1]
 
@@ -178,7 +186,7 @@ def _stretched(
         begins.append([with_plateau(begins[0][0], flat, head, tail) for head, tail in KEEPS])
     arms = []
     for versions in begins:
-        designs = problem.project(np.array([one.ravel() for one in versions]))
+        designs = problem.project(np.array([version.ravel() for version in versions]))
         scores = evaluator.evaluate(designs).score
         i = int(np.argmax(scores))
         arm = Stretched(designs[i], parts, problem.project if problem.coupled else None)
@@ -206,9 +214,9 @@ def repeated(columns: Floats, pairs: int, period: int) -> Floats:
     """
     middle = (columns.shape[1] + period) // 2
     tail = columns.shape[1] - middle
-    at = np.arange(pairs)
-    source = middle - period + (at - middle) % period
-    source = np.where(at < middle, at, source)
+    places = np.arange(pairs)
+    source = middle - period + (places - middle) % period
+    source = np.where(places < middle, places, source)
     source[pairs - tail :] = np.arange(middle, columns.shape[1])
     return columns[:, source]
 
@@ -218,11 +226,11 @@ def with_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
 
     The first `head` places stay as they are, the last `tail` too.
     """
-    at = np.arange(columns.shape[1])
-    part = np.clip((at - head) / RAMP, 0.0, 1.0)
+    places = np.arange(columns.shape[1])
+    weight = np.clip((places - head) / RAMP, 0.0, 1.0)
     if tail:
-        part = np.minimum(part, np.clip((at[::-1] - tail) / RAMP, 0.0, 1.0))
-    return columns + part * (flat - columns)
+        weight = np.minimum(weight, np.clip((places[::-1] - tail) / RAMP, 0.0, 1.0))
+    return columns + weight * (flat - columns)
 
 
 class Stretched(CoarseToFine):

@@ -39,28 +39,30 @@ from optimize.evaluator import Evaluator
 from optimize.methods.gradient import least_squares
 from optimize.methods.gradient.local_search import CoarseToFine, advance
 from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
-from optimize.methods.search import assignment, two_fidelities
+from optimize.methods.search import assignment, perturbations, two_fidelities
 from optimize.methods.search.long_layouts import best_stretched, is_long
-from optimize.methods.search.perturbations import (
-    PERTURBATIONS,
-    TIGHT_AT_MOST,
-    bend,
-    ends_tight,
-    free_the_end,
-    tight_end,
-)
+from optimize.methods.search.perturbations import PERTURBATIONS, TIGHT_AT_MOST
 from optimize.methods.starts import schedule, uniform_design
 from optimize.problem import Problem
 
 FIRST = 12  # gradients of every start in the first round
 WIDE = 8  # children that are refined together
 DRAWN = 32  # children that are scored to select these
-SHORT, MORE = 10, 60  # gradients of a child, and of one that came near the best
+SHORT, MORE, LONGEST_RUN = 10, 60, 240  # gradients of a child, of one near the best, of a new best
 NEAR = 3e-4  # relative distance to the best that counts as near
+IMPROVED = 1e-6  # relative gain of a child that counts as success of its perturbation
+RANK = 0.35  # probability that the best layout is a parent, then the next best, and so on
+FROM_ISLAND, TWICE = 0.5, 0.25  # probability of a migrant as donor, and of a second perturbation
+REWARD, PENALTY = 1.5, 0.97  # factors of the weight of a perturbation that gained, or did not
+WEIGHTS = 0.2, 5.0  # least and largest weight: every perturbation remains possible
 ELITE = 8  # layouts that children come from
 COARSE = (28, 110)  # variables of the schedules on which local searches of long layouts begin
 FEW = 2  # random starts of a long layout, where each takes long
 LONG = 200  # places above which a layout is long
+MOST_TIGHT = TIGHT_AT_MOST - 2  # tight gaps at the end of the starts; perturbations add more
+LONG_TIGHT = 4  # the only number tried in a long layout, whose end hardly matters
+THICK = 2  # last dominoes of a start with the largest thickness
+BENDS, ENDS = 4, 2  # most bends and most changes of the end of a random start
 GAIN = 3e-6  # a smaller relative gain counts as none
 PATIENCE = (6, GAIN)  # generations without a relative gain after which a search has settled
 LARGE, ISLAND = (4, 2e-5), (2, 1e-4)  # the same for the main search of many dominoes, and an island
@@ -94,8 +96,9 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
             return
     elif evaluator.problem.scene.count <= LONG:  # a batch by itself, and soon over
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
-    first, *others = rng.spawn(2 if evaluator.problem.scene.count > ALONE else 1 + ISLANDS)
-    run_in_lockstep(evaluator, [search.main(first), *map(search.island, others)])
+    islands = 1 if evaluator.problem.scene.count > ALONE else ISLANDS
+    main, *generators = rng.spawn(1 + islands)
+    run_in_lockstep(evaluator, [search.main(main), *map(search.island, generators)])
 
 
 def starts(problem: Problem) -> Floats:
@@ -108,22 +111,21 @@ def starts(problem: Problem) -> Floats:
     """
     uniform = problem.scene.uniform().layout
     columns = _columns(problem, problem.design(uniform))
-    found = [columns]
+    designs = [columns]
     if problem.scene.free_spacing:
-        most = min(TIGHT_AT_MOST - 2, columns.shape[1] - 1)
-        # the end of a long layout hardly matters
-        counts = range(1, most + 1) if columns.shape[1] <= LONG else range(4, 5)
-        found += [tight_end(columns, count) for count in counts]
+        most = min(MOST_TIGHT, columns.shape[1] - 1)
+        counts = range(1, most + 1) if columns.shape[1] <= LONG else [LONG_TIGHT]
+        designs += [perturbations.tight_end(columns, count) for count in counts]
     if problem.scene.free_thickness:
-        for design in list(found):
+        for design in list(designs):
             thick = design.copy()
-            thick[-1, -2:] = 1.0
-            found.append(thick)
-    return unique_points(np.array([design.ravel() for design in found]))
+            thick[-1, -THICK:] = 1.0
+            designs.append(thick)
+    return unique_points(np.array([design.ravel() for design in designs]))
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
-    """Draw layouts with random bends, a random end, random thickness.
+    """Draw layouts with random bends, a random end and random thickness.
 
     Returns
     -------
@@ -131,30 +133,39 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
         (B, n) designs, based on the uniform baseline, that keep the rules.
     """
     uniform = _columns(problem, uniform_design(problem))
-    found = []
+    designs = []
     for _ in range(WIDE if uniform.shape[1] <= LONG else FEW):
         design = uniform.copy()
         for part in design[1 if problem.scene.free_spacing else 0 :]:
             if rng.random() < 0.5:
                 part[:] = rng.random()
-        for _ in range(int(rng.integers(0, 5))):
-            design = bend(design, design, rng)
+        for _ in range(int(rng.integers(BENDS + 1))):
+            design = perturbations.bend(design, design, rng)
         if problem.scene.free_spacing:
             most = min(TIGHT_AT_MOST, uniform.shape[1] - 1)
-            design = tight_end(design, int(rng.integers(0, most + 1)))
-        for _ in range(int(rng.integers(0, 3))):
-            design = free_the_end(design, design, rng)
-        found.append(np.clip(design.ravel(), 0.0, 1.0))
-    return problem.project(np.array(found))
+            design = perturbations.tight_end(design, int(rng.integers(0, most + 1)))
+        for _ in range(int(rng.integers(ENDS + 1))):
+            design = perturbations.free_the_end(design, design, rng)
+        designs.append(np.clip(design.ravel(), 0.0, 1.0))
+    return problem.project(np.array(designs))
 
 
 @dataclass
 class _Elite:
     """The best layouts so far that are not alike, and the success of each perturbation.
 
-    ranked: score and design vector of each, the best first.
-    migrants: the best of the islands, to be joined with.
-    idle: number of layouts tried since the last gain.
+    Attributes
+    ----------
+    problem
+        Problem that is searched.
+    ranked
+        Score and design vector (n,) of each layout, the best first.
+    weights
+        Relative frequency of each perturbation.
+    migrants
+        Design vectors of the best layouts of the islands.
+    idle
+        Number of layouts tried since the last gain.
     """
 
     problem: Problem
@@ -165,32 +176,32 @@ class _Elite:
 
     @property
     def score(self) -> float:
+        """Best score."""
         return self.ranked[0][0]
 
     def add(self, score: float, design: Floats) -> None:
-        alike = [
-            i
-            for i, (_, other) in enumerate(self.ranked)
-            if float(np.abs(other - design).max()) < ALIKE
-        ]
-        if any(self.ranked[i][0] >= score for i in alike):
+        """Add a layout, unless one that is alike is as good."""
+
+        def is_alike(known: Floats) -> bool:
+            return float(np.abs(known - design).max()) < ALIKE
+
+        if any(known_score >= score and is_alike(known) for known_score, known in self.ranked):
             return
-        self.ranked = [one for i, one in enumerate(self.ranked) if i not in alike]
-        self.ranked.append((score, design.copy()))
-        self.ranked.sort(key=lambda one: -one[0])
-        del self.ranked[ELITE:]
+        different = [layout for layout in self.ranked if not is_alike(layout[1])]
+        different.append((score, design.copy()))  # after layouts of equal score
+        self.ranked = sorted(different, key=lambda layout: -layout[0])[:ELITE]
 
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
         """Return a perturbed layout, and the index of its perturbation."""
-        ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.ranked) - 1)
-        parent, other = (_columns(self.problem, self.ranked[r][1]) for r in ranks)
-        if self.migrants and rng.random() < 0.5:
-            other = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
+        ranks = np.minimum(rng.geometric(RANK, 2) - 1, len(self.ranked) - 1)
+        parent, donor = (_columns(self.problem, self.ranked[r][1]) for r in ranks)
+        if self.migrants and rng.random() < FROM_ISLAND:
+            donor = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
         move = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
-        child = PERTURBATIONS[move](parent, other, rng)
-        if rng.random() < 0.25:
+        child = PERTURBATIONS[move](parent, donor, rng)
+        if rng.random() < TWICE:
             move = int(rng.integers(len(PERTURBATIONS)))
-            child = PERTURBATIONS[move](child, other, rng)
+            child = PERTURBATIONS[move](child, donor, rng)
         return np.clip(child.ravel(), 0.0, 1.0), move
 
     def children(self, rng: np.random.Generator) -> tuple[Floats, list[int]]:
@@ -200,23 +211,34 @@ class _Elite:
 
     def joined(self, migrant: Floats, rng: np.random.Generator) -> Floats:
         """Join the best layout and a migrant, the start of one to the end of the other."""
-        ours, theirs = (_columns(self.problem, one) for one in (self.ranked[0][1], migrant))
-        pairs = ours.shape[1]
+        best = _columns(self.problem, self.ranked[0][1])
+        migrant = _columns(self.problem, migrant)
+        pairs = best.shape[1]
         cuts = rng.choice(pairs, min(DRAWN // 2, pairs), replace=False)
-        at = np.arange(pairs) < cuts[:, None, None]
-        both = np.concatenate([np.where(at, ours, theirs), np.where(at, theirs, ours)])
-        return both.reshape(len(both), -1)
+        is_start = np.arange(pairs) < cuts[:, None, None]
+        joined = [np.where(is_start, best, migrant), np.where(is_start, migrant, best)]
+        return np.concatenate(joined).reshape(2 * len(cuts), -1)
 
     def learn(self, move: int, *, gained: bool) -> None:
-        self.weights[move] = np.clip(self.weights[move] * (1.5 if gained else 0.97), 0.2, 5.0)
+        """Change the weight of a perturbation by its success."""
+        weight = self.weights[move] * (REWARD if gained else PENALTY)
+        self.weights[move] = np.clip(weight, *WEIGHTS)
 
 
 @dataclass
 class _Search:
     """The main search, which ends, and the islands, which begin anew.
 
-    ends: best score and design vector of each island.
-    settled: the main search has gained nothing for some generations.
+    Attributes
+    ----------
+    evaluator
+        Evaluator of the problem.
+    elite
+        Best layouts of the main search.
+    ends
+        Best score and design vector of each island that has ended.
+    settled
+        True once the main search has gained nothing for some generations.
     """
 
     evaluator: Evaluator
@@ -235,23 +257,25 @@ class _Search:
             self.elite.add(*self.ends[-1])
 
     def main(self, rng: np.random.Generator) -> Search:
+        """Race the starts, perturb, and join with the layouts of the islands."""
         if not self.elite.ranked:
             yield from _race(self.elite, starts(self.elite.problem))
         settled = LARGE if self.elite.problem.scene.count > ALONE else PATIENCE
         yield from _settle(self.elite, rng, *settled)
         self.settled = True
-        met = 0
+        joined = 0
         while not self.done():
-            while met == len(self.ends):
+            while joined == len(self.ends):
                 yield None
-            for score, design in self.ends[met:]:
-                met += 1
+            for score, design in self.ends[joined:]:
+                joined += 1
                 self.elite.add(score, design)
                 self.elite.migrants.append(design)
                 yield from _generation(self.elite, self.elite.joined(design, rng), rng)
             yield from _settle(self.elite, rng, *settled)
 
     def island(self, rng: np.random.Generator) -> Search:
+        """Search from random starts, again and again."""
         large = self.elite.problem.scene.count > ALONE
         while large and not self.settled:
             yield None
@@ -276,6 +300,7 @@ class _Search:
 
 
 def _race(elite: _Elite, designs: Floats) -> Search:
+    """Run local searches from all designs by successive halving."""
     scores, _ = yield Request(designs)
     order = np.argsort(-scores, kind="stable")
     for i in order:
@@ -302,40 +327,43 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
     while True:
         idle = 0
         while idle < patience:
-            before = elite.score
+            best_score = elite.score
             children, moves = elite.children(rng)
             yield from _generation(elite, children, rng, moves)
-            idle = 0 if elite.score > before + gain * abs(before) else idle + 1
+            idle = 0 if elite.score > best_score + gain * abs(best_score) else idle + 1
         best = _columns(elite.problem, elite.ranked[0][1])
-        tight = ends_tight(best)
+        tight = perturbations.ends_tight(best)
         if not elite.problem.scene.free_spacing or tight in tried:
             return
         tried.add(tight)
-        before = elite.score
+        best_score = elite.score
         yield from _other_ends(elite, best, tight)
-        if elite.score <= before + gain * abs(before):
+        if elite.score <= best_score + gain * abs(best_score):
             return
 
 
 def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
     """Refine layouts with other numbers of tight gaps; their thicknesses move along or stay."""
-    changed = []
+    designs = []
     for count in range(min(TIGHT_AT_MOST, best.shape[1])):
         if count != tight:
-            moved = tight_end(best, count)
-            changed += [moved, np.concatenate([moved[:1], best[1:]])]
-    designs = elite.problem.project(unique_points(np.array([one.ravel() for one in changed])))
-    project = elite.problem.project if elite.problem.coupled else None
-    yield from _halve(elite, [CoarseToFine(one, [], project) for one in designs])
+            changed = perturbations.tight_end(best, count)
+            designs += [changed.ravel(), np.concatenate([changed[:1], best[1:]]).ravel()]
+    projected = elite.problem.project(unique_points(np.array(designs)))
+    levels = _levels(elite.problem, ())
+    yield from _halve(elite, [CoarseToFine(design, *levels) for design in projected])
 
 
 def _generation(
     elite: _Elite, drawn: Floats, rng: np.random.Generator, moves: Sequence[int] = ()
 ) -> Search:
-    """Score perturbed layouts and refine some of them; moves: indices of their perturbations."""
+    """Score perturbed layouts and refine some of them.
+
+    `moves` are the indices of their perturbations; empty where none is to learn from them.
+    """
     designs = elite.problem.project(drawn)
     scores, _ = yield Request(designs)
-    before = elite.score
+    best_score = elite.score
     order = np.argsort(-scores, kind="stable")
     # the best by their score, and some by chance: a local search may gain more from these
     chosen = [*order[: WIDE // 2], *rng.permutation(order[WIDE // 2 :])[: WIDE // 2]]
@@ -344,19 +372,20 @@ def _generation(
     levels = _levels(elite.problem, COARSE[1:])
     arms = {int(i): CoarseToFine(designs[i], *levels) for i in chosen if scores[i] > 0.0}
     yield from advance(list(arms.values()), SHORT)
-    near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
-    near.sort(key=lambda i: -arms[i].score)
-    yield from advance([arms[i] for i in near[: WIDE // 2]], MORE)
+    promising = [i for i, arm in arms.items() if arm.score > best_score - NEAR * abs(best_score)]
+    promising.sort(key=lambda i: -arms[i].score)
+    yield from advance([arms[i] for i in promising[: WIDE // 2]], MORE)
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
-        gained = arm.score == best and best > before * (1.0 + 1e-6)
+        gained = arm.score == best and best > best_score * (1.0 + IMPROVED)
         if moves:
             elite.learn(moves[i], gained=gained)
         if gained:
-            yield from advance([arm], 4 * MORE)
+            yield from advance([arm], LONGEST_RUN)
             elite.add(arm.score, arm.design)
-    elite.idle = 0 if elite.score > before + GAIN * abs(before) else elite.idle + len(designs)
+    gained = elite.score > best_score + GAIN * abs(best_score)
+    elite.idle = 0 if gained else elite.idle + len(designs)
 
 
 def _levels(

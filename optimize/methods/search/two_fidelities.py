@@ -43,11 +43,13 @@ TOGETHER = 8  # layouts that are simulated free-standing in one batch
 LEAST_DISTANCE = 0.02  # of two candidates: largest difference of their design vectors
 WORSE = 0.02  # relative distance to the analytic best up to which a layout is a candidate
 PARENTS, SEARCHES, STEPS = 4, 24, 80  # layouts that are changed, local searches, gradients of each
+RANK = 0.5  # probability that the best layout is a parent, then the next best, and so on
 ALIKE = 1e-3  # largest difference of layouts of which only one is simulated free-standing
 PATIENCE, GAIN = 5, 3e-5  # rounds without a relative gain after which the search is done
 BOX = 0.1  # largest distance of a variable from the best at which the ratio is taken as linear
 COEFFICIENT = 1e-3  # prior deviation of the logarithm of the ratio across the range of a variable
 NEIGHBOURS = 2.0  # places over which coefficients are alike
+SHARED = 0.5  # part of the prior variance that neighbours share
 FAR = 0.3  # correlation length of the residuals, as a distance of design vectors
 NOISE = 3e-5  # relative, of a free-standing score beside those of similar layouts
 
@@ -55,7 +57,14 @@ NOISE = 3e-5  # relative, of a free-standing score beside those of similar layou
 def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method) -> None:
     """Search for the layout that is fastest on the floor of the scene.
 
-    analytic_method: the method that searches the analytic model.
+    Parameters
+    ----------
+    evaluator
+        Evaluator of a scene with a floor.
+    rng
+        Random generator of the search.
+    analytic_method
+        Method that searches the analytic model.
     """
     analytic = Problem(replace(evaluator.problem.scene, floor_friction=None))
     known = _Known(evaluator, analytic)
@@ -63,11 +72,11 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
     known.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
     while idle < PATIENCE:
-        before, designs = known.score, _proposed(known, rng)
+        best_score, designs = known.score, _proposed(known, rng)
         if not len(designs):
             return
         known.evaluate(designs)
-        idle = 0 if known.score > before + GAIN * abs(before) else idle + 1
+        idle = 0 if known.score > best_score + GAIN * abs(best_score) else idle + 1
         spent = f"{evaluator.evaluations} free-standing layouts simulated"
         evaluator.status = f"{spent}, the last {idle} rounds without gain"
 
@@ -79,21 +88,20 @@ def _candidates(
 
     The number of evaluations is fixed, so that a search that is resumed repeats them.
     """
-    found: list[tuple[float, Floats]] = []
-    for child in rng.spawn(RUNS):
+    finalists: list[tuple[float, Floats]] = []
+    for generator in rng.spawn(RUNS):
         if evaluator.progress >= 1.0:
             raise BudgetSpent
-        limit = evaluator.max_seconds
-        seconds = None if limit is None else max(limit - evaluator.seconds, 1e-9)
-        inner = Evaluator(analytic, ANALYTIC, seconds)
+        analytic_evaluator = Evaluator(analytic, ANALYTIC, evaluator.remaining_seconds)
         with suppress(BudgetSpent):
-            method(inner, child)
-        found += inner.finalists
-    found.sort(key=lambda one: -one[0])
+            method(analytic_evaluator, generator)
+        finalists += analytic_evaluator.finalists
+    finalists.sort(key=lambda finalist: -finalist[0])
+    best = finalists[0][0]
     chosen: list[Floats] = []
-    for score, design in found:
-        distance = min((float(np.abs(design - other).max()) for other in chosen), default=1.0)
-        if distance > LEAST_DISTANCE and score > found[0][0] - WORSE * abs(found[0][0]):
+    for score, design in finalists:
+        distance = min((float(np.abs(design - known).max()) for known in chosen), default=1.0)
+        if distance > LEAST_DISTANCE and score > best - WORSE * abs(best):
             chosen.append(design)
     return np.array(chosen[:TOGETHER])
 
@@ -106,10 +114,11 @@ class _Known:
         self.designs = np.empty((0, analytic.dimension))
         self.scores, self.ratios = np.empty(0), np.empty(0)
         place = np.arange(analytic.dimension)
-        near = np.exp(-0.5 * ((place[:, None] - place[None]) / NEIGHBOURS) ** 2)
+        alike = np.exp(-0.5 * ((place[:, None] - place[None]) / NEIGHBOURS) ** 2)
         pairs = analytic.scene.count - 1
-        near[place[:, None] // pairs != place[None] // pairs] = 0.0  # gaps and thicknesses differ
-        self.prior = COEFFICIENT**2 * (0.5 * near + 0.5 * np.eye(analytic.dimension))
+        alike[place[:, None] // pairs != place[None] // pairs] = 0.0  # gaps and thicknesses differ
+        own = np.eye(analytic.dimension)
+        self.prior = COEFFICIENT**2 * (SHARED * alike + (1.0 - SHARED) * own)
 
     @property
     def score(self) -> float:
@@ -125,24 +134,24 @@ class _Known:
         """Simulate layouts in both models and add them."""
         scores = self.evaluator.evaluate(designs).score
         analytic = self.analytic.evaluate(designs).score
-        both = (scores > 0.0) & (analytic > 0.0)
-        ratios = np.log(np.where(both, scores, 1.0) / np.where(both, analytic, 1.0))
+        completes = (scores > 0.0) & (analytic > 0.0)
+        ratios = np.log(np.where(completes, scores, 1.0) / np.where(completes, analytic, 1.0))
         self.designs = np.concatenate([self.designs, designs])
         self.scores = np.concatenate([self.scores, scores])
-        self.ratios = np.concatenate([self.ratios, np.where(both, ratios, np.nan)])
+        self.ratios = np.concatenate([self.ratios, np.where(completes, ratios, np.nan)])
 
     def coefficients(self, number: int, rng: np.random.Generator) -> Floats:
         """Draw coefficients (number, n) of the logarithm of the ratio; the first are the mean."""
-        there = np.flatnonzero(np.isfinite(self.ratios))
-        offset = self._offset(self.designs[there])
-        far = np.abs(self.designs[there] - self.best).max(axis=1, initial=0.0) / BOX
-        weight = 1.0 / (NOISE * (1.0 + far)) ** 2
+        known = np.isfinite(self.ratios)
+        designs, ratios = self.designs[known], self.ratios[known]
+        offset = self._offset(designs)
+        distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / BOX
+        weight = 1.0 / (NOISE * (1.0 + distance)) ** 2
         level = weight / max(float(weight.sum()), 1.0)
         centred = offset - level @ offset
-        wanted = self.ratios[there] - level @ self.ratios[there]
         weighted = weight[:, None] * centred
         covariance = np.linalg.inv(np.linalg.inv(self.prior) + weighted.T @ centred)
-        mean = covariance @ (weighted.T @ wanted)
+        mean = covariance @ (weighted.T @ (ratios - level @ ratios))
         root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         drawn = mean + rng.standard_normal((number, len(mean))) @ root.T
         drawn[0] = mean
@@ -150,25 +159,27 @@ class _Known:
 
     def corrected(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
         """Return scores (B,) and gradients (B, n) of the analytic model times the ratio."""
-        found = self.analytic.evaluate(designs, True, differences=False)
-        scores, gradients = found.score, found.gradient
+        analytic = self.analytic.evaluate(designs, True, differences=False)
+        completes = analytic.score > 0.0
         exponent = np.sum(coefficients * self._offset(designs), axis=1)
-        factor = np.where(scores > 0.0, np.exp(exponent), 1.0)
-        inside = (np.abs(designs - self.best) < BOX) & (scores > 0.0)[:, None]
-        scores = scores * factor
+        factor = np.where(completes, np.exp(exponent), 1.0)
+        inside = (np.abs(designs - self.best) < BOX) & completes[:, None]
+        scores = analytic.score * factor
         by_ratio = scores[:, None] * np.where(inside, coefficients, 0.0)
-        return scores, factor[:, None] * gradients + by_ratio
+        return scores, factor[:, None] * analytic.gradient + by_ratio
 
     def predicted(self, designs: Floats, coefficients: Floats) -> Floats:
         """Predict the scores (B,) of designs (B, n) by coefficients (n,) and the residuals."""
         scores, _ = self.corrected(designs, np.repeat(coefficients[None], len(designs), axis=0))
-        there = np.flatnonzero(np.isfinite(self.ratios))
-        if not len(there):
+        known = np.isfinite(self.ratios)
+        if not known.any():
             return scores
-        known, best = self.designs[there], there[int(np.argmax(self.scores[there]))]
-        residuals = self.ratios[there] - self.ratios[best] - self._offset(known) @ coefficients
-        covariance = _correlation(known, known) + (NOISE / COEFFICIENT) ** 2 * np.eye(len(known))
-        expected = _correlation(designs, known) @ np.linalg.solve(covariance, residuals)
+        simulated, ratios = self.designs[known], self.ratios[known]
+        best = int(np.argmax(self.scores[known]))
+        residuals = ratios - ratios[best] - self._offset(simulated) @ coefficients
+        covariance = _correlation(simulated, simulated)
+        covariance += (NOISE / COEFFICIENT) ** 2 * np.eye(len(simulated))
+        expected = _correlation(designs, simulated) @ np.linalg.solve(covariance, residuals)
         return np.where(scores > 0.0, scores * np.exp(expected), scores)
 
     def _offset(self, designs: Floats) -> Floats:
@@ -176,10 +187,10 @@ class _Known:
         return np.clip(designs - self.best, -BOX, BOX)
 
 
-def _correlation(some: Floats, others: Floats) -> Floats:
-    """Return the correlation (B, C) of the residuals of designs, from 0 to 1."""
-    distance = np.sum((some[:, None] - others[None]) ** 2, axis=2)
-    return np.asarray(np.exp(-0.5 * distance / FAR**2))
+def _correlation(first: Floats, second: Floats) -> Floats:
+    """Return the correlation (B, C) of the residuals of designs (B, n) and (C, n), from 0 to 1."""
+    square = np.sum((first[:, None] - second[None]) ** 2, axis=2)
+    return np.asarray(np.exp(-0.5 * square / FAR**2))
 
 
 def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
@@ -189,9 +200,9 @@ def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
     pairs = problem.scene.count - 1
     designs = [known.best]
     for _ in range(SEARCHES - 1):
-        ranks = np.minimum(rng.geometric(0.5, 2) - 1, len(order) - 1)
-        parent, other = (known.designs[order[r]].reshape(-1, pairs) for r in ranks)
-        changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, other, rng)
+        ranks = np.minimum(rng.geometric(RANK, 2) - 1, len(order) - 1)
+        parent, donor = (known.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
+        changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
         designs.append(np.clip(changed.ravel(), 0.0, 1.0))
     coefficients = known.coefficients(SEARCHES, rng)
     arms = [LocalSearch(design, analytic.project) for design in designs]
@@ -200,8 +211,8 @@ def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
     predicted = known.predicted(ends, coefficients[0])
     chosen: list[int] = []
     for i in np.argsort(-predicted, kind="stable"):
-        others = np.concatenate([known.designs, ends[chosen]])
-        if np.abs(others - ends[i]).max(axis=1).min() > ALIKE and len(chosen) < TOGETHER:
+        simulated = np.concatenate([known.designs, ends[chosen]])
+        if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE and len(chosen) < TOGETHER:
             chosen.append(int(i))
     return ends[chosen]
 
@@ -209,11 +220,11 @@ def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
 def _refine(known: _Known, arms: list[LocalSearch], coefficients: Floats) -> None:
     """Advance local searches on the corrected model in lockstep, each with its own coefficients."""
     for _ in range(STEPS):
-        left = [i for i, arm in enumerate(arms) if not arm.done]
-        if not left:
+        running = [i for i, arm in enumerate(arms) if not arm.done]
+        if not running:
             return
         known.evaluator.require_more()
-        wanted = np.array([arms[i].wanted for i in left])
-        scores, gradients = known.corrected(wanted, coefficients[left])
-        for i, score, gradient in zip(left, scores, gradients, strict=True):
+        wanted = np.array([arms[i].wanted for i in running])
+        scores, gradients = known.corrected(wanted, coefficients[running])
+        for i, score, gradient in zip(running, scores, gradients, strict=True):
             arms[i].update(float(score), gradient)

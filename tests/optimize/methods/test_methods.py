@@ -9,10 +9,9 @@ import pytest
 import domino_env as de
 from domino_env.scenes.scene import Scene
 from optimize import METHODS, Evaluator, search
-from optimize.result import SearchResult
 
 SCENES = ["spacing", "one-gap", "both", "length-both", "dying", "dead"]
-WARM = 2  # rows that are simulated first, to compile the simulator and its gradients
+WARM = 2  # layouts that are simulated first, to compile the simulator and its gradients
 ENDLESS = [name for name in METHODS if name != "uniform"]  # they go on until they are stopped
 
 every_method = pytest.mark.parametrize("method", METHODS)
@@ -20,79 +19,66 @@ endless_method = pytest.mark.parametrize("method", ENDLESS)
 every_scene = pytest.mark.parametrize("name", SCENES)
 
 
-class Witness:
-    """Sees every layout that is simulated while a search runs."""
+@pytest.fixture
+def simulated(monkeypatch) -> list[tuple[de.Layout, float]]:
+    """Every layout that is simulated during a search, with its score."""
+    layouts: list[tuple[de.Layout, float]] = []
+    original = Scene.evaluate
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.layouts: list[de.Layout] = []
-        self.scores: list[float] = []
-        monkeypatch.setattr(Scene, "evaluate", self._seeing(Scene.evaluate))
+    def evaluate(scene: Scene, batch, gradient=False):
+        result = original(scene, batch, gradient)
+        layouts.extend((batch.layout(b), score) for b, score in enumerate(result.score.tolist()))
+        return result
 
-    def _seeing(self, original):
-        def evaluate(scene: Scene, batch, gradient=False):
-            found = original(scene, batch, gradient)
-            self.layouts += [batch.layout(b) for b in range(len(batch))]
-            self.scores += found.score.tolist()
-            return found
-
-        return evaluate
-
-
-def same(one: SearchResult, other: SearchResult) -> bool:
-    """Equal to the bit in everything but time."""
-    return (
-        np.array_equal(one.layout.spacing, other.layout.spacing)
-        and np.array_equal(one.layout.thickness, other.layout.thickness)
-        and one.score == other.score
-        and [(n, f, s) for n, f, _, s in one.trace] == [(n, f, s) for n, f, _, s in other.trace]
-    )
+    monkeypatch.setattr(Scene, "evaluate", evaluate)
+    return layouts
 
 
 @every_method
 @every_scene
-def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, monkeypatch, method, name):
+def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated, method, name):
     scene = scenes[name]
     scene.uniform()
-    witness = Witness(monkeypatch)
+    simulated.clear()
     result = search(scene, method, budget=100, seed=3)
-    proposed = witness.layouts[WARM:]
-    assert result.evaluations == len(proposed) == (100 if method in ENDLESS else 1)
-    for layout in proposed:
+    layouts, scores = zip(*simulated[WARM:], strict=True)
+    assert result.evaluations == len(layouts) == (100 if method in ENDLESS else 1)
+    for layout in layouts:
         assert scene.violations(layout) == []
         if scene.length is not None:
             assert abs(layout.length - scene.length) < 1e-12
-    best = max(witness.scores[WARM:])
+    best = max(scores)
     assert result.trace[-1][3] == best
     assert result.score == scene.score(result.layout) == pytest.approx(best, abs=2e-6)
     assert result.wave.rtol == result.uniform.wave.rtol == 1e-10
     assert result.uniform is scene.uniform()
-    *counted, scores = (np.diff(column) for column in zip(*result.trace, strict=True))
-    assert all(np.all(column >= 0.0) for column in counted)  # evaluations, falls, seconds
-    assert np.all(scores[:-1] > 0.0)
-    assert scores[-1] == 0.0
+    *counts, gains = (np.diff(column) for column in zip(*result.trace, strict=True))
+    assert all(np.all(column >= 0.0) for column in counts)  # evaluations, falls, seconds
+    assert np.all(gains[:-1] > 0.0)
+    assert gains[-1] == 0.0
     completes = result.score > 0.0 and result.uniform.score > 0.0
     assert result.gain == (result.score / result.uniform.score - 1.0 if completes else None)
 
 
 @every_method
-def test_it_is_repeatable_to_the_bit(scenes, monkeypatch, tmp_path, method):
-    """Without a file, and without the streams of random numbers that all share."""
+def test_it_is_bitwise_repeatable(bits, scenes, monkeypatch, tmp_path, method):
+    """It uses no file, and no global random generator."""
     monkeypatch.chdir(tmp_path)
     first = search(scenes["dying"], method, budget=150, seed=11)
     np.random.seed(1)  # noqa: NPY002
     before = np.random.get_state()[1:3], random.getstate()  # noqa: NPY002
     (tmp_path / "cma_signals.in").write_text("{'timeout': 0, 'popsize': 3}")  # which pycma reads
-    assert same(first, search(scenes["dying"], method, budget=150, seed=11))
+    assert bits(search(scenes["dying"], method, budget=150, seed=11)) == bits(first)
     after = np.random.get_state()[1:3], random.getstate()  # noqa: NPY002
     assert [f.name for f in tmp_path.iterdir()] == ["cma_signals.in"]
     np.testing.assert_equal(after, before)
 
 
 @endless_method
-def test_ctrl_c_ends_it_with_the_best_so_far(scenes, monkeypatch, method):
+def test_ctrl_c_ends_it_with_the_best_so_far(scenes, simulated, method):
     scene = scenes["spacing"]
     scene.uniform()
-    witness = Witness(monkeypatch)
+    simulated.clear()
     batches = []
 
     def press(evaluator: Evaluator) -> None:
@@ -102,28 +88,16 @@ def test_ctrl_c_ends_it_with_the_best_so_far(scenes, monkeypatch, method):
 
     result = search(scene, method, budget=100_000, callback=press)
     assert result.interrupted
-    assert result.evaluations == batches[-1] == len(witness.scores) - WARM
-    assert result.score == pytest.approx(max(witness.scores[WARM:]), abs=2e-6)
-
-
-@endless_method
-def test_ctrl_c_before_anything_was_found_is_ctrl_c(scenes, monkeypatch, method):
-    scenes["spacing"].uniform()
-
-    def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Evaluator, "evaluate", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        search(scenes["spacing"], method, budget=10)
+    scores = [score for _, score in simulated[WARM:]]
+    assert result.evaluations == batches[-1] == len(scores)
+    assert result.score == pytest.approx(max(scores), abs=2e-6)
 
 
 @endless_method
 @pytest.mark.parametrize("seconds", [1e-9, 1.0])
 def test_a_budget_of_seconds_ends_it_after_at_least_one_layout(scenes, method, seconds):
     ticks = count()  # a clock that advances by 10 ms whenever it is read
-    words = {"seconds": seconds, "clock": lambda: 0.01 * next(ticks)}
-    result = search(scenes["spacing"], method, **words)
+    result = search(scenes["spacing"], method, seconds=seconds, clock=lambda: 0.01 * next(ticks))
     assert not result.interrupted
     assert seconds <= result.seconds < seconds + 0.1
     assert result.evaluations >= 1
