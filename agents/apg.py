@@ -176,10 +176,11 @@ class _Score(torch.autograd.Function):
         batch = scene.batch(arrays[0], arrays[1], arrays[2], rtol)
         result = scene.evaluate(batch, gradient=any(ctx.needs_input_grad))
         if result.gradient is not None:
-            by = result.gradient
+            names = "spacing", "thickness", "height"
+            values = [getattr(result.gradient, name) for name in names]
             ctx.gradients = [
                 None if size is None else torch.as_tensor(value, dtype=size.dtype)
-                for size, value in zip(sizes, (by.spacing, by.thickness, by.height), strict=True)
+                for size, value in zip(sizes, values, strict=True)
             ]
         dtype = sizes[0].dtype
         scores, reach = (torch.tensor(part, dtype=dtype) for part in (result.score, result.reach))
@@ -189,7 +190,8 @@ class _Score(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, bars: torch.Tensor, _: torch.Tensor) -> Any:
         """Multiply by the gradients (B, N-1)."""
-        return None, None, *(None if by is None else bars[:, None] * by for by in ctx.gradients)
+        gradients = (None if g is None else bars[:, None] * g for g in ctx.gradients)
+        return None, None, *gradients
 
 
 class _Placing(torch.autograd.Function):
@@ -232,13 +234,9 @@ def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
     longest = max(scene.count for scene in scenes)
     observations = np.zeros((len(first), longest - 1, size), np.float32)
     for episode, scene, observed in zip(observations, scenes, first, strict=False):
-        placed, near = (
-            np.arange(scene.count - 1)[:, None] / (scene.count - 1),
-            closeness(scene.count),
-        )
-        episode[: scene.count - 1, progress] = np.concatenate(
-            [placed, near[:-1], near[:0:-1]], axis=1
-        )
+        pairs, near = scene.count - 1, closeness(scene.count)
+        placed = np.arange(pairs)[:, None] / pairs
+        episode[:pairs, progress] = np.concatenate([placed, near[:-1], near[:0:-1]], axis=1)
         if features is not None:
             episode[:, features] = observed[features]
     return scenes, torch.from_numpy(observations)
@@ -251,10 +249,10 @@ def _evaluate(
     scores = list[torch.Tensor]()
     infos = list[dict[str, Any]]()
     step = len(scenes) if len(set(scenes)) == 1 else 1
-    for chosen in (slice(b, b + step) for b in range(0, len(scenes), step)):
-        scene = scenes[chosen][0]
+    for first in range(0, len(scenes), step):
+        scene, batch = scenes[first], slice(first, first + step)
         gaps, thick, tall = (
-            part[chosen, : scene.count - 1].contiguous() for part in (spacing, thickness, height)
+            part[batch, : scene.count - 1].contiguous() for part in (spacing, thickness, height)
         )
         sizes = gaps, thick, None if scene.growth is None else tall
         results, reach = _Score.apply(scene, RTOL, *sizes)  # type: ignore[no-untyped-call]

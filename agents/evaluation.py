@@ -31,7 +31,7 @@ from optimize.searching import compile_for
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-ROUNDING = 1e-9  # relative gain up to which a layout counts as the uniform one
+SAME_GAIN = 1e-9  # relative gain up to which a layout counts as the uniform one
 LEAST_GAIN = 1e-4  # a smaller gain of a search is no reference
 SEARCHED = Path(__file__).with_name("searched.csv")
 
@@ -224,7 +224,7 @@ class ScenesEvaluation:
             seconds = 1e3 * self.seconds[name]
             times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
         return (
-            name, f"{np.mean(gain > ROUNDING):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
+            name, f"{np.mean(gain > SAME_GAIN):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
             f"{np.quantile(gain, 0.1):+.2%}",
             f"{stopped} stop" if stopped else f"{gain.min():+.2%}", *parts, *times,
         )  # fmt: skip
@@ -262,19 +262,18 @@ def scenes_of(
         For numbers out of range, and as of `load_distribution` and `load_test_set`.
     """
     require("scenes", number, 1, whole=True)
+    distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
     if seed is not None:
         require("seed", seed, 0, whole=True)
-        distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
         rng = np.random.default_rng(seed)
         return [distribution.sample(rng) for _ in range(number)]
-    if isinstance(name, SceneDistribution):
-        if name.name not in distribution_names() or load_distribution(name.name) != name:
-            raise ValueError(f"no test scenes ship for '{name.name}': give a seed (--seed)")
-        name = name.name
-    known = load_test_set(str(name))
-    if number > len(known):
-        raise ValueError(f"the test set of {name} has {len(known)} scenes: give a seed for more")
-    return known[:number]
+    name = distribution.name
+    if name not in distribution_names() or load_distribution(name) != distribution:
+        raise ValueError(f"no test scenes ship for '{name}': give a seed (--seed)")
+    tests = load_test_set(name)
+    if number > len(tests):
+        raise ValueError(f"the test set of {name} has {len(tests)} scenes: give a seed for more")
+    return tests[:number]
 
 
 def evaluate_scenes(

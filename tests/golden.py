@@ -66,16 +66,14 @@ def check(file: Path, groups: list[str]) -> int:
         print(f"{file} contains no digests of {', '.join(groups)}")
         return 1
     now = digests_of(groups)
-    changed = [name for name in before if now.get(name) != before[name]]
+    changed = [name for name, word in before.items() if now.get(name) != word]
     for name in changed:
         print(f"differs: {name}" if name in now else f"is gone: {name}")
     for name in now.keys() - before.keys():
         print(f"is new, with nothing to compare it with: {name}")
-    if changed:
-        print(f"{len(changed)} of {len(before)} digests differ")
-        return 1
-    print(f"all {len(before)} digests are the same")
-    return 0
+    same = f"all {len(before)} digests are the same"
+    print(f"{len(changed)} of {len(before)} digests differ" if changed else same)
+    return int(bool(changed))
 
 
 def main() -> int:

@@ -1,1 +1,1 @@
-"""The commands `domino train` and `domino evaluate`."""
+"""Commands of `domino`: train, evaluate, benchmark, dataset."""

@@ -1,12 +1,11 @@
 """Compare the layout that an agent builds with the uniform baseline and the best known layout.
 
-RUN is the folder of a training, the name of a shipped policy (sprint, designer), or a scripted
-policy: uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule), rule (takes
-pieces from a hand); or an
-archive (.zip) of Stable-Baselines3 or sb3-contrib with a --scene. Plain multilayer perceptrons are
-read without running code, others need --trust.
-`designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it on many scenes
-that it was not trained on, as it does policies trained on `varied`.
+RUN is the folder of a training, the name of a shipped policy (sprint, designer), a scripted policy,
+or an archive (.zip) of Stable-Baselines3 or sb3-contrib with a --scene. Scripted policies are
+uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule) and rule (takes
+pieces from a hand). Plain multilayer perceptrons are read without running code, other archives need
+--trust. `designer` designs a layout for a new --scene in milliseconds. --scenes evaluates it, or a
+policy trained on `varied`, on many scenes that it was not trained on.
 """
 
 from __future__ import annotations

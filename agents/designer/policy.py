@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from agents.designer.decoding import decoded
@@ -45,7 +44,8 @@ from optimize.problem import Problem
 from optimize.searching import compile_for
 
 AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of log gaps around their mean
-LEAST, MOST, DOMINOES = 4, 12, 320  # gradient steps, and dominoes in all of them: some 4 ms
+LEAST_STEPS, MOST_STEPS = 4, 12  # gradient steps
+STEPPED_DOMINOES = 320  # in all gradient steps, some 4 ms
 CURVATURE = 1.0  # N-1 times the second derivative of ln(score) by the logarithm of a gap
 
 
@@ -100,11 +100,6 @@ class Designer:
 
     __repr__ = brief
 
-    def ranked(self, scene: Scene) -> NDArray[np.intp]:
-        """Return the numbers of tight gaps for a scene, the preferred one first."""
-        values = _outputs(self.tight, scaled(features_of(scene))[None])[0]
-        return np.argsort(-values[: tight_of(scene.count)], kind="stable")
-
     def propose(self, scene: Scene, tries: int = TIGHT) -> tuple[Layout, int]:
         """Return the best layout for the preferred numbers of tight gaps, and its number.
 
@@ -115,7 +110,8 @@ class Designer:
         tries
             How many numbers of tight gaps are simulated; 1 for the preferred one, not simulated.
         """
-        tight = self.ranked(scene)[:tries].astype(np.float64)
+        values = _outputs(self.tight, scaled(features_of(scene))[None])[0, : tight_of(scene.count)]
+        tight = np.argsort(-values, kind="stable")[:tries].astype(np.float64)
         outputs = _outputs(self.layout, observations(features_of(scene), tight))
         outputs = outputs.reshape(len(tight), scene.count - 1, 2)
         gaps, thickness = decoded(scene, outputs, tight)
@@ -189,7 +185,7 @@ def _part(arrays: Mapping[str, Any], part: str) -> Network:
 
 def steps_of(count: int) -> int:
     """Return the default number of gradient steps for a layout of `count` dominoes."""
-    return int(np.clip(DOMINOES // count, LEAST, MOST))
+    return int(np.clip(STEPPED_DOMINOES // count, LEAST_STEPS, MOST_STEPS))
 
 
 def refined(scene: Scene, layout: Layout, steps: int) -> Layout:

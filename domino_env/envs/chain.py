@@ -22,7 +22,7 @@ from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-PIECE = 128  # least number of environments of a thread: starting another costs as much
+SHARE = 128  # least number of environments of a thread: starting another costs as much
 
 
 class DominoChain(DominoEnv):
@@ -350,7 +350,7 @@ class DominoChainVector(DominoVectorEnv):
             self._which = before
             raise
         self._enter(envs)
-        self._draw(envs, generators, dict(starts))
+        self._randomise(envs, generators, dict(starts))
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
         for b, start in starts:
             placed[b] = start.count - 1
@@ -395,7 +395,7 @@ class DominoChainVector(DominoVectorEnv):
         rewards = np.empty(self.num_envs)
         ended = np.empty(self.num_envs, np.bool_)
         share_evenly(
-            kernels.step_batch, self.num_envs, PIECE,
+            kernels.step_batch, self.num_envs, SHARE,
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip
         infos: Infos = {}

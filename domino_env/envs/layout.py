@@ -17,7 +17,7 @@ from domino_env.envs.spaces import choices
 from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
 from domino_env.scenes.scene import Scene
 
-PIECE = 16  # least number of environments of a thread
+SHARE = 16  # least number of environments of a thread
 
 
 class DominoLayout(DominoEnv):
@@ -113,7 +113,7 @@ class DominoLayoutVector(DominoVectorEnv):
         self._batch.states["u"][mask] = self.source.first.physics.push**2
         self._batch.states["time"][mask] = 0.0
         self._waves[mask] = None
-        self._draw(np.flatnonzero(mask), generators, {})
+        self._randomise(np.flatnonzero(mask), generators, {})
         observations[mask] = 0.0
         return {}
 
@@ -126,7 +126,7 @@ class DominoLayoutVector(DominoVectorEnv):
             return observations, rewards, ended, {}
         parts = actions.reshape(self.num_envs, choices(scene), -1).transpose(0, 2, 1)
         parts = np.ascontiguousarray(parts)
-        share_evenly(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, parts)
+        share_evenly(kernels.place_batch, self.num_envs, SHARE, self._batch, ended, parts)
         if scene.length is not None:
             self._meet_length(scene, scene.length)
         rewards[envs], infos = self._end(envs)

@@ -23,7 +23,7 @@ from domino_env.scenes.scene import Scene
 Generators = Callable[[int], np.random.Generator]  # generator of an environment, by its index
 SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
 
-ROOM = 2  # largest count of a given scene over that of the longest sampled one
+COUNT_FACTOR = 2  # largest count of a given scene over that of the longest sampled one
 
 
 class SceneSource:
@@ -111,7 +111,7 @@ class SceneSource:
         self.numbers = _numbers(sampled, num_scenes, first_scene)
         self.sampled, self.window = sampled, min(int(window), count - 1)
         places = sampled + num_envs * (self.distribution is not None)
-        self.longest = count * (ROOM if self.distribution is not None else 1)
+        self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
         self.scenes: list[Scene | None] = [None] * places
         self.rules = np.zeros(places, kernels.RULES)
         self.features = np.zeros((places, len(self.shown)), np.float32)
@@ -146,7 +146,7 @@ class SceneSource:
         if scene.count > self.longest:
             raise ValueError(
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
-                f"{ROOM} times as many as '{self.distribution.name}' samples"
+                f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
         self._keep(self.sampled + env, scene, self.distribution.scaled(numbers))
         return self.sampled + env

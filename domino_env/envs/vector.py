@@ -187,7 +187,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             For options that no episode can begin with; every environment is then left as it was.
         """
 
-    def _draw(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
+    def _randomise(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
         """Sample placement errors and the order of the pieces, where the scene has them.
 
         starts: dominoes that stand at the start, by environment.
@@ -385,8 +385,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
         height = batch.height[env % len(batch.height)]
         sizes = batch.spacing[env], batch.thickness[env], height
-        drawn = self._scene(env).hand > 0
-        hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int)) if drawn else np.zeros(0)
+        hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int))  # empty without a hand
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
         return Snapshot(
             layout=placed_layout(self._scene(env), placed, *sizes),

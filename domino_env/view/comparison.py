@@ -19,7 +19,8 @@ from domino_env.view.ground import ground_line
 
 STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
 EDGE = 1e-5  # part of an interval left out at its ends
-SIZES = "spacing", "thickness", "height", "positions"
+SIZES = "spacing", "thickness", "height", "positions"  # of a layout
+RUN_FIELDS = "trace", "learning", "verification", "score_text"  # of a compared layout
 
 
 @dataclass(frozen=True)
@@ -150,10 +151,7 @@ def _data_of(entry: ComparedLayout) -> dict[str, Any]:
             name: _short(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name in ("time", "released", "kinetic", "hits", "flushes", "friction")
         },
-        "trace": entry.trace,
-        "learning": entry.learning,
-        "verification": entry.verification,
-        "score_text": entry.score_text,
+        **{name: getattr(entry, name) for name in RUN_FIELDS},
     }
 
 

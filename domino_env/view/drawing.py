@@ -21,7 +21,7 @@ INK, PALE, SOFT, FALLS, LEADS = map(
 )
 TITLE = 40  # height of the line above all strips [px]
 AHEAD = 0.72  # furthest place of the leader over the width of a moving picture
-FINER = 2  # factor by which strips are drawn larger, then scaled down
+ZOOM = 2  # factor by which strips are drawn larger before they are scaled down
 HIGHEST = 2.0  # strip heights that uneven ground may add; higher ground is followed
 
 
@@ -112,33 +112,33 @@ def strip(
     Image
         Image of the size of the scale.
     """
-    w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
+    w, h, k = scale.width * ZOOM, scale.height * ZOOM, scale.pixels * ZOOM
     image = Image.new("RGB", (w, h), PAPER)
     draw = ImageDraw.Draw(image)
     pivots = layout.pivots
     front, high = map(float, pivots[leader])
-    left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
+    left = 20 * ZOOM + 1.2 * float(layout.thickness[0]) * k
     left -= max(0.0, left + (front if camera is None else camera) * k - ahead * w)
     # the lowest ground at the floor; where the relief is too high, the leader in the middle
     under = ground_line(layout, max(left / k, 0.0), w / k, ground)
     shown = pivots if ground is None else under[under[:, 0] < (w - left) / k]
     lowest, highest = float(shown[:, 1].min()), float(shown[:, 1].max())
     room = scale.room / scale.pixels
-    base = float(scale.floor * FINER)
+    base = float(scale.floor * ZOOM)
     base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
     points = [(left + x * k, base - z * k) for x, z in under]
-    draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
+    draw.line(points, fill=PALE if layout.is_flat else SOFT, width=ZOOM, joint="curve")
     if finish is not None:  # dashed, from above the chain to below the ground
-        end, dash = left + finish * k, 6 * FINER
-        for y in range(34 * FINER, round(base - float(pivots[-1, 1]) * k) + 2 * dash, 2 * dash):
-            draw.line([(end, y), (end, y + dash)], fill=INK, width=FINER)
+        end, dash = left + finish * k, 6 * ZOOM
+        for y in range(34 * ZOOM, round(base - float(pivots[-1, 1]) * k) + 2 * dash, 2 * dash):
+            draw.line([(end, y), (end, y + dash)], fill=INK, width=ZOOM)
     corners = outlines(layout, leans)
     across, down = left + corners[..., 0] * k, base - corners[..., 1] * k
     for i in np.flatnonzero((across.max(axis=1) > 0.0) & (across.min(axis=1) < w)):
         colour = LEADS if i == leader else FALLS if i < leader else STANDS
         draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=PAPER)
-    x, below, r = left + front * k, base - high * k, 5 * FINER  # a triangle points at the leader
-    triangle = [(x, below + FINER), (x - r, below + 2 * r), (x + r, below + 2 * r)]
+    x, below, r = left + front * k, base - high * k, 5 * ZOOM  # a triangle points at the leader
+    triangle = [(x, below + ZOOM), (x - r, below + 2 * r), (x + r, below + 2 * r)]
     draw.polygon(triangle, fill=LEADS)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))

@@ -25,7 +25,7 @@ SLOWEST, FASTEST = 5.0, 250.0  # [1/s] range of hit frequencies
 QUIET = 0.1  # part of the 95th percentile of the loudness below which nothing topples
 RUN_UP = 0.25  # part of the recording in which the wave still accelerates
 PARTS = 5  # parts of a recording, estimated separately for the uncertainty
-ENOUGH = 8  # hits in a part, at least
+LEAST_HITS = 8  # least number of hits in a part
 
 
 def clicks(wave: Wave) -> Floats:
@@ -177,12 +177,12 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     first, last = int(busy[0]), int(busy[-1]) + 1
     steady = loud[first + int(RUN_UP * (last - first)) : last]
     seconds = len(steady) * HOP
-    if seconds < 2.0 * ENOUGH / FASTEST:
+    if seconds < 2.0 * LEAST_HITS / FASTEST:
         raise ValueError(
             f"only {seconds:.2f} s of toppling in the recording: record a longer chain"
         )
     frequency, clarity = _repeat(steady, SLOWEST, FASTEST)
-    size = max(len(steady) // PARTS, int(ENOUGH / frequency / HOP))
+    size = max(len(steady) // PARTS, int(LEAST_HITS / frequency / HOP))
     count = len(steady) // size
     parts = [
         _repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]

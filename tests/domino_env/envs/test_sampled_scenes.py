@@ -93,18 +93,6 @@ def test_the_number_of_scenes_can_be_limited():
             DominoChain(**{"scene": "varied"} | settings)
 
 
-def test_seeds_determine_the_sampled_scenes():
-    env, envs = DominoChain(SMALL), DominoChainVector(4, SMALL)
-    first = [env.reset(seed=seed)[1]["scene"] for seed in range(4)]
-    assert len(set(first)) == 4
-    assert envs.reset(seed=0)[1]["scene"].tolist() == first
-    env.reset(seed=2)
-    later = [env.reset()[1]["scene"] for _ in range(4)]
-    env.reset(seed=2)
-    assert [env.reset()[1]["scene"] for _ in range(4)] == later
-    assert envs.scenes == tuple(first)
-
-
 def test_reset_takes_scenes_for_some_environments():
     chosen = SMALL.sample(np.random.default_rng(8), "chosen")
     envs = DominoChainVector(3, SMALL, autoreset_mode="SameStep")
