@@ -61,8 +61,8 @@ COLUMNS = 22
 # sine and cosine (N, 2), and the front bottom edge from the reference point, on level ground
 Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edge")
 
-# A run: friction, that of the floor or FIXED_PIVOTS, gravity; fineness of the steps (1 for
-# the coarsest that make sense), change of velocity at which sweeps end [m/s], dominoes behind the
+# A run: friction, that of the floor or FIXED_PIVOTS, gravity; fineness of the steps (in
+# those of TURN and FALL), change of velocity at which sweeps end [m/s], dominoes behind the
 # leader that still move, time without progress after which nothing more is expected [s]
 Setting = namedtuple("Setting", "friction floor gravity fineness tolerance window patience")
 
@@ -71,7 +71,7 @@ Setting = namedtuple("Setting", "friction floor gravity fineness tolerance windo
 Record = namedtuple("Record", "arrival_times lean slid opened opened_at")
 
 # All that changes: place (N, 3) of the reference points x, y and lean; velocity (N, 3); inverse
-# mass and inertia (N,), 0 for what does not move; impulse (N, KINDS, 2), normal and tangential;
+# mass and inertia (N,), 0 for dominoes at rest; impulse (N, KINDS, 2), normal and tangential;
 # pose now and half a step ahead (N, 4), x, y, sine and cosine of the lean; gaps (N,) of the nearer
 # contact with the next, inf where neither face is met; columns of closed contacts; their partners,
 # first domino, second or FLOOR, kind; velocities before the step; a record of RUN
@@ -355,10 +355,10 @@ def _act(state, c, normal, tangential):
 def _sweep(state, closed, tolerance):
     """Sweep forth and back until no velocity of a contact changes by more than the tolerance."""
     contact, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
-    light, easy = state.inverse_mass, state.inverse_inertia
+    mass, inertia = state.inverse_mass, state.inverse_inertia
     check, earlier = 64, np.inf
     for sweep in range(1, MOST_SWEEPS + 1):
-        moved = 0.0
+        change = 0.0
         for turn in range(closed):
             c = turn if sweep % 2 else closed - 1 - turn
             i, j, kind = partners[c, 0], partners[c, 1], partners[c, 2]
@@ -380,20 +380,20 @@ def _sweep(state, closed, tolerance):
             impulse[i, kind, 0], impulse[i, kind, 1] = normal, tangential
             px = contact[c, 8] * more + contact[c, 12] * more2
             py = contact[c, 9] * more + contact[c, 13] * more2
-            v[i, 0] = x + light[i] * px
-            v[i, 1] = y + light[i] * py
-            v[i, 2] = w + easy[i] * (contact[c, 10] * more + contact[c, 14] * more2)
+            v[i, 0] = x + mass[i] * px
+            v[i, 1] = y + mass[i] * py
+            v[i, 2] = w + inertia[i] * (contact[c, 10] * more + contact[c, 14] * more2)
             if j != FLOOR:
-                v[j, 0] = x2 - light[j] * px
-                v[j, 1] = y2 - light[j] * py
-                v[j, 2] = w2 - easy[j] * (contact[c, 11] * more + contact[c, 15] * more2)
-            moved = max(moved, contact[c, NORMAL] * abs(more))
-            moved = max(moved, contact[c, TANGENTIAL] * abs(more2))
-        if moved <= tolerance:
+                v[j, 0] = x2 - mass[j] * px
+                v[j, 1] = y2 - mass[j] * py
+                v[j, 2] = w2 - inertia[j] * (contact[c, 11] * more + contact[c, 15] * more2)
+            change = max(change, contact[c, NORMAL] * abs(more))
+            change = max(change, contact[c, TANGENTIAL] * abs(more2))
+        if change <= tolerance:
             return
         if sweep == check:
-            # a domino wedged between its neighbour and the floor takes any impulse, a little more
-            # in every sweep; nothing else is moved by that
-            if moved > STAGNATION * earlier:
+            # the impulse on a domino wedged between its neighbour and the floor grows a little in
+            # every sweep, without effect on the others
+            if change > STAGNATION * earlier:
                 return
-            earlier, check = moved, 2 * check
+            earlier, check = change, 2 * check

@@ -20,9 +20,12 @@ from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
 
 FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
-AGREES, EXPLAINED = 0.001, 0.003  # relative; beyond the second the reason is looked for
+AGREES, EXPLAINED = (
+    0.001,
+    0.003,
+)  # relative; verdicts AGREES and CLOSE up to these
 NEAR_STALL = 0.05  # stall margins below are named as a reason
-NEAR = 10  # contacts behind the leader; what happens further back hardly moves it
+NEAR = 10  # contacts behind the leader; those further back hardly affect it
 WIDE = 1e-3  # of the height: a contact that opens by less is not named
 
 

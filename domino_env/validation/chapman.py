@@ -55,11 +55,11 @@ def angular_velocities() -> list[tuple[float, ...]]:
         after, before = float(wave.omega_release), float(wave.omega_impact)
         average = math.asin((pitch - THICKNESS) / HEIGHT) * wave.frequency
         means = math.sqrt(after * before), 0.5 * (after + before)
-        kept = after / before  # (K-1)/K, the share of the leader's speed that a hit leaves (eq. 9)
+        remaining = after / before  # of the leader's speed after a hit: (K-1)/K (eq. 9)
         ratio, flat = THICKNESS / pitch, THICKNESS / HEIGHT
         drop = 0.5 * HEIGHT * (1.0 - ratio - flat * math.sqrt(1.0 - ratio * ratio))  # eq. 12
         square = 6.0 * GRAVITY * drop / (HEIGHT**2 + THICKNESS**2)
-        closed = math.sqrt(kept * square), math.sqrt(square / kept)
+        closed = math.sqrt(remaining * square), math.sqrt(square / remaining)
         lines.append((pitch, after, before, average, *means, *closed))
     return lines
 

@@ -120,7 +120,7 @@ def short_cases() -> Iterator[EdgeCase]:
                 ends = RUNS if sign > 0 else STALLS
                 yield EdgeCase("smallest push", name, tight, physics, (ends,))
         high = Layout([0.02, 0.012, 0.02], D, rise=[0.0199, 0.0119, -0.0035])
-        hard = {
+        extremes = {
             "nearly stairs": (high, 20.0),
             "nearly touching": (Layout([1e-6 * H, 0.015], D), 30.0),
             "nearly out of reach": (Layout([H * (1.0 - 1e-6), 0.015], D), 30.0),
@@ -130,7 +130,7 @@ def short_cases() -> Iterator[EdgeCase]:
             "dies in a tight gap": (Layout.uniform(3, spacing=0.002), 2.9),
             "out of reach": (Layout([0.02, 0.05], D), 8.0),
         }
-        for name, (layout, push) in hard.items():
+        for name, (layout, push) in extremes.items():
             yield EdgeCase("short", f"μ = {mu:g}, {name}", layout, Physics(mu, push=push))
     jam = Physics(7.0, push=50.0)
     yield EdgeCase("short", "jams", Layout.uniform(3, spacing=0.012), jam, (JAMS,))
@@ -204,9 +204,10 @@ def _friction() -> Iterator[EdgeCase]:
         yield EdgeCase("friction", f"μ = {mu:g}, gap 12 mm", layout, Physics(mu, push=100.0))
     # at the first hit domino 1 is driven by B = L cos Δ - μ d, which vanishes at this friction
     edge, layout = math.sqrt(H * H - 0.012**2) / D, Layout.uniform(5, spacing=0.012)
-    for off in (-1e-3, -1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-6):
-        name, physics = f"jams at μ* = {edge:.4f}: {off:g} off", Physics(edge * (1 + off), push=100)
-        yield EdgeCase("friction", name, layout, physics, (JAMS,) if off > 0 else (JAMS, STALLS))
+    for excess in (-1e-3, -1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-6):
+        name = f"jams at μ* = {edge:.4f}: {excess:g} off"
+        ends = (JAMS,) if excess > 0 else (JAMS, STALLS)
+        yield EdgeCase("friction", name, layout, Physics(edge * (1 + excess), push=100), ends)
 
 
 def _face_impacts() -> Iterator[EdgeCase]:

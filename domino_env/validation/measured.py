@@ -310,8 +310,10 @@ def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: floa
     waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
     length = gaps[:, STARTED:].sum(axis=1) + (DOMINOES - 1 - STARTED) * setting.thickness
     speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, STARTED])
-    fell = np.isfinite(speed) & (speed > 0.0)
-    return float(speed[1:][fell[1:]].mean() / speed[0]) if fell[0] and fell[1:].any() else 1.0
+    completes = np.isfinite(speed) & (speed > 0.0)
+    if not completes[0] or not completes[1:].any():
+        return 1.0
+    return float(speed[1:][completes[1:]].mean() / speed[0])
 
 
 def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) -> float:

@@ -240,7 +240,7 @@ class _Chain:
     def due(self, i: int) -> tuple[Number, bool]:
         """Return the angle of i+1 at which contact i changes, and True for a change to the face."""
         length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
-        far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1, seen from pivot i
+        far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1 from pivot i
         if not self.on_face[i] and far * far - d * d < length * length:
             return mp.acos(d / far) - up, True
         cosine = (far * far + d * d - length * length) / (2 * far * d)

@@ -1,4 +1,4 @@
-"""Measured chains: where they are published, how they were measured, and what is not known.
+"""Measured chains: publication, method of measurement, and facts that are not published.
 
 Every TOML file in `sources/` is a source.
 """
@@ -200,21 +200,23 @@ def source_of_frequencies(
     thickness: float = 0.0075,
     height: float = HEIGHT,
     gravity: float = 9.81,
-    uncertainty: float = 0.02,
     pitch_uncertainty: float = 0.0,
 ) -> Source:
-    """Make a source of hit frequencies [1/s] at pitches [m].
+    """Make a source of hit frequencies, each with a standard uncertainty of 2 %.
 
     Parameters
     ----------
     pitches, frequencies
-        (K,) of each chain [m], [1/s].
+        (K,) pitch [m] and hits per second [1/s] of each chain.
     thickness, height, gravity
         Of all dominoes [m], [m/s²].
-    uncertainty
-        Relative standard uncertainty of each frequency.
     pitch_uncertainty
         Standard uncertainty of each pitch [m].
+
+    Returns
+    -------
+    Source
+        The measurements.
 
     Raises
     ------
@@ -224,7 +226,7 @@ def source_of_frequencies(
     if len(pitches) != len(frequencies):
         raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")
     chains = [
-        {"x": float(pitch), "value": float(value), "uncertainty": uncertainty * float(value)}
+        {"x": float(pitch), "value": float(value), "uncertainty": 0.02 * float(value)}
         for pitch, value in zip(pitches, frequencies, strict=True)
     ]
     setting = {
