@@ -11,6 +11,7 @@ Axes: x along the chain, z up.  Angles and torques are positive in the direction
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -26,8 +27,6 @@ class Result:
     """Result of a wave; times and velocities have one entry per domino that it reached."""
 
     outcome: str = ""  # name of a domino_env.Outcome
-    leader: int = 0  # leading domino at the end
-    lead: float = 0.0  # its angle then, from the vertical [rad]
     hit: int = 1  # dominoes struck, the first and one struck in vain among them
     toppled: int = 0  # dominoes past their tipping angle
     reach: float = 0.0  # falls done and the fraction of the last one, over all
@@ -59,8 +58,7 @@ def torque(arm, force):
     return arm[..., 1] * force[..., 0] - arm[..., 0] * force[..., 1]
 
 
-@dataclass
-class Contacts:
+class Contacts(NamedTuple):
     """Contacts of a stack, one entry each: i behind, i+1 ahead.
 
     condition(θ_i, θ_{i+1}) = 0 while they touch; its derivatives.  Arms point from
@@ -142,12 +140,7 @@ class Chain:
             arm_behind=edge, arm_ahead=-d * fb, normal=fa, along=ua,
         )  # fmt: skip
         is_tip = (state[links] == TIP)[:, None]
-        return Contacts(
-            *(
-                np.where(is_tip, getattr(on_tip, name), getattr(on_edge, name))
-                for name in ("first", "second", "arm_behind", "arm_ahead", "normal", "along")
-            )
-        )
+        return Contacts(*(np.where(is_tip, *parts) for parts in zip(on_tip, on_edge, strict=True)))
 
     def ratios(self, contacts):
         """Return ω_i/ω_n of back … n, from the derivatives of the conditions."""
@@ -250,7 +243,7 @@ def topple(
         start, lead, lowest = speed, stand, speed
 
         def ended(outcome, *, falls=n, at=target, goal=target, stand=stand):
-            result.outcome, result.leader, result.lead = outcome, falls, at
+            result.outcome = outcome
             result.reach = (falls + (at - stand) / (goal - stand)) / count
             past = chain.angles(falls, at) > chain.tipping[chain.back : falls + 1]
             # a leader that has come to its tipping angle goes on

@@ -27,16 +27,16 @@ LAYOUT, PHYSICS = de.Layout.uniform(14, pitch=0.024), de.Physics(push=5 * np.pi)
     [
         (5e-4, 0.0, 14, 14, "AGREES"),
         (2e-3, 0.0, 14, 14, "CLOSE"),
-        (1.8e-3, 9e-4, 14, 14, "AGREES"),  # only what exceeds the uncertainty counts
+        (1.8e-3, 9e-4, 14, 14, "AGREES"),  # only differences beyond the uncertainty count
         (3.5e-3, 9e-4, 14, 14, "CLOSE"),
         (4e-3, 0.0, 14, 14, "DIFFERS"),
-        (4e-3, 5e-3, 14, 14, "UNDECIDED"),  # so large an uncertainty agrees with nothing
+        (4e-3, 5e-3, 14, 14, "UNDECIDED"),  # the uncertainty is too large
         (0.0, math.inf, 14, 14, "UNDECIDED"),
         (0.0, 0.0, 13, 13, "DIFFERS: the wave reaches 14 of 14 dominoes in the model, 13"),
         (0.0, 0.0, 14, 13, "DIFFERS: every arrival time"),
     ],
 )
-def test_only_what_exceeds_the_uncertainty_counts(late, uncertainty, hit, toppled, word):
+def test_only_differences_beyond_the_uncertainty_count(late, uncertainty, hit, toppled, word):
     wave = de.simulate(LAYOUT, PHYSICS)
     times = wave.arrival_times * (1.0 + late)
     times[hit:] = np.inf
@@ -61,7 +61,7 @@ def test_only_what_exceeds_the_uncertainty_counts(late, uncertainty, hit, topple
     assert read["engine_floors"] == read["floors"]
 
 
-def test_a_wave_that_ends_does_so_in_the_reference_too():
+def test_model_and_reference_stop_at_the_same_domino():
     layout = de.Layout([0.012, 0.012, 0.060, 0.012], 0.0075)
     ended = verify(layout, de.Physics(push=10.0), floors=[0.5])
     assert ended.wave.hit == ended.fixed.hit == ended.standing[0].hit == 3
@@ -80,7 +80,7 @@ RANDOM = de.Layout(RNG.uniform(0.008, 0.024, 13), RNG.uniform(0.005, 0.009, 14))
 
 
 @pytest.mark.parametrize("layout", [RANDOM, HILL], ids=["random", "over a hill"])
-def test_the_engine_agrees_with_both_or_says_that_it_has_not_converged(layout, monkeypatch):
+def test_the_engine_agrees_with_both_or_reports_that_it_has_not_converged(layout, monkeypatch):
     pytest.importorskip("pymunk")
     monkeypatch.setattr(engine, "STEPS", (2e-4, 1e-4))
     monkeypatch.setattr(engine, "RTOL", 3e-3)
@@ -89,20 +89,19 @@ def test_the_engine_agrees_with_both_or_says_that_it_has_not_converged(layout, m
     assert checked.engine[0].converged
     assert checked.engine[0].simulator.startswith("pymunk 7")
     assert abs(checked.engine[0].arrival_times[-1] / checked.wave.arrival_times[-1] - 1.0) < 1e-3
-    for one, other in zip(checked.reference, checked.engine, strict=True):
-        assert largest_difference(one.arrival_times, other.arrival_times) < 2e-3
-        assert one.toppled == other.toppled == 14
+    for rigid, in_engine in zip(checked.reference, checked.engine, strict=True):
+        assert largest_difference(rigid.arrival_times, in_engine.arrival_times) < 2e-3
+        assert rigid.toppled == in_engine.toppled == 14
     monkeypatch.setattr(engine, "MOST_SWEEPS", 60)
     rough = verify(layout, PHYSICS, floors=[], engine=True)
-    # nothing was doubled, so what more sweeps would do is unknown
+    # the sweeps were not doubled, so the effect of more sweeps is unknown
     assert (rough.engine[0].converged, rough.engine[0].error_estimate) == (False, math.inf)
     assert rough.verdicts[1].startswith("UNDECIDED")
     assert "has not converged within its limits" in "\n".join(verification_table(rough))
 
 
-def test_dominoes_far_behind_may_be_taken_away():
+def test_removing_dominoes_far_behind_changes_no_arrival_time():
     pytest.importorskip("pymunk")
-    # those held in place instead would push the others on, the more the more sweeps there are
     layout = de.Layout.uniform(40, pitch=0.02)
     whole, near = (
         engine.follow(layout, PHYSICS, None, 2e-4, 60, window)[0] for window in (None, 24)
@@ -110,7 +109,7 @@ def test_dominoes_far_behind_may_be_taken_away():
     assert largest_difference(near, whole) < 1e-5
 
 
-def test_bad_questions_are_refused():
+def test_arguments_out_of_range_are_refused():
     with pytest.raises(ValueError, match=r"floor = -0\.3"):
         verify(LAYOUT, PHYSICS, floors=[-0.3])
     with pytest.raises(ValueError, match="no wave"):
@@ -127,7 +126,7 @@ def test_the_command_verifies_without_the_engine(tmp_path, capsys):
     assert main([*line, "--no-engine"]) == 0
     printed = capsys.readouterr().out
     assert "AGREES" in printed
-    assert "floor 1:" in printed  # what was called free
+    assert "floor 1:" in printed  # the name free means a friction of 1
     assert main([*line[:-1], "rough"]) == 2
     assert "--floor: 'rough': give a number" in capsys.readouterr().err
 

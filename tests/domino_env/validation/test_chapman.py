@@ -15,11 +15,11 @@ from domino_env.validation.chapman import (
 
 
 def test_the_tables_are_those_of_the_independent_solution():
-    found = np.array(angular_velocities())
-    known = [[13.63153, 17.24773], [14.82572, 21.74023], [14.79539, 24.80159]]
-    np.testing.assert_allclose(found[:, 1:3], known, atol=1e-5)
-    np.testing.assert_allclose(found[:, 3], [15.355, 18.041, 19.385], atol=1e-3)
-    np.testing.assert_allclose(found[:, 6:8], found[:, 1:3], rtol=1e-6)  # closed forms
+    velocities = np.array(angular_velocities())
+    independent = [[13.63153, 17.24773], [14.82572, 21.74023], [14.79539, 24.80159]]
+    np.testing.assert_allclose(velocities[:, 1:3], independent, atol=1e-5)
+    np.testing.assert_allclose(velocities[:, 3], [15.355, 18.041, 19.385], atol=1e-3)
+    np.testing.assert_allclose(velocities[:, 6:8], velocities[:, 1:3], rtol=1e-6)  # closed forms
     with_friction = np.array(frequencies())[:, 1]
     np.testing.assert_allclose(with_friction, [59.87259, 37.22842, 26.25904], atol=1e-5)
 

@@ -26,7 +26,7 @@ SHORT = {str(case): case for case in short_cases()}
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_answer_is_right_and_says_how_right(case):
+def test_a_wave_is_right_within_its_estimate_and_tolerance(case):
     for rtol in (1e-4, 1e-8, 1e-12):
         assert examine(case, rtol).faults == ""
 

@@ -42,21 +42,21 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(
     for chain in source.chains:  # no measurement is better than a tenth of a per cent
         assert 1e-3 < chain.uncertainty / chain.value < 0.5
         assert 0.3 < source.setting.speed(source.quantity, chain.x, chain.value) < 2.0
-    found = compare(synthetic(source, 0.13), source.setting)
-    assert found.friction == pytest.approx(0.13, abs=1e-5)
-    assert found.holds
-    assert found.chi_square < 1e-6
-    values = [chain.value for chain in found.chains]
-    np.testing.assert_allclose(found.predicted, values, rtol=1e-4)
+    comparison = compare(synthetic(source, 0.13), source.setting)
+    assert comparison.friction == pytest.approx(0.13, abs=1e-5)
+    assert comparison.holds
+    assert comparison.chi_square < 1e-6
+    values = [chain.value for chain in comparison.chains]
+    np.testing.assert_allclose(comparison.predicted, values, rtol=1e-4)
 
 
 def test_friction_is_found_from_frequencies():
     pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
-    found = de.fit_friction(pitches, measured, gravity=9.8)
-    assert found.friction == pytest.approx(0.178, abs=1e-3)
-    assert found.uncertainty == pytest.approx(0.016, abs=1e-3)
-    for pitch, value in zip(pitches, found.model, strict=True):
-        wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(found.friction, 9.8))
+    fitted = de.fit_friction(pitches, measured, gravity=9.8)
+    assert fitted.friction == pytest.approx(0.178, abs=1e-3)
+    assert fitted.uncertainty == pytest.approx(0.016, abs=1e-3)
+    for pitch, value in zip(pitches, fitted.model, strict=True):
+        wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(fitted.friction, 9.8))
         assert wave.frequency == pytest.approx(value, rel=1e-5)
     wrong = [((0.005,), (60.0,), "more than 0"), ((0.016,), (), "give pairs")]
     for pitches, frequencies, message in wrong:
@@ -79,12 +79,10 @@ def test_fits_weigh_values_by_their_uncertainty():
 
 def test_the_uncertainty_of_a_spacing_counts():
     source = SOURCES["chapman"]
-    found = compare(source, source.setting)
-    low, high = (
-        de.steady_wave(p, 0.0075, physics=de.Physics(found.friction, 9.8)).frequency
-        for p in (0.0158, 0.0162)
-    )
-    assert found.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
+    comparison = compare(source, source.setting)
+    physics = de.Physics(comparison.friction, 9.8)
+    low, high = (de.steady_wave(p, 0.0075, physics=physics).frequency for p in (0.0158, 0.0162))
+    assert comparison.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
 
 
 def test_the_reasons_name_the_evidence():
@@ -101,16 +99,16 @@ def test_the_reasons_name_the_evidence():
         msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction), {}
     )
     assert (rough.explained, rough.reasons) == (False, ("friction-disagrees",))
-    # a source that takes its spacings as exact is told which uncertainty explains it
+    # where a source takes its spacings as exact, the reason names an uncertainty that explains it
     setting = msgspec.structs.replace(chapman.setting, x_uncertainty=0.0)
     exact = validate(msgspec.structs.replace(chapman, setting=setting), {})
     code = "explained-in-another-reading: spacings uncertain by 0.2 mm"
     assert (exact.explained, exact.reasons) == (False, (code,))
     # McLachlan's abscissa is the gap rather than the pitch
-    other = validate(SOURCES["mclachlan"], {})
-    (pitch,) = (r for r in other.readings if r.setting.x_is == "pitch")
-    assert other.main.setting.x_is == "gap"
-    assert other.main.chi_square < pitch.chi_square
+    mclachlan = validate(SOURCES["mclachlan"], {})
+    (pitch,) = (r for r in mclachlan.readings if r.setting.x_is == "pitch")
+    assert mclachlan.main.setting.x_is == "gap"
+    assert mclachlan.main.chi_square < pitch.chi_square
 
 
 def test_effects_are_as_large_as_simulated_layouts_have_them():
