@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from itertools import permutations
 
+import cma
 import numpy as np
 
 from agents.draw import PARTS, PATH, fixed, rule
@@ -24,9 +25,10 @@ from domino_env import DominoChain, DominoChainVector, Scene, load_scene
 from domino_env.core.files import write_text
 from domino_env.core.types import Floats, Ints
 from optimize.methods.gradient.local_search import LocalSearch
-from optimize.methods.search.cma_es import maximize
+from optimize.methods.search.cma_es import cma_options
 
 GENERATIONS, POPULATION = 400, 16
+FIRST_STEP = 0.3  # standard deviation of the numbers of the rule
 PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
@@ -49,7 +51,13 @@ def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATI
         means: Floats = scores.reshape(-1, orders).mean(axis=1)
         return means
 
-    return maximize(mean_scores, start, 0.3, POPULATION, generations, rng)
+    options = cma_options(rng, len(start), POPULATION) | {"bounds": None}
+    strategy = cma.CMAEvolutionStrategy(start, FIRST_STEP, options)
+    for _ in range(generations):
+        proposed = strategy.ask()
+        strategy.tell(proposed, -mean_scores(np.array(proposed)))
+    # the mean of the last generation: the best point of a noisy function is a lucky one
+    return np.asarray(strategy.result.xfavorite)
 
 
 def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:

@@ -64,9 +64,9 @@ class Evaluator:
     journal
         Journal of the search; None for none.
     executor
-        Simulates batches of several pieces; None for this process.
+        Executor that simulates batches of several pieces; None for this process.
     clock
-        Returns seconds, such as `time.process_time`.
+        Function that returns seconds, such as `time.process_time`.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Evaluator:
 
     @property
     def remaining(self) -> float:
-        """Evaluations that are left; inf where only the clock ends the search."""
+        """Number of evaluations that remain; inf where only the clock ends the search."""
         if self.max_evaluations is None:
             return np.inf
         return float(self.max_evaluations - self.evaluations)
@@ -147,7 +147,7 @@ class Evaluator:
 
     @property
     def progress(self) -> float:
-        """Part that is spent, 0 to 1, of the limit that is reached first."""
+        """Spent part, from 0 to 1, of the limit that is reached first."""
         parts = [0.0]
         if self.tolerance is not None:
             parts.append(self.effort / self.most_effort)
@@ -370,7 +370,7 @@ class Evaluator:
                 yield scores
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
-        """Return the answer of the journal, whose time becomes that of the search."""
+        """Return the answer of the journal, if there is one, and take over its time."""
         if self._journal is None or not self._journal.replaying:
             return None
         entry = self._journal.find(self._journal.digest(kind, designs))
@@ -381,16 +381,19 @@ class Evaluator:
         return arrays
 
     def _keep(self, kind: str, designs: Floats, arrays: list[Floats]) -> None:
+        """Write an answer into the journal, if there is one."""
         if self._journal is not None:
             seconds = self.seconds - self._before
             self._journal.keep(self._journal.digest(kind, designs), seconds, arrays)
 
     def _count(self, scores: Scores) -> None:
+        """Add the effort of simulated layouts."""
         self.evaluations += len(scores.score)
         self.effort += len(scores.score) * (1 if scores.gradient is None else GRADIENT_COST)
         self.falls += int(scores.falls.sum())
 
     def _note(self, scores: Scores, design: Callable[[int], Floats]) -> None:
+        """Keep the best of the layouts, if it is a new best, and call the callback."""
         i = int(np.argmax(scores.score))
         score = float(scores.score[i])
         if score > self.best_score:
@@ -413,5 +416,6 @@ def _packed(scores: Scores) -> list[Floats]:
 
 
 def _unpacked(arrays: Sequence[Floats]) -> Scores:
+    """Return the scores of arrays that a journal has kept."""
     score, reach, falls, *gradient = arrays
     return Scores(score, reach, falls.astype(np.int64), *gradient)

@@ -270,15 +270,14 @@ def open_executor(
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:
     """Add --workers and --dask."""
-    from domino_env.cli.options import NATURAL
+    from domino_env.cli.options import NATURAL, add_options
 
     group = parser.add_argument_group(
         "executor", "processes that do the work (this one); the results are the same"
     )
-    group.add_argument("--workers", type=NATURAL, metavar="N", help="number of processes")
-    group.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this "
-        'machine (extra "dist", docs/studies.md)',
+    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
+    add_options(
+        group,
+        ("workers", NATURAL, "N", None, "number of processes"),
+        ("dask", str, "ADDRESS", None, f'{dask} (extra "dist", docs/studies.md)'),
     )

@@ -78,8 +78,8 @@ def search(
         simulated once more, closely, at the end; that is not counted. On a floor free-standing
         layouts count, and not the analytic ones that select them.
     seed
-        Of all randomness. The same seed gives bitwise the same result, with a budget of evaluations
-        or none (not with one of seconds), for any number of threads.
+        Seed of all randomness. Without a limit of seconds, the same seed gives bitwise the same
+        result for any number of threads.
     seconds
         Time that may be spent [s], including that of the uniform baseline where the scene object
         does not have it yet; None for no limit. On a floor, the uniform baseline counts as the
@@ -94,16 +94,16 @@ def search(
     folder
         Folder to write the run to, see `optimize.run_folder`; None for nowhere.
     callback
-        Called with the `Evaluator` after every batch.
+        Function that is called with the `Evaluator` after every batch.
     executor
-        Simulates batches of thousands of layouts, see `optimize.executors`; smaller ones are not
-        sent. None for threads of this process. The result is bitwise the same.
+        Executor that simulates batches of thousands of layouts, see `optimize.executors`; smaller
+        ones are not sent. None for threads of this process. The result is bitwise the same.
     resume
-        Continue the search in the folder, from where its journal ends (from the start where there
-        is none), or further with a larger budget. The result is bitwise that of a search that was
-        never stopped; earlier seconds count.
+        True to continue the search in the folder, from where its journal ends (from the start where
+        there is none), or further with a larger budget. The result is bitwise that of a search that
+        was never stopped; earlier seconds count.
     clock
-        Returns the seconds of a search, such as `time.process_time`: processor time, which does not
+        Function that returns seconds, such as `time.process_time`: processor time, which does not
         include other work of the machine.
     spent
         Time that counts as spent before the search [s], such as that of a uniform baseline which
@@ -231,16 +231,16 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
 
 
 def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
-    """Compile what a scene needs, before a clock starts.
+    """Compile the simulations of a scene, before a clock starts.
 
     Parameters
     ----------
     scene
         The scene.
     gradients
-        Compile scores with gradients too.
+        True to compile scores with gradients too.
     episodes
-        Compile the steps of `DominoChain` too.
+        True to compile the steps of `DominoChain` too.
     """
     if scene.floor_friction is not None:  # two dominoes compile what a long simulation needs
         simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics, scene.floor_friction)
@@ -267,8 +267,8 @@ def progress_line(scene: Scene, method: str, shown: bool | None) -> Iterator[Cal
     scene, method
         As of `search`.
     shown
-        Show a line; None: where standard error is a terminal, and elsewhere a new line now and
-        then.
+        True for a line; None for one where standard error is a terminal, and elsewhere a new line
+        now and then.
     """
     name, uniform = f"{scene.name}, {method}", scene.uniform().score
     options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}

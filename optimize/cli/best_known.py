@@ -18,6 +18,7 @@ from domino_env.cli.options import LAYOUT_FILE, add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
 
 if TYPE_CHECKING:
+    from domino_env.scenes.scene import Scene
     from optimize.experiments.best_known import BestKnown
 
 SUMMARY = "list, write and verify the best known layouts"
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List, write or verify; return 1 if a simulator contradicts the model, else 0."""
+    from domino_env.scenes.io.reading import load_scene, write_layout
     from optimize.experiments.best_known import best_known
 
     records = best_known()
@@ -51,49 +53,47 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update are options of --verify: give it too")
+    if arguments.layout and len(arguments.scenes) != 1:
+        raise ValueError("--layout writes one layout: name one scene")
+    scenes = {name: load_scene(name) for name in chosen}
     if arguments.layout:
-        if len(arguments.scenes) != 1:
-            raise ValueError("--layout writes one layout: name one scene")
-        from domino_env.scenes.io.reading import load_scene, write_layout
-
         ((name, record),) = chosen.items()
-        beside = write_layout(record.layout, arguments.layout, load_scene(name))
+        beside = write_layout(record.layout, arguments.layout, scenes[name])
         print(f"written to {arguments.layout}, the scene to {beside}")
         return 0
-    if not arguments.verify:
-        _list(chosen)
-        return 0
-    return _verify(chosen, arguments)
+    if arguments.verify:
+        return _verify(chosen, scenes, arguments)
+    print("\n".join(_table(chosen, scenes)))
+    return 0
 
 
-def _list(records: dict[str, BestKnown]) -> None:
-    """Print the best known layouts as a table."""
+def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]:
+    """Return a table of the best known layouts, as lines."""
     from domino_env.core.tables import text_table
     from domino_env.rigid.known import known_verification
-    from domino_env.scenes.io.reading import load_scene
 
     lines = []
     for name, record in records.items():
-        scene = load_scene(name)
+        scene = scenes[name]
         score = scene.in_words(record.score, scene.simulate(record.layout))
         verified = known_verification(record.layout, scene.physics)
         difference = "not verified"
         if verified is not None:
             difference = f"at most {verified.checks[0].largest:.3%} apart"
         lines.append((name, score, record.method, difference))
-    print("\n".join(text_table(("scene", "best known", "by", "reference simulator"), lines)))
+    return text_table(("scene", "best known", "by", "reference simulator"), lines)
 
 
-def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int:
+def _verify(
+    records: dict[str, BestKnown], scenes: dict[str, Scene], arguments: argparse.Namespace
+) -> int:
     """Verify layouts and print a table; return 1 if a simulator contradicts the model."""
     from domino_env.rigid.engine import engine_name
     from domino_env.rigid.known import known_table, read_verified, write_verified
-    from domino_env.scenes.io.reading import load_scene
     from optimize.experiments.verification import verify_records
 
     if arguments.engine:
         engine_name()  # raises where it is not installed, before time is spent
-    scenes = {name: load_scene(name) for name in records}
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
     verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:

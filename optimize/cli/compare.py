@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import NATURAL, add_out_option
+from domino_env.cli.options import NATURAL, add_options, add_out_option
 from optimize.cli import options
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
     options.add_methods_option(parser, "all that are installed")
-    parser.add_argument("--seeds", type=NATURAL, metavar="N", default=5, help="number of seeds (5)")
+    add_options(parser, ("seeds", NATURAL, "N", 5, "number of seeds"))
     options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
     add_out_option(parser, "runs/comparison")
     options.add_study_options(parser)

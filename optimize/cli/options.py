@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from domino_env.cli.options import NATURAL, SECONDS
+from domino_env.cli.options import NATURAL, SECONDS, add_options
 from domino_env.core.files import counted
 from optimize.executors import add_executor_options, open_executor
 
@@ -41,13 +41,12 @@ def add_limit_options(
     parser: argparse.ArgumentParser, run: str, budget: str = "none", seconds: str = "none"
 ) -> None:
     """Add --budget and --seconds, the limits of a run, with their defaults in words."""
-    parser.add_argument(
-        "--budget", type=NATURAL, metavar="N", help=f"evaluations of {run} at most ({budget})"
+    time = f"time of {run} at most [s], not reproducible ({seconds})"
+    add_options(
+        parser,
+        ("budget", NATURAL, "N", None, f"evaluations of {run} at most ({budget})"),
+        ("seconds", SECONDS, "S", None, time),
     )
-    parser.add_argument(
-        "--seconds", type=SECONDS, metavar="S",
-        help=f"time of {run} at most [s], not reproducible ({seconds})",
-    )  # fmt: skip
 
 
 def add_store_option(parser: Any) -> None:

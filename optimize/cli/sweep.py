@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, add_out_option
+from domino_env.cli.options import NATURAL, add_options, add_out_option
 from optimize.cli import options
 
 SUMMARY = "search many variations of a scene"
@@ -25,9 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", metavar="KEY=VALUES", action="append", default=[], help="vary a key; repeatable"
     )
     options.add_methods_option(parser, "auto", ["auto"])
-    parser.add_argument(
-        "--seeds", type=NATURAL, metavar="N", default=1, help="number of seeds of each method (1)"
-    )
+    add_options(parser, ("seeds", NATURAL, "N", 1, "number of seeds of each method"))
     options.add_limit_options(parser, "each search", budget="2000 without --seconds")
     add_out_option(parser, "runs/NAME", literal=False)
     options.add_study_options(parser)

@@ -46,10 +46,9 @@ def compare(
         Number of layouts that each run may simulate, which makes the comparison bitwise
         reproducible.
     seconds
-        Time of each run [s], instead of `budget`; that of the uniform baseline, which all share,
-        counts into each. Equal seconds are equal chances only where every
-        run has a core for itself: an executor must have no more workers than its machines have
-        cores.
+        Time of each run [s], instead of `budget`; that of the uniform baseline, which all runs
+        share, counts into each. Equal seconds are a fair comparison only where every run has a core
+        for itself: an executor must have no more workers than its machines have cores.
     options
         `executor`, `study`, `name` and `progress`: as of `run_experiment`.
 

@@ -17,7 +17,7 @@ CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
 CURVE_POINTS, GAP_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
 EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # first time of the curves of gaps
 KnownScore = Callable[[TaskResult], float]
-"""Returns the best score known beforehand of the problem of a result; -inf for none."""
+"""Function that returns the best score known beforehand of a result's problem; -inf for none."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Experiment:
 
     @property
     def problems(self) -> list[str]:
-        """Names of the problems, in the order of the tasks."""
+        """Names of the problems that have results, in the order of the tasks."""
         return list(dict.fromkeys(r.problem for r in self.results))
 
     @property
@@ -215,7 +215,7 @@ def best_of_problems(
     results
         Results of all runs.
     known_score
-        See `KnownScore`.
+        Function that returns the best score known beforehand; see `KnownScore`.
     fixed
         True where better results leave a known score as it is, so that it favours no method.
     """

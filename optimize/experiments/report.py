@@ -1,4 +1,4 @@
-"""Reports of experiments: a page of Markdown, tables in CSV, and pictures.
+"""Reports of experiments: a page of Markdown, tables in CSV, pictures, and summaries of studies.
 
 The report of a comparison has curves over time, that of a sweep curves over the varied settings.
 """
@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.core.files import counted, write_text
-from domino_env.core.tables import markdown_table, write_csv
+from domino_env.core.files import counted, one_line, write_text
+from domino_env.core.tables import markdown_table, text_table, write_csv
 from optimize.experiments.experiment import Experiment
-from optimize.experiments.task import scene_of
+from optimize.experiments.store import Store, Study
+from optimize.experiments.task import TaskResult, describe_labels, scene_of
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
@@ -138,3 +139,29 @@ def failures_section(experiment: Experiment) -> list[str]:
     failures = experiment.failures[:MAX_LINES]
     lines = [f"- {failure.task.name}: {failure.reason}" for failure in failures]
     return ["", "## Runs without a result", "", *lines]
+
+
+def list_studies(store: Store) -> list[str]:
+    """Return a table of the studies of a store, as lines for a terminal."""
+    names = ("study", "kind", "tasks", "begun")
+    lines = [(s.name, s.kind, f"{s.tasks:,}", s.begun) for s in store.studies()]
+    return text_table(names, lines, right={"tasks"}) if lines else [f"{store.path} has no studies"]
+
+
+def summarise(study: Study) -> list[str]:
+    """Return the settings of a study, and a table of its problems and methods."""
+    results = study.done().values()
+    about = f"{study.kind}, {len(results):,} finished tasks, begun {study.begun}"
+    text = [f"{study.name}: {about}", describe_labels(study.settings)]
+    groups: dict[tuple[str, str], list[TaskResult]] = {}
+    for r in results:
+        groups.setdefault((r.problem, r.method), []).append(r)
+    names = ("problem", "method", "tasks", "best", "median", "uniform", "gain")
+    lines = []
+    for group, runs in groups.items():
+        best = max(runs, key=lambda r: r.score)
+        scores = best.score, np.median([r.score for r in runs]), best.uniform_score
+        gain = "" if best.gain is None else f"{best.gain:+.2%}"
+        lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain))
+    table = ["", *text_table(names, lines, right=names[2:])] if lines else []
+    return [*map(one_line, filter(None, text)), *table]

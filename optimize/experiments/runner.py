@@ -38,13 +38,13 @@ def run_experiment(
     tasks
         Tasks, of which two may have the same key: they are run once.
     executor
-        Runs the tasks; None: this process, one after the other.
+        Executor of the tasks; None for this process, one task after the other.
     study
-        Stores every result at once. Tasks that it has a result of are not run again.
+        Study that stores every result at once; tasks with a result in it are not run again.
     known_score
-        Returns the best score known beforehand of the problem of a result; -inf for none.
+        Function that returns the best score known beforehand; see `KnownScore`.
     name
-        Name of all tasks together in the progress line.
+        Name of the experiment in the progress line.
     progress
         True for a progress line on standard error; None for one on a terminal, and elsewhere a new
         line now and then.

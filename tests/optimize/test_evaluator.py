@@ -17,9 +17,9 @@ def test_a_limit_raises_into_the_method(scenes):
         evaluator.evaluate(designs)
     assert evaluator.evaluations == 10  # as many as remained
     assert (evaluator.progress, evaluator.remaining) == (1.0, 0.0)
-    for ask in (evaluator.evaluate, evaluator.lateness, lambda x: evaluator.evaluate(x, True)):
+    for method in (evaluator.evaluate, evaluator.lateness):
         with pytest.raises(BudgetSpent, match="limit of 10 layouts reached"):
-            ask(designs[0])
+            method(designs[0])
     assert evaluator.evaluations == 10
 
 
@@ -48,28 +48,28 @@ def test_every_simulation_counts_also_those_of_differences(scenes, name):
     evaluator.evaluate(designs)
     waves = [scene.simulate(problem.layout(x)) for x in designs]
     assert evaluator.falls == sum(int(np.isfinite(w.stall_margin).sum()) for w in waves)
-    found, truth = (one.evaluate(designs, True) for one in (evaluator, problem))
-    assert np.array_equal(found.score, truth.score)
-    assert np.array_equal(found.gradient, truth.gradient)
-    dead = truth.without_gradient
-    assert dead.any() == (name == "dying")
-    before = 24 + 2 * problem.dimension * int(dead.sum())
-    assert evaluator.evaluations == before
-    assert not evaluator.evaluate(designs, True, differences=False).gradient[dead].any()
-    assert evaluator.evaluations == before + 12
+    counted, expected = evaluator.evaluate(designs, True), problem.evaluate(designs, True)
+    assert np.array_equal(counted.score, expected.score)
+    assert np.array_equal(counted.gradient, expected.gradient)
+    stopped = expected.without_gradient
+    assert stopped.any() == (name == "dying")
+    number = 24 + 2 * problem.dimension * int(stopped.sum())
+    assert evaluator.evaluations == number
+    assert not evaluator.evaluate(designs, True, differences=False).gradient[stopped].any()
+    assert evaluator.evaluations == number + 12
 
 
 def test_layouts_simulated_elsewhere_are_recorded(scenes):
     problem = Problem(scenes["spacing"])
     evaluator = Evaluator(problem, 5, max_seconds=1000.0)
     designs = np.random.default_rng(0).random((4, problem.dimension))
-    found, asked = problem.evaluate(designs), []
-    evaluator.record(found, lambda i: asked.append(i) or designs[i])
-    assert asked == [int(np.argmax(found.score))]
-    assert (evaluator.remaining, evaluator.best_score) == (1.0, found.score.max())
-    assert evaluator.falls == found.falls.sum()
+    scores, requests = problem.evaluate(designs), []
+    evaluator.record(scores, lambda i: requests.append(i) or designs[i])
+    assert requests == [int(np.argmax(scores.score))]
+    assert (evaluator.remaining, evaluator.best_score) == (1.0, scores.score.max())
+    assert evaluator.falls == scores.falls.sum()
     with pytest.raises(ValueError, match="4 layouts are recorded and 1 remain"):
-        evaluator.record(found, designs.__getitem__)
+        evaluator.record(scores, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0
 
@@ -78,13 +78,13 @@ def test_shorter_layouts_count_by_their_dominoes(scenes):
     scene = scenes["spacing"]
     evaluator = Evaluator(Problem(replace(scene, count=14)), 10)
     shorter = Problem(scene)
-    with evaluator.borrow(shorter, 5) as own:
-        own.evaluate(np.full((5, shorter.dimension), 0.3))
+    with evaluator.borrow(shorter, 5) as borrowed:
+        borrowed.evaluate(np.full((5, shorter.dimension), 0.3))
     assert evaluator.evaluations == 3  # five of 7 dominoes cost as much as two and a half of 14
-    assert evaluator.falls == own.falls
-    with evaluator.borrow(shorter, 1000) as own:  # at most half of what remains
-        own.evaluate(np.full((50, shorter.dimension), 0.3))
-    assert (own.evaluations, evaluator.evaluations) == (7, 7)
+    assert evaluator.falls == borrowed.falls
+    with evaluator.borrow(shorter, 1000) as borrowed:  # at most half of what remains
+        borrowed.evaluate(np.full((50, shorter.dimension), 0.3))
+    assert (borrowed.evaluations, evaluator.evaluations) == (7, 7)
     evaluator.evaluate(np.full((2, evaluator.problem.dimension), 0.3))
-    with pytest.raises(BudgetSpent), evaluator.borrow(shorter, 1) as own:
-        own.evaluate(np.full((2, shorter.dimension), 0.3))
+    with pytest.raises(BudgetSpent), evaluator.borrow(shorter, 1) as borrowed:
+        borrowed.evaluate(np.full((2, shorter.dimension), 0.3))

@@ -46,16 +46,15 @@ def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere)
     """p is nearest to v among the convex set if and only if (v - p)·(y - p) ≤ 0 for all its y."""
     high = low + room
     total = float(low.sum() + part * room.sum())
-    near = nearest_with_sum(values, low, high, total)
-    assert np.all((near >= low) & (near <= high))
-    assert near.sum(axis=1) == pytest.approx(np.full(3, total), abs=1e-14)
-    # another point of the set: the corner-to-corner line through a random point of the box
+    nearest = nearest_with_sum(values, low, high, total)
+    assert np.all((nearest >= low) & (nearest <= high))
+    assert nearest.sum(axis=1) == pytest.approx(np.full(3, total), abs=1e-14)
+    # another point of the set: on the line from a random point of the box to a corner
     y = low + elsewhere * room
-    short = y.sum() < total
-    end = high if short else low
-    way = end.sum() - y.sum()
-    y = y + (end - y) * ((total - y.sum()) / way if way else 0.0)
-    assert np.all(((values - near) * (y - near)).sum(axis=1) <= 1e-12)
+    corner = high if y.sum() < total else low
+    distance = corner.sum() - y.sum()
+    y = y + (corner - y) * ((total - y.sum()) / distance if distance else 0.0)
+    assert np.all(((values - nearest) * (y - nearest)).sum(axis=1) <= 1e-12)
 
 
 @pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
@@ -77,17 +76,17 @@ def test_gradients(scenes, name):
     for x in 0.1 + 0.8 * designs_of(problem, 30, seed=5):
         steps = []
         for h in (1e-4, 2e-4, 4e-4):
-            box = h * np.eye(problem.dimension)
-            ahead, behind = (exact.evaluate(x + s * box).score for s in (1.0, -1.0))
-            steps.append((ahead - behind) / (2.0 * h))
+            step = h * np.eye(problem.dimension)
+            difference = exact.evaluate(x + step).score - exact.evaluate(x - step).score
+            steps.append(difference / (2.0 * h))
         fine = (4.0 * steps[0] - steps[1]) / 3.0
         coarse = (4.0 * steps[1] - steps[2]) / 3.0
         size = np.abs(fine).max()
         if np.abs(fine - coarse).max() > 1e-7 * size:
             continue  # a kink within reach of the differences, where there is no gradient
-        found = problem.evaluate(x, gradient=True)
-        assert found.score == pytest.approx(exact.evaluate(x).score, rel=1e-9)
-        assert found.gradient == pytest.approx(fine, abs=2e-7 * size)
+        scores = problem.evaluate(x, gradient=True)
+        assert scores.score == pytest.approx(exact.evaluate(x).score, rel=1e-9)
+        assert scores.gradient == pytest.approx(fine, abs=2e-7 * size)
         checked += 1
     assert checked >= 10
 
@@ -105,8 +104,8 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
         assert gradient[i] == pytest.approx(slope, rel=2e-2)
 
 
-@pytest.mark.parametrize(("ask", "designs", "message"), [
-        ("evaluate", np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
+@pytest.mark.parametrize(("name", "designs", "message"), [
+    ("evaluate", np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
     ("evaluate", np.full((2, 6), np.nan), r"0 has nan at place 0: every entry is in \[0, 1\]$"),
     ("evaluate", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* `project` gives"),
     ("evaluate", np.zeros(5), r"the design has shape \(5,\)"),
@@ -114,17 +113,17 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
     ("project", np.zeros(6), r"designs have shape \(6,\)"),
     ("project", np.full((1, 6), np.inf), "design 0 has inf"),
 ])  # fmt: skip
-def test_what_is_no_design_is_rejected(scenes, ask, designs, message):
+def test_impossible_designs_are_rejected(scenes, name, designs, message):
     with pytest.raises(ValueError, match=message):
-        getattr(Problem(scenes["spacing"]), ask)(designs)
+        getattr(Problem(scenes["spacing"]), name)(designs)
 
 
 def test_processes_and_threads_may_share_it(scenes):
     problem = Problem(scenes["length-both"])
     designs = designs_of(problem, 64)
-    whole = problem.evaluate(designs, gradient=True)
+    batch = problem.evaluate(designs, gradient=True)
     copy = pickle.loads(pickle.dumps(problem))
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda x: copy.evaluate(x, gradient=True), designs))
-    assert [one.score for one in found] == whole.score.tolist()
-    assert np.array_equal([one.gradient for one in found], whole.gradient)
+        results = list(pool.map(lambda x: copy.evaluate(x, gradient=True), designs))
+    assert [scores.score for scores in results] == batch.score.tolist()
+    assert np.array_equal([scores.gradient for scores in results], batch.gradient)

@@ -1,5 +1,7 @@
 """The picture of a search: to scale, complete, for every kind of result, without pyplot."""
 
+import re
+
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -26,16 +28,19 @@ def test_both_layouts_stand_to_scale_and_on_the_same_scale(result):
         boxes = dominoes(axes)
         assert boxes[:, 0] + boxes[:, 2] == pytest.approx(1e3 * layout.positions)
         assert boxes[:, 2:] == pytest.approx(1e3 * np.stack([layout.thickness, layout.height], 1))
-        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-        place = axes.get_window_extent()
-        assert place.width / (right - left) == pytest.approx(place.height / (high - low))
+        extent, across, up = (
+            axes.get_window_extent(),
+            np.ptp(axes.get_xlim()),
+            np.ptp(axes.get_ylim()),
+        )
+        assert extent.width / across == pytest.approx(extent.height / up)
     assert drawings[0].get_xlim() == drawings[1].get_xlim() == figure.axes[2].get_xlim()
 
 
 def test_the_panels_show_spacing_thickness_speed_and_search(result):
     spacing, thickness, speed, trace = result.figure().axes[2:]
-    both = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
-    for i, (layout, wave) in enumerate(both):
+    pairs = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
+    for i, (layout, wave) in enumerate(pairs):
         lines = [axes.get_lines()[i - 2] for axes in (spacing, thickness, speed)]
         assert lines[0].get_ydata() == pytest.approx(1e3 * layout.spacing)
         assert lines[1].get_ydata() == pytest.approx(1e3 * layout.thickness[1:])
@@ -47,14 +52,12 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result):
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 
-@pytest.mark.parametrize("name", ["one-gap", "thickness", "length", "dying", "dead"])
-def test_every_result_can_be_drawn(scenes, name):
+@pytest.mark.parametrize(("name", "headline"), [
+    ("one-gap", "one-gap: .*uniform"), ("length", "length: .*uniform"), ("dead", "dead: no speed"),
+])  # fmt: skip
+def test_every_result_can_be_drawn(scenes, name, headline):
     figure = search(scenes[name], "random", budget=30).figure()
     figure.canvas.draw()
-    headline = figure.texts[0].get_text()
-    assert headline.startswith(f"{name}: ")
+    assert re.fullmatch(headline, figure.texts[0].get_text())
     if name == "dead":
-        assert headline == "dead: no speed"
         assert figure.axes[3].texts[0].get_text() == "no wave reached the second domino"
-    else:
-        assert headline.endswith("uniform")

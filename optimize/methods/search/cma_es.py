@@ -16,7 +16,6 @@ Companion, 2389-2396.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import cma
@@ -68,7 +67,7 @@ def _descend(
     start_evaluations = evaluator.evaluations
     centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
     centre[:n] = np.clip(start, EDGE, 1.0 - EDGE)
-    strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
+    strategy = cma.CMAEvolutionStrategy(centre, step, cma_options(rng, n, size))
     penalty = DRIFT * abs(problem.scene.uniform().score)
     while not strategy.stop():
         proposed = strategy.ask()
@@ -80,8 +79,18 @@ def _descend(
     return evaluator.evaluations - start_evaluations
 
 
-def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
-    """Return the options of pycma for n variables and a population."""
+def cma_options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
+    """Return options of pycma for variables between 0 and 1.
+
+    Parameters
+    ----------
+    rng
+        Source of all randomness.
+    n
+        Number of variables.
+    size
+        Number of points of a generation.
+    """
     return {
         "bounds": [0.0, 1.0],
         "popsize": size,
@@ -96,41 +105,3 @@ def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         "verbose": -10,  # at -9 it would still read a file in the working directory
         "verb_log": 0,
     }
-
-
-def maximize(
-    function: Callable[[Floats], Floats],
-    start: Floats,
-    step: float,
-    size: int,
-    generations: int,
-    rng: np.random.Generator,
-) -> Floats:
-    """Maximise a function of numbers without bounds by one run of CMA-ES.
-
-    Parameters
-    ----------
-    function
-        Values (B,) of points (B, n).
-    start
-        (n,) point to begin at.
-    step
-        First standard deviation.
-    size
-        Points of a generation.
-    generations
-        Number of generations.
-    rng
-        Source of randomness.
-
-    Returns
-    -------
-    ndarray
-        (n,) the mean of the last generation: the best point of a noisy function is a lucky one.
-    """
-    options = _options(rng, len(start), size) | {"bounds": None}
-    strategy = cma.CMAEvolutionStrategy(start, step, options)
-    for _ in range(generations):
-        proposed = strategy.ask()
-        strategy.tell(proposed, -function(np.array(proposed)))
-    return np.asarray(strategy.result.xfavorite)

@@ -77,26 +77,27 @@ MANY, NOTHING = 8, 1e-5  # islands after which none has to agree, once the late 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Race the starts, then perturb and refine, with islands, until nothing is gained."""
-    if evaluator.problem.scene.floor_friction is not None:
+    scene = evaluator.problem.scene
+    if scene.floor_friction is not None:
         two_fidelities.run(evaluator, rng, run)  # this search on the analytic model first
         return
-    if evaluator.problem.scene.stock is not None:
+    if scene.stock is not None:
         assignment.run(evaluator, rng)  # the order decides, which no local search can change
         return
     search = _Search(evaluator, _Elite(evaluator.problem))
-    if evaluator.problem.scene.tempo is not None:
+    if scene.tempo is not None:
         if least_squares.is_soon_on_time(evaluator, rng):
             evaluator.status = least_squares.ON_SCHEDULE
             return
         search.ends.append((evaluator.best_score, evaluator.best))
     evaluator.status = "no independent searches have ended yet; a longer search may find more"
-    if is_long(evaluator.problem.scene):
+    if is_long(scene):
         search.stretch(rng)
-        if evaluator.problem.scene.count > LONGEST:
+        if scene.count > LONGEST:
             return
-    elif evaluator.problem.scene.count <= LONG:  # a batch by itself, and soon over
+    elif scene.count <= LONG:  # the starts fill a batch by themselves
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
-    islands = 1 if evaluator.problem.scene.count > ALONE else ISLANDS
+    islands = 1 if scene.count > ALONE else ISLANDS
     main, *generators = rng.spawn(1 + islands)
     run_in_lockstep(evaluator, [search.main(main), *map(search.island, generators)])
 

@@ -23,8 +23,8 @@ def test_the_class_has_the_interface_of_engibench():
     (base,) = DominoProblem.__orig_bases__
     assert typing.get_origin(base) is Problem
     assert len(typing.get_args(base)) == len(Problem.__parameters__)
-    own = vars(DominoProblem)
-    assert {"simulate", "render", "random_design", "reset", "optimize"} <= set(own)
+    methods = {"simulate", "render", "random_design", "reset", "optimize"}
+    assert methods <= set(vars(DominoProblem))
     problem = DominoProblem()
     assert isinstance(problem.design_space, spaces.Box)
     assert problem.objectives == (("mean_speed", ObjectiveDirection.MAXIMIZE),)
@@ -44,16 +44,16 @@ def test_designs_are_simulated_and_optimised(scenes, name):
     problem.reset(seed=1)
     assert np.array_equal(problem.random_design()[0], design)
     assert not problem.check_constraints(design, {})
-    before = problem.simulate(design)
-    assert before.tolist() == [scene.score(problem.layout(design))]
+    score = problem.simulate(design)
+    assert score.tolist() == [scene.score(problem.layout(design))]
     best, history = problem.optimize(starting_point=design)
     assert problem.design_space.contains(best)
     assert not problem.check_constraints(best, {})
-    after = problem.simulate(best)
-    assert after >= before
+    best_score = problem.simulate(best)
+    assert best_score >= score
     assert history[-1].step == 60
     assert all(len(step.obj_values) == 1 for step in history)
-    assert history[-1].obj_values == pytest.approx(after, abs=1e-5)
+    assert history[-1].obj_values == pytest.approx(best_score, abs=1e-5)
     assert problem.render(best).size == (1000, 200)
 
 

@@ -1,4 +1,4 @@
-"""Searches side by side share their batches, and each finds what it finds alone."""
+"""Searches in lockstep share their batches, and each has the result that it has alone."""
 
 import numpy as np
 
@@ -8,23 +8,20 @@ from optimize.methods.gradient.lockstep import run_in_lockstep
 from optimize.problem import Problem
 
 
-def test_climbs_that_ask_side_by_side_share_every_batch(scenes):
+def test_searches_in_lockstep_share_every_batch(scenes):
     problem = Problem(scenes["both"])
     starts = np.random.default_rng(0).random((3, problem.dimension))
-    asked: list[int] = []
-
-    def budget() -> Evaluator:
-        asked.clear()
-        return Evaluator(problem, callback=lambda e: asked.append(e.evaluations))
-
-    one_climb = [LocalSearch(start) for start in starts]
-    run_local_searches(budget(), one_climb, 30)
-    batches = list(asked)
-    three = [LocalSearch(start) for start in starts]
-    longest = max(range(3), key=lambda i: one_climb[i].evaluations)
-    # who ends last comes first, for its end is that of all
-    order = [longest, *(i for i in range(3) if i != longest)]
-    run_in_lockstep(budget(), [advance([three[i]], 30) for i in order])
-    assert asked == batches
-    assert three[longest].score == one_climb[longest].score
-    assert len(batches) == three[longest].evaluations < sum(arm.evaluations for arm in three)
+    counts: list[list[int]] = [[], []]
+    evaluators = [
+        Evaluator(problem, callback=lambda e, numbers=numbers: numbers.append(e.evaluations))
+        for numbers in counts
+    ]
+    together = [LocalSearch(start) for start in starts]
+    run_local_searches(evaluators[0], together, 30)
+    # the end of the first search ends all: the longest comes first
+    order = sorted(range(3), key=lambda i: -together[i].evaluations)
+    single = [LocalSearch(starts[i]) for i in order]
+    run_in_lockstep(evaluators[1], [advance([search], 30) for search in single])
+    assert counts[0] == counts[1]
+    assert single[0].score == together[order[0]].score
+    assert len(counts[0]) == single[0].evaluations < sum(search.evaluations for search in single)

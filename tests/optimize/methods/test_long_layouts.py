@@ -12,10 +12,10 @@ def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
 ):
     monkeypatch.setattr(long_layouts, "SEARCHED", 40)
     scene = replace(de.load_scene("marathon"), count=512)
-    whole = search(scene, budget=36, seed=3)
-    assert whole.evaluations == 36
-    assert whole.gain > 0.02  # uniform layouts start slowly or are slow
+    expected = search(scene, budget=36, seed=3)
+    assert expected.evaluations == 36
+    assert expected.gain > 0.02  # uniform layouts start slowly or are slow
     search(scene, budget=28, seed=3, folder=tmp_path / "run")
     resumed = search(scene, budget=36, seed=3, folder=tmp_path / "run", resume=True)
-    assert resumed.layout == whole.layout
-    assert resumed.score == whole.score
+    assert resumed.layout == expected.layout
+    assert resumed.score == expected.score

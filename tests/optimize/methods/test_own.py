@@ -37,9 +37,9 @@ number = 3
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
-    """The working folder, with a module in it; what Python has loaded is forgotten afterwards."""
-    others = [path for path in sys.path if path == "" or (Path(path) / "my_methods.py").exists()]
-    monkeypatch.setattr(sys, "path", [path for path in sys.path if path not in others])
+    """The working folder, with modules that are unloaded afterwards."""
+    paths = [p for p in sys.path if p and not (Path(p) / "my_methods.py").exists()]
+    monkeypatch.setattr(sys, "path", paths)
     (tmp_path / "my_methods.py").write_text(MINE)
     (tmp_path / "my_broken.py").write_text("import no_such_thing_here")
     (tmp_path / "my_typo.py").write_text("def run(")
@@ -50,11 +50,11 @@ def folder(tmp_path: Path, monkeypatch) -> Path:
 
 
 def test_a_method_is_named_or_given(folder, scenes):
-    named = search(scenes["spacing"], "my_methods:run", budget=40, seed=2)
-    given = search(scenes["spacing"], sys.modules["my_methods"].run, budget=40, seed=2)
-    assert named.method == given.method == "my_methods:run"
-    assert named.evaluations == given.evaluations == 40
-    assert named.layout == given.layout
+    by_name = search(scenes["spacing"], "my_methods:run", budget=40, seed=2)
+    by_function = search(scenes["spacing"], sys.modules["my_methods"].run, budget=40, seed=2)
+    assert by_name.method == by_function.method == "my_methods:run"
+    assert by_name.evaluations == by_function.evaluations == 40
+    assert by_name.layout == by_function.layout
     assert search(scenes["spacing"], lambda e, _: e.evaluate([0.4] * 6), budget=9).evaluations == 1
 
 
@@ -65,15 +65,13 @@ def test_a_method_that_catches_every_exception_ends(folder, scenes):
 
 def test_it_runs_in_other_processes(folder, scenes):
     """Spawned processes import it from the working folder."""
-    chosen = [scenes["spacing"]], ["my_methods:run", "random"], range(1)
-    here = compare(*chosen, budget=21)
+    local = compare([scenes["spacing"]], ["my_methods:run"], range(2), 21)
+    methods = [load("my_methods:run")]
     with ProcessExecutor(1) as executor:
-        there = compare(*chosen, budget=21, executor=executor)
-    assert not there.failures
-    assert [r.score for r in there.results] == [r.score for r in here.results]
-    given = compare([scenes["spacing"]], [load("my_methods:run")], range(1), budget=21)
-    assert given.methods == ["my_methods:run"]
-    assert given.results[0].score == here.results[0].score
+        remote = compare([scenes["spacing"]], methods, range(2), 21, executor=executor)
+    assert not remote.failures
+    assert remote.methods == ["my_methods:run"]
+    assert [r.score for r in remote.results] == [r.score for r in local.results]
 
 
 @pytest.mark.parametrize(("method", "message"), [
@@ -86,15 +84,15 @@ def test_it_runs_in_other_processes(folder, scenes):
     ("my_typo:run", "'(' was never closed"),
     ("my_methods:", "method = 'my_methods:': choose one of auto, "),
 ])  # fmt: skip
-def test_what_is_no_method_is_rejected_in_a_line(folder, capsys, method, message):
+def test_impossible_methods_are_rejected_in_a_line(folder, capsys, method, message):
     assert main(["optimize", "sprint", "--method", method, "--budget", "9"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("domino: ")
     assert error.count("\n") == 1
-    assert any(part in error for part in message.split("|"))
+    assert message in error
 
 
-def test_what_other_processes_cannot_import_is_not_compared(folder, scenes):
+def test_functions_that_other_processes_cannot_import_are_not_compared(folder, scenes):
     load("my_methods:run")
     method = sys.modules["my_methods"].inside()
     with pytest.raises(ValueError, match=r"cannot be imported from .*; name a function at the top"):
