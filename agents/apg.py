@@ -22,11 +22,9 @@ import numpy as np
 import torch
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from agents.reacting import Episodes, antithetic_noise, follows
+from agents.reacting import RTOL, Episodes, antithetic_noise, follows
 from domino_env import Scene
 from domino_env.envs.spaces import closeness
-
-RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
 
 
 class APG(OnPolicyAlgorithm):

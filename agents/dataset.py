@@ -30,21 +30,19 @@ from optimize.experiments.store import export_study, open_store
 from optimize.experiments.task import Task, TaskResult
 
 STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes", "README.md"
-SCENES, BUDGET = 5000, 600
 QUALITIES = ("uniform", "noisy", "searched")
-NOISE = 0.1  # standard deviation of the actions of "noisy" episodes, which are from -1 to 1
 CARD_PAGE = Path(__file__).with_name("dataset_card.md")  # template of the card
 
 
 def make_dataset(
     folder: str | Path,
     distribution: str | Path = "varied",
-    scenes: int = SCENES,
+    scenes: int = 5000,
     seed: int = 0,
-    budget: int = BUDGET,
+    budget: int = 600,
     executor: Executor | None = None,
     *,
-    noise: float = NOISE,
+    noise: float = 0.1,
     code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
@@ -129,14 +127,14 @@ def _card(
 ) -> str:
     """Return the description of the dataset in Markdown."""
     gains = np.array([result.score / result.uniform_score - 1.0 for result in results])
-    layouts = (
-        "the uniform baseline",
-        f"the searched layout, normal noise of {noise:g} on each action (from -1 to 1)",
-        "the searched layout",
-    )
+    layouts = {
+        "uniform": "the uniform baseline",
+        "noisy": f"the searched layout, normal noise of {noise:g} on each action (from -1 to 1)",
+        "searched": "the searched layout",
+    }
     lines = [
-        (f"`{source.name}/{quality}-v0`", layout, f"{returns[quality]:.2f}")
-        for quality, layout in zip(QUALITIES, layouts, strict=True)
+        (f"`{source.name}/{quality}-v0`", layouts[quality], f"{mean:.2f}")
+        for quality, mean in returns.items()
     ]
     command = (
         f"domino dataset FOLDER --distribution {source.name} --scenes {len(results)} --seed {seed} "
@@ -194,8 +192,8 @@ def write_episodes(
     scenes: Sequence[Scene],
     layouts: Sequence[Layout],
     seed: int,
-    noise: float = NOISE,
-    code_link: str | None = None,
+    noise: float,
+    code_link: str | None,
 ) -> dict[str, float]:
     """Write a Minari dataset of each quality, with an episode per scene, in their order.
 

@@ -70,8 +70,12 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     >>> round(evaluate("sprint").score, 4)  # [m/s]
     0.8284
     """
-    target = scene if scene is None or isinstance(scene, Scene) else load_scene(scene)
-    return load_policy(run, trust=trust).build(target)
+    policy = load_policy(run, trust=trust)
+    if isinstance(policy, ScenePolicy) and scene is None:
+        return policy.build()
+    if scene is None:
+        raise ValueError(f"{run} was trained on no single scene: name one to build for (--scene)")
+    return policy.build(scene if isinstance(scene, Scene) else load_scene(scene))
 
 
 def load_policy(

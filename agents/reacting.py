@@ -22,7 +22,7 @@ from agents.draw import numbers, rule
 from domino_env import Scene
 from domino_env.core.types import Floats
 
-RTOL = 1e-5  # relative error allowed in the arrival times
+RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
 WISHES = 10.0  # weight of the mean square error of the wishes, beside a return in per cent
 HAND = "thicknesses", "hand", "stock"  # parts that are followed besides the position
 TEMPO = "lateness", "intervals", "gaps", "thicknesses"

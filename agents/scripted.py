@@ -205,10 +205,6 @@ class ScriptedPolicy:
 
     name: str
 
-    def build(self, scene: Scene | None) -> Rollout:
-        """Build a layout; raise ValueError if no scene is given."""
-        if scene is None:
-            raise ValueError(
-                f"{self.name} was trained on no scene: name one to build for (--scene)"
-            )
+    def build(self, scene: Scene) -> Rollout:
+        """Build a layout; raise ValueError for a scene that the policy cannot handle."""
         return SCRIPTED[self.name](scene)

@@ -14,8 +14,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from domino_env import DominoChainVector, Scene, SceneDistribution
 
-NOTHING: dict[str, Any] = {}
-
 
 class DominoVecEnv(VecEnv):
     """Vector environment of Stable-Baselines3: B environments, stepped by one compiled call.
@@ -86,7 +84,7 @@ class DominoVecEnv(VecEnv):
         observations, rewards, ended, _, info = self.vector.step(self._actions)
         self._returns += rewards
         self._lengths += 1
-        infos = [NOTHING] * self.num_envs
+        infos: list[dict[str, Any]] = [{}] * self.num_envs
         if ended.any():
             elapsed = time.perf_counter() - self._began
             final = info["final_info"]

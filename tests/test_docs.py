@@ -2,7 +2,6 @@
 
 import io
 import re
-import runpy
 import shlex
 import shutil
 import sqlite3
@@ -239,20 +238,20 @@ def test_generated_pages_are_up_to_date(pages):
         assert (ROOT / "docs" / path).read_text("utf-8") == text, f"{path}: {again}"
 
 
-def test_quoted_numbers_are_those_of_their_source():
+def test_quoted_numbers_are_those_of_their_source(script):
     """`python docs/quoted_numbers.py` writes them."""
-    quoted = runpy.run_path(str(ROOT / "docs" / "quoted_numbers.py"))
-    values = quoted["numbers"]()
+    quoted = script("docs/quoted_numbers.py")
+    values = quoted.numbers()
     marked = 0
     for page, text in PAGES.items():
-        marked += len(quoted["MARK"].findall(text))
-        written = quoted["with_numbers"](text, values)
+        marked += len(quoted.MARK.findall(text))
+        written = quoted.with_numbers(text, values)
         for line, right in zip(text.splitlines(), written.splitlines(), strict=True):
             assert line == right, f"{page}: run python docs/quoted_numbers.py"
     assert marked > 30
     with pytest.raises(KeyError, match="nothing"):
-        quoted["with_numbers"]("1.0<!--nothing-->", values)
-    assert quoted["with_numbers"]("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
+        quoted.with_numbers("1.0<!--nothing-->", values)
+    assert quoted.with_numbers("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
 
 
 def test_the_reference_is_complete(pages):

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.designer.features import outside
     from agents.designer.policy import Designer
     from agents.evaluation import load_policy
-    from agents.scripted import ScriptedPolicy
+    from agents.policy import ScenePolicy
     from domino_env import SceneDistribution, load_scene
     from domino_env.scenes.distribution import load_any, load_distribution
 
@@ -71,9 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
     if arguments.scenes is not None:
         return _evaluate_scenes(policy, arguments)
-    if scene is None and isinstance(policy, Designer | ScriptedPolicy):
-        scene = load_scene("sprint")
-    rollout = policy.build(scene)
+    if isinstance(policy, ScenePolicy):
+        rollout = policy.build(scene)
+    else:
+        rollout = policy.build(scene or load_scene("sprint"))
     if isinstance(policy, Designer):
         for difference in outside(rollout.scene):
             print(f"outside the scenes of its training: {difference}")

@@ -143,18 +143,14 @@ class Designer:
         seconds = time.perf_counter() - began
         return Design(scene, layout, wave, score, number, seconds, outside(scene))
 
-    def build(self, scene: Scene | None) -> Rollout:
+    def build(self, scene: Scene) -> Rollout:
         """Design a layout, beside the uniform baseline.
 
         Raises
         ------
         ValueError
-            If no scene is given, and as of `design`.
+            As of `design`.
         """
-        if scene is None:
-            raise ValueError(
-                "designer was trained on sampled scenes: name one to design for (--scene)"
-            )
         require_kind(scene)
         compile_for(scene)
         design, uniform = self.design(scene), scene.uniform()
