@@ -56,6 +56,8 @@ class Learner:
         Hyperparameters of the algorithm.
     seed
         Seed of all its randomness.
+    num_scenes
+        As of `agents.train`.
     """
 
     def __init__(
@@ -64,9 +66,10 @@ class Learner:
         algorithm: str,
         hyperparameters: Hyperparameters,
         seed: int,
+        num_scenes: int | None = None,
     ) -> None:
         self.hyperparameters = hyperparameters
-        self.env = DominoVecEnv(target, hyperparameters.num_envs)
+        self.env = DominoVecEnv(target, hyperparameters.num_envs, num_scenes=num_scenes)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about uneven batches
             self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)

@@ -39,7 +39,7 @@ from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import COUNT
-from domino_env.scenes.pool import ScenePool
+from domino_env.scenes.pool import POOL, ScenePool
 from optimize.experiments.best_known import best_known
 from optimize.result import draw_scores
 
@@ -62,6 +62,7 @@ class ConfigDocument(Document):
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
     steps: Annotated[int, Meta(ge=1)]
     hyperparameters: Hyperparameters
+    num_scenes: Annotated[int, Meta(ge=1)] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +160,7 @@ def train(
     resume: bool = False,
     progress: bool | None = False,
     hyperparameters: Hyperparameters | None = None,
+    num_scenes: int | None = None,
 ) -> Run:
     """Train a policy that builds layouts for a scene, or for all scenes of a distribution.
 
@@ -182,6 +184,8 @@ def train(
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
     hyperparameters
         Hyperparameters; None for the defaults of the algorithm.
+    num_scenes
+        Number of scenes of a distribution that are sampled, from the first on; None for all 4096.
 
     Returns
     -------
@@ -193,7 +197,7 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, for a folder that holds another training, and with
+        For an unknown algorithm or scene, for `num_scenes` with a single scene, for a folder that holds another training, and with
         `resume` for a folder without one.
 
     Examples
@@ -206,6 +210,8 @@ def train(
     if steps is not None:
         require("steps", steps, 1, whole=True)
     require("seed", seed, 0, 2**32 - 1, whole=True)
+    if num_scenes is not None:
+        require("num_scenes", num_scenes, 1, POOL, whole=True)
     require_learning()
     target = load_any(scene) if isinstance(scene, str | Path) else scene
     home = Path(folder or f"runs/{target.name}-{algorithm}")
@@ -213,6 +219,7 @@ def train(
         config = _read_config(home)
         target, hyperparameters = load_any(home / SCENE), config.hyperparameters
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
+        num_scenes = config.num_scenes
     else:
         require_unused(home, FILES)
     sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
@@ -221,7 +228,10 @@ def train(
         algorithm, episode_of(target), sampled=sampled, scheduled=scheduled
     )
     steps = steps or hyperparameters.steps
-    return Training(target, algorithm, hyperparameters, steps, seed, home, progress).run(resume)
+    training = Training(
+        target, algorithm, hyperparameters, steps, seed, home, progress, num_scenes
+    )
+    return training.run(resume)
 
 
 def save_zip(folder: str | Path, path: str | Path) -> None:
@@ -275,7 +285,7 @@ class Training:
 
     Parameters
     ----------
-    target, algorithm, hyperparameters, total, seed, folder, progress
+    target, algorithm, hyperparameters, total, seed, folder, progress, num_scenes
         As of `train`, where `total` is `steps`.
     """
 
@@ -286,14 +296,16 @@ class Training:
     seed: int
     folder: Path
     progress: bool | None
+    num_scenes: int | None
 
     def __post_init__(self) -> None:
         self.scenes: list[Scene] = []
         self.tests: list[Scene] = []
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
-            pool = ScenePool(self.target)
-            self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
+            pool = ScenePool(self.target, self.num_scenes or POOL)
+            last = range(len(pool))[: -POOL_SCENES - 1 : -1]
+            self.scenes = [pool.scene(number) for number in last]
             with suppress(ValueError):  # the distribution has no test set
                 self.tests = scenes_of(self.target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
@@ -312,16 +324,15 @@ class Training:
 
         An update cannot be resumed halfway, so Ctrl-C leaves the last checkpoint as it is.
         """
-        from agents.sb3 import Learner
-
         if resume and (self.folder / CHECKPOINT).exists():
             self.learner = self._resumed()
         else:
-            self.learner = Learner(self.target, self.algorithm, self.hyperparameters, self.seed)
+            self.learner = self._learner(self.seed)
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,
-                hyperparameters=asdict(self.hyperparameters), versions=versions(),
+                hyperparameters=asdict(self.hyperparameters), num_scenes=self.num_scenes,
+                versions=versions(),
             )  # fmt: skip
         interrupted = False
         if self.learner.steps < self.total:
@@ -340,18 +351,23 @@ class Training:
         self.bar.close()
         return self._finish(interrupted)
 
+    def _learner(self, seed: int) -> Learner:
+        from agents.sb3 import Learner
+
+        return Learner(self.target, self.algorithm, self.hyperparameters, seed, self.num_scenes)
+
     def _write_json(self, name: str, **document: Any) -> None:
         write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
 
     def _resumed(self) -> Learner:
         """Return a learner in the state of the checkpoint, with new random numbers."""
-        from agents.sb3 import Learner, read_checkpoint
+        from agents.sb3 import read_checkpoint
 
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
         try:
             seed = (self.seed + int(state["steps"])) % 2**32  # no noise is sampled twice
-            learner = Learner(self.target, self.algorithm, self.hyperparameters, seed)
+            learner = self._learner(seed)
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))

@@ -20,6 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars, sac, td3, tqc")
     parser.add_argument("--steps", type=NATURAL, metavar="N", help="number of actions in all")
     parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
+    parser.add_argument(
+        "--num-scenes", type=NATURAL, metavar="N",
+        help="number of scenes of a distribution to sample (all 4096)",
+    )  # fmt: skip
     add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
     parser.add_argument(
         "--resume", action="store_true", help="continue from the checkpoint in the folder"
@@ -37,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     result = train(
         arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
-        resume=arguments.resume, progress=None,
+        resume=arguments.resume, progress=None, num_scenes=arguments.num_scenes,
     )  # fmt: skip
     if result.rollout is None:
         print(f"median gain over the uniform baselines of some scenes: {result.curve[-1][3]:+.2%}")

@@ -179,16 +179,27 @@ def _curve(folder: Path) -> list[tuple[float, ...]]:
         return [tuple(float(line[name]) for name in names) for line in csv.DictReader(file)]
 
 
-@pytest.mark.parametrize("algorithm", ["apg", "ppo"])
-def test_a_policy_for_sampled_scenes_is_evaluated_in_many(tmp_path, monkeypatch, algorithm):
+@pytest.mark.parametrize(("algorithm", "num_scenes"), [("apg", None), ("ppo", 3)])
+def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
+    tmp_path, monkeypatch, algorithm, num_scenes
+):
     monkeypatch.setattr("agents.training.POOL_SCENES", 4)
     chosen = tiny(algorithm, steps=200)
-    run = train(small_scenes(), algorithm, folder=tmp_path / "run", hyperparameters=chosen)
+    run = train(
+        small_scenes(), algorithm, folder=tmp_path / "run", hyperparameters=chosen,
+        num_scenes=num_scenes,
+    )  # fmt: skip
     assert run.rollout is None
     assert "median gain" in repr(run)
     with pytest.raises(ValueError, match="no single layout"):
         run.plot()
+    training = Training(small_scenes(), algorithm, chosen, 200, 0, run.folder, False, num_scenes)
+    names = {scene.name for scene in training.scenes}
+    assert names == {f"small-{i}" for i in (range(3) if num_scenes else range(4092, 4096))}
+    sampled = training._learner(0).env.vector.reset()[1]["scene"]
+    assert num_scenes is None or {scene.name for scene in sampled} <= names
     resumed = train("varied", folder=run.folder, resume=True)
+    assert json.loads((run.folder / "config.json").read_text())["num_scenes"] == num_scenes
     assert (resumed.scene, resumed.steps) == ("small", run.steps)
     policy, scenes = load_policy(run.folder), scenes_of(small_scenes(), 3, seed=1)
     done = evaluate_scenes(scenes, policy)
@@ -208,6 +219,8 @@ def test_invalid_arguments_are_rejected(tmp_path):
         ({"algorithm": "dqn"}, "algorithm = 'dqn': .*apg, ppo, ars"),
         ({"steps": 0}, "steps = 0: give a whole number"),
         ({"seed": -1}, "seed = -1: give a whole number"),
+        ({"num_scenes": 5000}, "num_scenes = 5000: .*1 to 4096"),
+        ({"num_scenes": 2}, "num_scenes = 2: .*the scene is fixed"),
         ({"folder": tmp_path, "resume": True}, "holds no training to resume"),
     ):
         with pytest.raises(ValueError, match=reason):
