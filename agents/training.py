@@ -197,8 +197,8 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, for `num_scenes` with a single scene, for a folder that holds another training, and with
-        `resume` for a folder without one.
+        For an unknown algorithm or scene, for `num_scenes` with a single scene, for a folder that
+        holds another training, and with `resume` for a folder without one.
 
     Examples
     --------
