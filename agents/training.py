@@ -228,9 +228,7 @@ def train(
         algorithm, episode_of(target), sampled=sampled, scheduled=scheduled
     )
     steps = steps or hyperparameters.steps
-    training = Training(
-        target, algorithm, hyperparameters, steps, seed, home, progress, num_scenes
-    )
+    training = Training(target, algorithm, hyperparameters, steps, seed, home, progress, num_scenes)
     return training.run(resume)
 
 
