@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -103,17 +102,6 @@ class Verification:
         word = "CLOSE: every arrival time" if excess <= EXPLAINED else "DIFFERS: arrival times only"
         return f"{word} {within}. {self.reason}"
 
-    @cached_property
-    def openings(self) -> dict[int, float]:
-        """Openings [m] of contacts (of i with i+1) that the model keeps closed.
-
-        With fixed pivots and near the leader, after they had closed.
-        """
-        rigid, layout = self.fixed, self.wave.layout
-        late = np.append(rigid.arrival_times, np.full(NEAR, np.inf))[NEAR:-1]
-        wide = (rigid.opened > WIDE * layout.height[:-1]) & (rigid.opened_at <= late)
-        return {int(i): float(rigid.opened[i]) for i in np.flatnonzero(wide)}
-
     @property
     def reason(self) -> str:
         """Reason in the layout why model and reference differ."""
@@ -123,12 +111,15 @@ class Verification:
                 f"domino {int(np.nanargmin(margins))} comes close to a stall (margin "
                 f"{np.nanmin(margins):.2g}), where every small difference grows"
             )
-        if self.openings:
-            i = max(self.openings, key=lambda i: self.openings[i])
+        rigid, height = self.fixed, self.wave.layout.height[:-1]
+        latest = np.append(rigid.arrival_times, np.full(NEAR, np.inf))[NEAR:-1]
+        named = (rigid.opened > WIDE * height) & (rigid.opened_at <= latest)
+        if named.any():
+            i = int(np.argmax(np.where(named, rigid.opened, 0.0)))
             reasons.append(
-                f"contacts open that the model keeps closed: {len(self.openings)}, the widest "
-                f"between dominoes {i} and {i + 1} by {1e3 * self.openings[i]:.2g} mm, "
-                f"{self.fixed.opened_at[i]:.3f} s after the push"
+                f"contacts open that the model keeps closed: {named.sum()}, the widest "
+                f"between dominoes {i} and {i + 1} by {1e3 * rigid.opened[i]:.2g} mm, "
+                f"{rigid.opened_at[i]:.3f} s after the push"
             )
         return f"Why: {'; '.join(reasons)}." if reasons else "No reason is found in the layout."
 
