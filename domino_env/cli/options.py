@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,21 +34,21 @@ def add_options(parser: Any, *options: Option) -> None:
         )
 
 
-@contextmanager
-def _reading() -> Iterator[None]:
-    """Keep the message of a ValueError, which argparse replaces by its own."""
+def _checked(value: Any, check: Callable[..., None], *arguments: Any, **options: Any) -> Any:
+    """Return a value that passes a check; argparse would replace the message of a ValueError."""
     try:
-        yield
+        check(*arguments, **options)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+    return value
 
 
 def number(
     unit: str = "", hint: str = "", *, whole: bool = False, **bounds: float
-) -> Callable[[str], float]:
+) -> Callable[[str], Any]:
     """Return the reader of an option's number; the other arguments are those of `require`."""
 
-    def read(text: str) -> float:
+    def read(text: str) -> Any:
         from domino_env.core.checks import require  # NumPy, which --help does without
 
         try:
@@ -57,9 +56,7 @@ def number(
         except ValueError:
             kind = "whole number" if whole else "number"
             raise argparse.ArgumentTypeError(f"'{text}': give a {kind}") from None
-        with _reading():
-            require("", value, unit=unit, hint=hint, whole=whole, **bounds)
-        return value
+        return _checked(value, require, "", value, unit=unit, hint=hint, whole=whole, **bounds)
 
     return read
 
@@ -87,22 +84,14 @@ def require_deviation(deviation: float, gap: float) -> None:
     require("--deviation", deviation, high=0.5 * gap, unit="mm", hint=hint)
 
 
-def folder(name: str) -> str:
+def folder(name: str) -> Any:
     """Read the name of a folder to write to."""
-    with _reading():
-        require_writable(Path(name))
-    return name
+    return _checked(name, require_writable, Path(name))
 
 
-def output(*suffixes: str) -> Callable[[str], str]:
+def output(*suffixes: str) -> Callable[[str], Any]:
     """Return the reader of an option that names a file to write."""
-
-    def read(name: str) -> str:
-        with _reading():
-            require_output(Path(name), *suffixes)
-        return name
-
-    return read
+    return lambda name: _checked(name, require_output, Path(name), *suffixes)
 
 
 def require_output(path: Path, *suffixes: str) -> None:
@@ -149,7 +138,7 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def _json_file(name: str) -> str:
+def _json_file(name: str) -> Any:
     if name != "-" and not name.endswith(".json"):
         raise argparse.ArgumentTypeError(f"'{name}': name a .json file, or put --json last")
     return name if name == "-" else output(".json")(name)

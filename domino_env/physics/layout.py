@@ -138,9 +138,8 @@ class Layout:
             sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")
         return f"Layout({number}: {', '.join(sizes)})"
 
-    def _repr_png_(self) -> bytes:
-        png: bytes = draw("layout", self, None, False)._repr_png_()
-        return png
+    def _repr_png_(self) -> Any:
+        return draw("layout", self, None, False)._repr_png_()
 
     @classmethod
     def uniform(

@@ -129,9 +129,8 @@ class Wave:
             how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
         return f"Wave({ended}: {how})"
 
-    def _repr_png_(self) -> bytes:
-        png: bytes = draw("wave", self, None, False)._repr_png_()
-        return png
+    def _repr_png_(self) -> Any:
+        return draw("wave", self, None, False)._repr_png_()
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the layout to scale, and gaps and speed along it.

@@ -194,7 +194,11 @@ class Scene(Specification):
         evaluation = criterion.score(Waves.of_waves(waves, self.count))
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
         if complete and criterion.simulates_anew:
-            batch = LayoutBatch.of_waves([waves[b] for b in complete], self.ground)
+            gaps, thick, tall = (
+                np.array([getattr(waves[b].layout, name) for b in complete])
+                for name in ("spacing", "thickness", "height")
+            )
+            batch = self.batch(gaps, thick[:, 1:], tall[:, 1:], waves[0].rtol)
             simulated = criterion.evaluate(batch)
             for name in ("score", "reach", "falls"):
                 getattr(evaluation, name)[complete] = getattr(simulated, name)

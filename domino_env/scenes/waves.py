@@ -64,17 +64,6 @@ class LayoutBatch:
 
     __repr__ = brief
 
-    @classmethod
-    def of_waves(cls, waves: Sequence[Wave], ground: Ground | None) -> Self:
-        """Return the batch of the layouts of waves of one scene, on its ground."""
-        gaps, thick, tall = (
-            np.array([getattr(wave.layout, name) for wave in waves])
-            for name in ("spacing", "thickness", "height")
-        )
-        one = waves[0]
-        sizes = gaps, thick, tall, one.layout.width, one.layout.density
-        return cls(*sizes, one.physics, one.rtol, ground)
-
     def __len__(self) -> int:
         return len(self.spacing)
 

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.models import Part, Value, about
-from domino_env.core.types import Floats, Ints
+from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -60,22 +60,6 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     quantile: Annotated[Share, about("share of the draws that may be slower")] = 0.05
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
-
-    def decisive(self, speeds: Floats) -> Ints:
-        """Return the draws that decide the scores.
-
-        Parameters
-        ----------
-        speeds
-            (B, draws) mean speeds [m/s].
-
-        Returns
-        -------
-        NDArray
-            (B,) index of the draw of each layout that has the quantile of its speeds.
-        """
-        rank = max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1
-        return np.argsort(speeds, axis=1, kind="stable")[:, rank]
 
 
 def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
@@ -187,7 +171,8 @@ class Robust(Speed):
         ).evaluate
         drawn = speed_of(placed)
         scores = drawn.score.reshape(-1, draws)
-        decisive = self.settings.decisive(np.maximum(scores, 0.0))
+        rank = max(math.ceil(self.settings.quantile * draws - 1e-9), 1) - 1
+        decisive = np.argsort(np.maximum(scores, 0.0), axis=1, kind="stable")[:, rank]
         speed = scores[each, decisive]
         # where too many draws stop for a speed, their mean reach
         mean = drawn.reach.reshape(-1, draws).mean(axis=1)
