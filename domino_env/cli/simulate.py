@@ -162,12 +162,12 @@ def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[s
     ground = scene.ground if scene else None
     waves = simulate_placed(wave.layout, wave.physics, Placement(deviation), ground)
     times = waves.total_time[waves.mean_speed > 0.0]
-    found = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
+    noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
     if len(times):
         slow, fast = np.quantile(times, (0.95, 0.05)).tolist()
-        found |= {"mean": float(times.mean()), "spread": float(times.std())}
-        found |= {"fastest_5_percent": fast, "slowest_5_percent": slow}
-    return found
+        noise |= {"mean": float(times.mean()), "spread": float(times.std())}
+        noise |= {"fastest_5_percent": fast, "slowest_5_percent": slow}
+    return noise
 
 
 def noise_summary(noise: dict[str, float]) -> str:

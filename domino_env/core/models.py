@@ -109,8 +109,8 @@ def model_of(kind: type[Model], document: object, where: str = "") -> Model:
 
 
 def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
-    found = _PLACE.fullmatch(str(error))
-    message, path = (found["error"], found["path"]) if found else (str(error), "")
+    match = _PLACE.fullmatch(str(error))
+    message, path = (match["error"], match["path"]) if match else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
     type_ = inspect.type_info(kind)
     value, meaning = document, _plain(type_)[1]
@@ -171,8 +171,8 @@ def _fields(type_: Any) -> dict[str, Any]:
 def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
     """Return the type of a field or an entry, and its description."""
     if isinstance(step, str):
-        found = _fields(type_)[step]
-        return found, _plain(found)[1]
+        field = _fields(type_)[step]
+        return field, _plain(field)[1]
     listed = type_
     while not hasattr(listed, "item_type") and not hasattr(listed, "item_types"):
         if isinstance(listed, inspect.UnionType):  # a number or a list of them

@@ -83,8 +83,8 @@ def versions() -> dict[str, str]:
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"python": platform.python_version()}
+    numbers = {"python": platform.python_version()}
     for name in ("domino-chains", "numpy", "scipy", "numba", "cma"):
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            numbers[name] = version(name)
+    return numbers

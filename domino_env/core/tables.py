@@ -79,13 +79,13 @@ def fill(page: str, tables: dict[str, list[str]]) -> str:
     ValueError
         For a table without such a comment in the page.
     """
-    places = {found[2] for found in _PLACE.finditer(page)}
+    places = {match[2] for match in _PLACE.finditer(page)}
     if missing := set(tables) - places:
         raise ValueError(f"the page has no comment <!-- {min(missing)} --> with an <!-- end -->")
 
-    def written(found: re.Match[str]) -> str:
-        lines = tables.get(found[2])
-        return found[0] if lines is None else f"{found[1]}\n" + "\n".join(lines) + f"\n\n{found[3]}"
+    def written(match: re.Match[str]) -> str:
+        lines = tables.get(match[2])
+        return match[0] if lines is None else f"{match[1]}\n" + "\n".join(lines) + f"\n\n{match[3]}"
 
     return _PLACE.sub(written, page)
 

@@ -129,10 +129,10 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
             raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
     for kind in ("spacing", "thickness"):
         if kind not in places:
-            found = ", ".join(one_line(n, 40) for n in names[:20] if n)
+            given = ", ".join(one_line(n, 40) for n in names[:20] if n)
             raise ValueError(
                 f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
-                f"'{kind}_mm' (found: {found or 'nothing'})"
+                f"'{kind}_mm' (found: {given or 'nothing'})"
             )
     columns, numbers = {kind: array("d") for kind in places}, array("q")
 

@@ -117,5 +117,5 @@ def _links(
 
 
 def _first(wrong: Bools) -> tuple[int, ...] | None:
-    found = np.argwhere(wrong)
-    return tuple(int(k) for k in found[0]) if len(found) else None
+    places = np.argwhere(wrong)
+    return tuple(int(k) for k in places[0]) if len(places) else None

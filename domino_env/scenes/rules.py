@@ -63,15 +63,15 @@ def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
         flat = "the layout has uneven ground, and the scene flat ground: rise and tilt must be 0"
         return [] if layout.is_flat else [flat]
     rise, tilt = ground.lay(layout.spacing, layout.thickness)
-    found = []
+    violations = []
     for name, values, wanted, unit in (
         ("rise", layout.rise, rise, "m"),
         ("tilt", layout.tilt, tilt, "rad"),
     ):
         good = np.abs(values - wanted) <= ON_GROUND
         there = f"{wanted[np.argmin(good)]:.9g} {unit} on its ground; use the scene's `layout`"
-        found += _violations(f"{name}[{{0}}]", values, good, there, unit=unit)
-    return found
+        violations += _violations(f"{name}[{{0}}]", values, good, there, unit=unit)
+    return violations
 
 
 def nearest_of(values: Floats, allowed: Floats) -> Floats:

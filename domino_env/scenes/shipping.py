@@ -76,11 +76,11 @@ def write_scenes() -> None:
     """Write the JSON Schema and the uniform baselines of scenes."""
     write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
-    found = {
+    baselines = {
         name: {"stamp": stamp(scene), "point": best_point(scene).tolist()}
         for name, scene in scenes.items()
     }
-    write_text(HERE / "shipped" / SHIPPED, json.dumps(found, indent=1) + "\n")
+    write_text(HERE / "shipped" / SHIPPED, json.dumps(baselines, indent=1) + "\n")
 
 
 def write_distribution(name: str) -> None:

@@ -225,10 +225,10 @@ class UniformLayouts:
             size = max(1, LARGEST_BATCH // n)
             ones, unsettled = np.ones(n - 1), []
             for i in range(0, len(left), size):
-                some = left[i : i + size]
-                prefix = scene.batch(gaps[some] * ones, thick[some] * ones, rtol=PREFIX_RTOL)
+                part = left[i : i + size]
+                prefix = scene.batch(gaps[part] * ones, thick[part] * ones, rtol=PREFIX_RTOL)
                 waves, settled = _extended(prefix, scene.count, steady)
-                scores[some] = scene.criterion.score(waves).score
-                unsettled.append(some[~settled])
+                scores[part] = scene.criterion.score(waves).score
+                unsettled.append(part[~settled])
             left, n = np.concatenate(unsettled), 2 * n
         return scores

@@ -117,9 +117,9 @@ class LayoutBatch:
             rtol=self.rtol, record=record, gradient=gradient, **ground,
         )  # fmt: skip
 
-    def along_ground(self, found: Gradient) -> Gradient:
+    def along_ground(self, gradient: Gradient) -> Gradient:
         """Return a gradient for dominoes that move along the ground."""
-        return found if self.ground is None else self.ground.along_ground(found, self)
+        return gradient if self.ground is None else self.ground.along_ground(gradient, self)
 
 
 @dataclass(frozen=True, eq=False)

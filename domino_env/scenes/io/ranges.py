@@ -63,20 +63,20 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
     ValueError
         With the place, its value and what is allowed.
     """
-    found: dict[Place, Range] = {}
+    ranges: dict[Place, Range] = {}
     for table, key in _places(document):
         place, name = (table, key), f"{table}.{key}"
-        found[place] = sampled = model_of(Range, document[table][key], name)
+        ranges[place] = sampled = model_of(Range, document[table][key], name)
         if sampled.of is not None and (place not in IN_HEIGHTS or "of" in document[table]):
             raise ValueError(
                 f"{name}.of = 'height': only of a push, a length or a thickness in metres"
             )
         if place == COUNT and (sampled.min % 1 or sampled.max % 1):
             raise ValueError(f"{name} = {sampled.min} to {sampled.max}: give whole numbers")
-    for (table, key), sampled in found.items():
+    for (table, key), sampled in ranges.items():
         if sampled.min_ratio is None:
             continue
-        least = found.get((table, "min"), document[table].get("min"))
+        least = ranges.get((table, "min"), document[table].get("min"))
         if key != "max" or least is None:
             raise ValueError(f"{table}.{key}.min_ratio: only of a max beside a min")
         most, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
@@ -87,7 +87,7 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
                 f"{table}.min = {most}: {sampled.min_ratio} times it is beyond {table}.max = "
                 f"{sampled.max}"
             )
-    return found
+    return ranges
 
 
 def filled(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:

@@ -219,10 +219,10 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     for path, scene in scenes[1:]:
         first, common = scenes[0]
         if scene != common:
-            one, other = (one_line(str(name), 160, keep_end=True) for name in (first, path))
+            files = [one_line(str(file), 160, keep_end=True) for file in (first, path)]
             raise ValueError(
-                f"{one} and {other} are of different scenes ('{common.name}' and '{scene.name}'): "
-                "show layouts of one scene, or name one by --scene"
+                f"{' and '.join(files)} are of different scenes ('{common.name}' and "
+                f"'{scene.name}'): show layouts of one scene, or name one by --scene"
             )
     return scenes[0][1] if scenes else None
 

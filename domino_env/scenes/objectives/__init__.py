@@ -12,7 +12,7 @@ __all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient"]
 
 
 def _found() -> dict[str, type[Objective]]:
-    modules = [import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__)]
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
     classes = [value for module in modules for value in vars(module).values()]
     named = {
         kind.name: kind

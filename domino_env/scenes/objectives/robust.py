@@ -96,9 +96,9 @@ def pieces_of(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
 def errors(placement: Placement, pairs: int) -> Floats:
     """Return the errors of the gaps (draws, pairs) [m], drawn once for each number of pairs."""
     random = np.random.default_rng(placement.seed)
-    found = placement.deviation * random.standard_normal((placement.draws, pairs))
-    found.flags.writeable = False
-    return found
+    drawn = placement.deviation * random.standard_normal((placement.draws, pairs))
+    drawn.flags.writeable = False
+    return drawn
 
 
 def simulate_placed(
@@ -182,15 +182,15 @@ class Robust(Speed):
         if self.limits is not None:  # of the layout without errors
             exact = Waves.of_batch(batch.simulate(record=True), batch)
             score, falls = self.limits.lower(score, exact), falls + exact.falls
-        found = Evaluation(score, reach, falls)
+        evaluation = Evaluation(score, reach, falls)
         if not gradient:
-            return found
+            return evaluation
         gaps = placed.spacing.reshape(len(batch), draws, -1)[each, decisive]
         intended = batch.spacing + drawn_errors[decisive]
         moved = np.abs(gaps - intended) < 1e-15  # those not at the least gap
         by = speed_of(replace(batch, spacing=gaps), gradient=True).gradient
         assert by is not None
-        return found.with_gradient(replace(by, spacing=moved * by.spacing))
+        return evaluation.with_gradient(replace(by, spacing=moved * by.spacing))
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Return the speed, and the share of the draws that reach it."""
@@ -212,8 +212,8 @@ class Robust(Speed):
 def frozen_errors(deviation: float, draws: int, pairs: int) -> Floats:
     """Return errors (draws, pairs) [m], those of environments reset with seeds 0 … draws - 1."""
     seeds = range(draws)
-    found = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
-    return deviation * np.array(found)
+    normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
+    return deviation * np.array(normals)
 
 
 @dataclass(frozen=True)
@@ -258,15 +258,16 @@ class MeanOverDraws(Objective):
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
         drawn = frozen_errors(self.deviation, self.draws, batch.count - 1)
-        found = self.settings.evaluate(placed_batch(batch, drawn), gradient)
+        evaluation = self.settings.evaluate(placed_batch(batch, drawn), gradient)
         by_draw = len(batch), self.draws, -1
-        score, reach = (x.reshape(by_draw[:2]).mean(axis=1) for x in (found.score, found.reach))
-        falls = found.falls.reshape(by_draw[:2]).sum(axis=1)
+        score = evaluation.score.reshape(by_draw[:2]).mean(axis=1)
+        reach = evaluation.reach.reshape(by_draw[:2]).mean(axis=1)
+        falls = evaluation.falls.reshape(by_draw[:2]).sum(axis=1)
         mean = Evaluation(score, np.where(score > 0.0, 1.0, reach), falls)
         if not gradient:
             return mean
         moved = batch.spacing[:, None, :] + drawn > LEAST_GAP  # not those at the least gap
-        by = found.gradient
+        by = evaluation.gradient
         return mean.with_gradient(
             ScoreGradient(
                 (moved * by.spacing.reshape(by_draw)).mean(axis=1),

@@ -163,8 +163,8 @@ class InTempo(Objective):
         """Return the derivatives of the scores of the arrival times."""
         propagated = (waves.outcome == Outcome.PROPAGATED)[:, None]
         times = np.where(propagated, waves.arrival_times, 0.0)
-        found = waves.pullback(propagated * self.settings.gradient(times))
-        return ScoreGradient.of(batch.along_ground(found))
+        gradient = waves.pullback(propagated * self.settings.gradient(times))
+        return ScoreGradient.of(batch.along_ground(gradient))
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Return the root-mean-square error of the hits; less than 1 ns is rounding."""

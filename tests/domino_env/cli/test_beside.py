@@ -81,17 +81,13 @@ def test_a_template_has_the_width_of_the_scene_beside(mars, monkeypatch):
     assert drawn[0].width == 0.04
 
 
-def test_a_layout_without_a_scene_joins_a_race_with_a_notice(capsys, mars, tmp_path):
-    (tmp_path / "row.csv").write_text(GAPS)
-    page = str(tmp_path / "race.html")
-    assert main(["report", str(mars), str(tmp_path / "row.csv"), "--html", page]) == 0
+def test_layouts_that_are_drawn_together_share_a_scene(capsys, mars, tmp_path):
+    row = tmp_path / "row.csv"
+    row.write_text(GAPS)
+    both = [str(mars), str(row)]
+    assert main(["report", *both, "--html", str(tmp_path / "race.html")]) == 0
     notice = "row.csv: no scene beside it: shown in scene 'mars' of the other layouts"
     assert capsys.readouterr().err.count(notice) == 1
-
-
-def test_layouts_of_different_scenes_are_not_drawn_together(capsys, mars, tmp_path):
     (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
-    (tmp_path / "row.csv").write_text(GAPS)
-    race = ["render", str(mars), str(tmp_path / "row.csv"), "--gif", str(tmp_path / "race.gif")]
-    assert main(race) == 2
+    assert main(["render", *both, "--gif", str(tmp_path / "race.gif")]) == 2
     assert "different scenes ('mars' and 'gentle')" in capsys.readouterr().err

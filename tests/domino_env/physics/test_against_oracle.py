@@ -125,14 +125,9 @@ def test_contacts_behind_a_separation_are_not_counted_as_face_contacts(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(4, 13))
     friction = rng.choice([0, 0.25, rng.uniform(0, 0.8)])
-    wide = rng.random() < 0.6
-    spacing = (
-        rng.uniform(0.001, 0.047, count - 1)
-        if wide
-        else rng.choice([0.002, 0.005, 0.01, 0.02, 0.03], count - 1)
-    )
-    thick = rng.random() < 0.5
-    thickness = rng.uniform(0.003, 0.02, count) if thick else np.full(count, D)
+    kinds, wide = [0.002, 0.005, 0.01, 0.02, 0.03], rng.random() < 0.6
+    spacing = rng.uniform(0.001, 0.047, count - 1) if wide else rng.choice(kinds, count - 1)
+    thickness = rng.uniform(0.003, 0.02, count) if rng.random() < 0.5 else np.full(count, D)
     push = rng.uniform(4, 40)
     density = rng.uniform(200, 4000, count) if rng.random() < 0.5 else np.full(count, 1040.0)
     layout = de.Layout(spacing, thickness, density=density)

@@ -47,22 +47,6 @@ def test_the_first_hit(rise, friction, ratio, error):
     assert found == pytest.approx(ratio, abs=error)
 
 
-@pytest.mark.parametrize(
-    ("friction", "push", "gap"),
-    [
-        (0.0, 2.694, 11.07), (0.0, 7.85, 3.18), (0.0, 15.7, 1.61), (0.0, 60.0, 0.54),
-        (0.25, 2.694, 11.46), (0.25, 7.85, 3.54), (0.25, 15.7, 1.97), (0.25, 60.0, 0.91),
-    ],
-)  # fmt: skip
-def test_smallest_gap_that_carries_a_hundred(friction, push, gap):
-    gaps = np.linspace(gap - 0.03, gap + 0.03, 61) * MM
-    batch = de.simulate_batch(
-        gaps[:, None] * np.ones(99), np.full(100, 0.0075), de.Physics(friction, 9.8, push)
-    )
-    carried = gaps[batch.outcome == de.Outcome.PROPAGATED]
-    assert carried.min() / MM == pytest.approx(gap, abs=0.008)
-
-
 # the gap, over the height, at which the largest factor is carried
 @pytest.mark.parametrize(("friction", "limit", "gap"), [(0.0, 1.775, 0.963), (0.25, 1.541, 0.82)])
 def test_growing_chains(friction, limit, gap):

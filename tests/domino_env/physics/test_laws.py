@@ -68,18 +68,12 @@ def test_later_dominoes_change_nothing_earlier(seed, friction, uneven):
     assert wave.hit > 8
     last = min(16, wave.hit - 2)
     for n in (2, 7, last):
-        part = de.Layout(
-            layout.spacing[: n - 1], layout.thickness[:n], layout.height[:n],
-            density=layout.density[:n],
-            rise=layout.rise[: n - 1], tilt=layout.tilt[:n],
-        )  # fmt: skip
-        first = topple(part, friction)
+        sizes = {name: getattr(layout, name)[:n] for name in ("thickness", "height", "density")}
+        pairs = {name: getattr(layout, name)[: n - 1] for name in ("spacing", "rise")}
+        first = topple(de.Layout(**sizes, **pairs, tilt=layout.tilt[:n]), friction)
         np.testing.assert_array_equal(first.arrival_times, wave.arrival_times[:n])
-    thickness, density, spacing = (
-        layout.thickness.copy(),
-        layout.density.copy(),
-        layout.spacing.copy(),
-    )
+    names = "thickness", "density", "spacing"
+    thickness, density, spacing = (getattr(layout, name).copy() for name in names)
     density[last:] *= rng.uniform(0.5, 1.5, len(density[last:]))
     thickness[last:] *= rng.uniform(0.5, 1.5, len(thickness[last:])) if not uneven else 1.0
     spacing[last - 1] = 1.5 * layout.height[last - 1]

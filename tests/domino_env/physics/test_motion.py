@@ -83,12 +83,3 @@ def test_a_wave_that_stops_stays_where_it_stopped():
     motion = Motion(Layout([0.02, 0.06, 0.02], 0.0075), Physics())
     assert motion.angles([motion.end])[0, 1] == pytest.approx(1.55)
     assert not motion.angles([motion.end])[0, 2:].any()
-
-
-def test_corners_of_a_domino_that_stands_and_one_that_lies():
-    layout = Layout([0.02], [0.0075, 0.005])
-    standing, lying = (outlines(layout, np.array([lean, 0.0])) for lean in (0.0, np.pi / 2))
-    corners = np.array([[0.0, 0.0], [0.0, 0.048], [-0.0075, 0.048], [-0.0075, 0.0]])
-    assert standing[0] == pytest.approx(corners)
-    assert standing[1, 0] == pytest.approx([0.025, 0.0])
-    assert lying[0] == pytest.approx(corners[:, ::-1] * [1.0, -1.0])

@@ -53,19 +53,6 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 
-def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed():
-    free_standing, analytic = (
-        scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
-        for scene in (SMALL, replace(SMALL, floor_friction=None))
-    )
-    assert free_standing.score == SMALL.evaluate(SMALL.batch(GAPS[:1])).score
-    for name in ("spacing", "thickness", "height"):
-        scaled, exact = (getattr(found.gradient, name) for found in (free_standing, analytic))
-        np.testing.assert_allclose(
-            scaled / free_standing.score, exact / analytic.score, rtol=1e-12, err_msg=name
-        )
-
-
 def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
     baseline = SMALL.uniform()

@@ -76,11 +76,6 @@ def test_draws_that_stop_count_as_zero():
     assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
-def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre():
-    drawn = errors(Placement(0.01, draws=500, seed=1), 5)
-    assert placed(np.full(5, 0.002), drawn).min() == LEAST_GAP
-
-
 @pytest.mark.parametrize("name", ["tempo-noise", "sprint"])
 def test_a_mean_over_frozen_draws_and_its_derivatives(name):
     scene = some(name, count=9, placement_deviation=1e-3, placement_draws=5)
@@ -95,14 +90,6 @@ def test_a_mean_over_frozen_draws_and_its_derivatives(name):
         sides = (scene.batch(gaps + sign * step, thick, rtol=1e-11) for sign in (1.0, -1.0))
         up, down = (scene.evaluate(side).score for side in sides)
         assert found.gradient.spacing[:, i] == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
-
-
-def test_without_errors_robust_is_the_mean_speed():
-    scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
-    spacings = 0.005 + 0.4 * gaps_of(scene, 5)
-    plain = replace(scene, objective="mean_speed", settings=None)
-    found, exact = (one.evaluate(one.batch(spacings)).score for one in (scene, plain))
-    assert np.array_equal(found, exact)
 
 
 # toppled, magnify, time -------------------------------------------------------------------------
