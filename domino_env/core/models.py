@@ -117,31 +117,25 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
     for step in steps:
         value = value[step]
         type_, meaning = _inside(type_, step, meaning)
-    place = _joined(where, *steps)
+    place, field = _joined(where, *steps), _FIELD.search(message)
     if error.__cause__ is not None:  # a relation, mostly with the key first
-        message = str(error.__cause__)
-        first = re.match(r"\w+", message)
+        sentence = str(error.__cause__)
+        first = re.match(r"\w+", sentence)
         begins = first is not None and first[0] in _fields(type_)
-        raise ValueError(
-            f"{place}{'.' if begins else ': '}{message}" if place else message
-        ) from None
-    named = _FIELD.search(message)
-    if named and "unknown" in message:
+        sentence = f"{place}{'.' if begins else ': '}{sentence}" if place else sentence
+    elif field and "unknown" in message:
         allowed = tuple(_fields(type_))
-        near = difflib.get_close_matches(named[1][:50], allowed, n=1)
+        near = difflib.get_close_matches(field[1][:50], allowed, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise ValueError(
-            f"unknown key '{one_line(_joined(place, named[1]), 60)}': {hint}allowed: "
-            f"{', '.join(allowed)}"
-        ) from None
-    if named:
-        type_, meaning = _inside(type_, named[1], "")
-        raise ValueError(
-            f"{_joined(place, named[1])} is missing: {_wanted(type_)}{meaning}"
-        ) from None
-    raise ValueError(
-        f"{place or 'this'} {'=' if place else 'is'} {shown(value)}: {_wanted(type_)}{meaning}"
-    ) from None
+        key = one_line(_joined(place, field[1]), 60)
+        sentence = f"unknown key '{key}': {hint}allowed: {', '.join(allowed)}"
+    elif field:
+        type_, meaning = _inside(type_, field[1], "")
+        sentence = f"{_joined(place, field[1])} is missing: {_wanted(type_)}{meaning}"
+    else:
+        given = f"{place} =" if place else "this is"
+        sentence = f"{given} {shown(value)}: {_wanted(type_)}{meaning}"
+    raise ValueError(sentence) from None
 
 
 def _joined(*steps: str | int) -> str:

@@ -308,12 +308,8 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
         or has a length that fewer dominoes do not meet, or where pieces are drawn as they come.
     """
     whole = baseline.count == scene.count
-    if (
-        scene.hand
-        or (floor is None and whole)
-        or scene.criterion.unit != "m/s"
-        or (scene.length and not whole)
-    ):
+    no_other = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not whole)
+    if no_other or (floor is None and whole):
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,

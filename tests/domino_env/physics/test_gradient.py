@@ -91,12 +91,6 @@ def test_all_of_a_layout_by_differences(friction, uneven):
     assert kinks < 50  # of 700 derivatives, of 1040 on uneven ground
 
 
-def precise_change(low: tuple[Layout, Physics], high: tuple[Layout, Physics]) -> float:
-    """Return by how much the last arrival time changes, to many digits."""
-    before, after = (precise_wave(*end).arrival_times[-1] for end in (low, high))
-    return float(after - before)
-
-
 @pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (True, 0.3)])
 def test_against_sixty_digits(friction, uneven):
     """Along one direction through everything, without quadrature tables, tails or tolerances.
@@ -119,12 +113,12 @@ def test_against_sixty_digits(friction, uneven):
         physics.replace(friction=friction + x * (friction > 0.0)) for x in (1e-8, -1e-8)
     )
     exact += (smooth.friction - rough.friction) * gradient.friction
-    change = precise_change((low, rough), (high, smooth))
-    assert change == pytest.approx(exact, rel=1e-9 if uneven else 1e-10)
+    before, after = (precise_wave(*end).arrival_times[-1] for end in ((low, rough), (high, smooth)))
+    assert float(after - before) == pytest.approx(exact, rel=1e-9 if uneven else 1e-10)
 
 
 # friction, push 1 + 1e-7 times the smallest [rad/s], and the derivative of the last time by it
-# [s²/rad], by `precise_change` between pushes 1e-10 of the push above and below
+# [s²/rad], by `precise_wave` between pushes 1e-10 of the push above and below
 @pytest.mark.parametrize(("friction", "push", "slope"), [
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip

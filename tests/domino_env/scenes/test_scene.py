@@ -120,7 +120,6 @@ def test_a_layout_that_breaks_the_rules_has_no_score():
     (lambda: small(spacing=0.02), "scene 'small': 0.02: give two bounds, such as"),
     (lambda: small(spacing=(0.01, 0.02, 0.03)), "scene 'small': (0.01, 0.02, 0.03): give two"),
     (lambda: small().layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
-    (lambda: small().layout("wide"), "spacing = 'wide': give numbers"),
     (lambda: small().score(None), "layout is a NoneType: give a Layout"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
 ])  # fmt: skip
