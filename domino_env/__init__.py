@@ -1,4 +1,4 @@
-"""Toppling-domino chains: exact simulation of rows in which every domino may differ.
+"""Toppling-domino chains: exact simulation of chains in which every domino may differ.
 
     import domino_env as de
 
@@ -26,7 +26,7 @@ register_drawings(
         "wave": "domino_env.view.figures:plot_wave",
     }
 )
-if "_domino_command" not in sys.modules:  # which has no use for them, and should not wait
+if "_domino_command" not in sys.modules:  # which needs none, and starts faster without
     from domino_env.envs import register
 
     register()

@@ -101,7 +101,7 @@ def main(words: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return interruption.code if interruption.signal else code  # such as with the best so far
     except BrokenPipeError:
-        # the reader of the output has closed it; what is left in the buffer has nowhere to go
+        # the reader has closed the output: the rest of the buffer is discarded
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as stop:

@@ -17,7 +17,7 @@ COMMENTS = {
     "objective": "mean_speed: length over the time of the last hit; robust: with inexact gaps",
     "slope": "[degrees], positive downhill",
     "height": "[m]",
-    "width": "[m] across the row",
+    "width": "[m] across the chain",
     "density": "[kg/m³]; equal dominoes topple alike at any density",
     "first_thickness": "[m] of the first domino",
     "length": "[m] from the first pivot to the last",

@@ -179,7 +179,7 @@ def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
 
 
 def _wanted(type_: Any) -> str:
-    """Return what a type accepts, as an instruction."""
+    """Return the accepted values of a type, as an instruction."""
     while isinstance(type_, inspect.Metadata):
         type_ = type_.type
     if isinstance(type_, inspect.UnionType):

@@ -46,7 +46,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
 
 
 def even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Share what rounding leaves of the sum among the entries (B, n) off their bounds."""
+    """Distribute the rounding error of the sum over the entries (B, n) between their bounds."""
     free = (near > low) & (near < high)
     share = (total - near.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
     return np.asarray(np.clip(near + free * share[:, None], low, high))

@@ -1,7 +1,7 @@
 """Results: their drawings, their line in a session, the versions that made them.
 
-A result is drawn without an import of what draws it: a package registers the functions that return
-a Matplotlib figure in its `__init__`. They are imported at the first call.
+Modules of results do not import those that draw them: a package registers the functions that return
+a Matplotlib figure in its `__init__`, and the first call imports them.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from domino_env.core.files import one_line, write_text
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # first characters of what a spreadsheet runs
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # of text that a spreadsheet evaluates
 _PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 WIDEST = 60  # characters of a cell on a terminal
 

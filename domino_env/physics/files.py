@@ -43,9 +43,9 @@ class LayoutTable(Table):
     """A layout as JSON, SI units; one number serves all dominoes."""
 
     spacing: Annotated[list[Size], about("free gaps, one fewer than dominoes [m]")]
-    thickness: Annotated[Sizes, about("along the row [m]")]
+    thickness: Annotated[Sizes, about("along the chain [m]")]
     height: Annotated[Sizes, about("[m]")] = HEIGHT
-    width: Annotated[Size | UnsetType, about("across the row [m]")] = UNSET
+    width: Annotated[Size | UnsetType, about("across the chain [m]")] = UNSET
     density: Annotated[Sizes, about("[kg/m³]")] = DENSITY
     rise: Annotated[Numbers, about("how much higher the next pivot lies [m]")] = 0.0
     tilt: Annotated[Numbers, about("slope under a domino, positive downhill [rad]")] = 0.0

@@ -291,7 +291,7 @@ class Layout:
         Raises
         ------
         ValueError
-            For another suffix, for what is wrong in the file (with line and column, or key), and as
+            For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
         """
         with naming(path):

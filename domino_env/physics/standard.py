@@ -10,7 +10,7 @@ from domino_env.core.progress import Advice, WrongUnit, advise
 HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # [m], [m], [kg/m³]
 THICKNESS = 0.0075  # [m]
 
-TALLEST, SHORTEST = 10.0, 1e-3  # [m] far beyond what people build
+TALLEST, SHORTEST = 10.0, 1e-3  # [m] limits of plausible heights
 MOST, LEAST = 10.0, 1e-3  # of a thickness or a gap over the height
 ADVICE = (
     "lengths are in metres in Python and in files, 18 mm is 0.018; columns named …_mm, such as "
@@ -55,7 +55,7 @@ def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: 
     """Warn of lengths in a file that were probably given in another unit, as `unit_hint`.
 
     The warning is a WrongUnit for dominoes that nobody builds, and for gaps of many heights. Gaps
-    a little out of reach, or almost closed, may be what is to be simulated.
+    a little out of reach, or almost closed, may be intended.
     """
     hint = unit_hint(height, spacing, thickness)
     if hint is not None:

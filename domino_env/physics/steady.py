@@ -32,7 +32,7 @@ class SteadyWave:
     Attributes
     ----------
     exists
-        Whether there is one.
+        True where there is one.
     explanation
         Reason why there is none.
     speed

@@ -40,7 +40,7 @@ class Outcome(enum.IntEnum):
 
     @property
     def explanation(self) -> str:
-        """Meaning of the outcome and what to do next, in a sentence."""
+        """Meaning of the outcome and the next action, in a sentence."""
         return _EXPLANATIONS[self]
 
 
@@ -66,13 +66,13 @@ class Wave:
     layout, physics
         As simulated.
     outcome
-        Why the wave ended; `explanation` is a sentence about it, with the place.
+        Reason why the wave ended; `explanation` is a sentence about it, with the place.
     hit
         Number of dominoes struck; the first counts, and one that is struck without being moved.
     toppled
         Number of dominoes that passed their tipping angle; all of them if the wave propagated.
     arrival_times
-        (N,) when each domino is first moved [s]: 0 for the first, inf where not reached.
+        (N,) times at which each domino is first moved [s]: 0 for the first, inf where not reached.
     release_velocity
         (N,) angular velocity just after being hit [rad/s], the push for domino 0; nan where not
         reached.
@@ -87,7 +87,7 @@ class Wave:
     error_estimate
         Estimate of the largest |error|/t_k over the arrival times t_k.
     converged
-        Whether the estimate is within `rtol`, which an ill-conditioned layout does not allow.
+        True where the estimate is within `rtol`; ill-conditioned layouts may not reach it.
     flushes
         Number of face impacts, in which a contact of a tip becomes one of a corner.
     releases
@@ -95,11 +95,11 @@ class Wave:
     largest_flush_loss
         Largest fraction of the leader's speed lost in one face impact.
     rtol
-        Tolerance asked for.
+        Requested tolerance.
     run_time
         Time of the computation [s].
     tape
-        Saved states for `pullback`, where a gradient was asked for.
+        Saved states for `pullback`; None unless simulated with `gradient=True`.
     """
 
     layout: Layout
@@ -240,7 +240,7 @@ class Wave:
 
     @property
     def explanation(self) -> str:
-        """Why the wave ended, where, and what to do next, in a sentence."""
+        """Reason why the wave ended, the place and the next action, in a sentence."""
         if self.outcome == Outcome.PROPAGATED:
             return f"{self.outcome.explanation}."
         leader = int(np.isfinite(self.stall_margin).sum()) - 1
@@ -284,7 +284,7 @@ class WaveBatch:
         (B,) smallest stall margin of all leaders; with `record=False` it is taken over the nodes of
         the quadrature only.
     gradient
-        Gradient of the total time, zero for a wave that did not propagate; None unless asked for.
+        Gradient of the total time, zero for a wave that did not propagate; None without `gradient`.
     """
 
     arrays: kernels.Arrays
@@ -481,9 +481,9 @@ def simulate_batch(
     rtol
         As for `simulate`.
     record
-        Whether to keep the fields per domino.
+        Keep the fields per domino.
     gradient
-        Whether to compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
+        Compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
         are then not kept.
 
     Returns
@@ -588,7 +588,7 @@ def _checked_batch(
     rise: ArrayLike,
     tilt: ArrayLike,
 ) -> kernels.Arrays:
-    """Return the arrays of a batch for the kernels; raise for what cannot stand."""
+    """Return the arrays of a batch for the kernels; raise for dominoes that cannot stand."""
     gaps = numbers("spacing", spacing, None)
     if gaps.ndim != 2:
         raise ValueError(

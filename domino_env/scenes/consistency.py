@@ -25,7 +25,7 @@ EXCLUSIVE = (
     ("stock.hand", "row.length", "an environment takes no stock with a length"),
     ("[placement]", "[robust]", "both draw errors of the gaps"),
     ("[placement]", "row.length", "gaps with errors do not add up to a length"),
-    ("ground.profile", "row.length", "the length of a row depends on where its gaps lie"),
+    ("ground.profile", "row.length", "the length of a layout depends on where its gaps lie"),
     ("ground.profile", "[growth]", "taller dominoes do not fit its bends"),
     ("ground.profile", "[placement]",
      "gaps may come out so narrow that dominoes lean on each other"),
@@ -44,7 +44,7 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
     Raises
     ------
     ValueError
-        With key, value and what is allowed, or the tables that exclude each other.
+        With key, value and accepted range, or the tables that exclude each other.
     """
     tables = model_of(SceneFile, document)
     for sentence in _violations(tables):
@@ -53,7 +53,7 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
 
 
 def _violations(tables: SceneFile) -> Iterator[str]:
-    """Yield what is wrong; each check may rely on those before it."""
+    """Yield a sentence for each violation; a check may rely on those before it."""
     if tables.thickness is None and tables.stock is None:
         keys = ", ".join(RangeTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
@@ -122,7 +122,7 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_first(tables: SceneFile) -> Iterator[str]:
-    """Yield what is wrong with domino 0 and with the number of those that follow it."""
+    """Yield violations of domino 0 and of the number of dominoes."""
     row, stock = tables.row, tables.stock
     if row.first_thickness is None:
         low, high = tables.thickness.allowed()[0] if tables.thickness else (0.0, 1.0)

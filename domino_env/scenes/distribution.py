@@ -231,7 +231,7 @@ class SceneDistribution:
         return np.array([tables[t][k] / units.get((t, k), 1.0) for t, k in self.ranges], np.float64)
 
     def _fixed_part(self, tables: dict[str, Any]) -> dict[str, Any]:
-        """Return the tables without what is sampled, name and title."""
+        """Return the tables without sampled numbers, name and title."""
         kept = {
             name: {k: v for k, v in table.items() if (name, k) not in self.ranges}
             for name, table in tables.items()
@@ -287,7 +287,7 @@ def load_distribution(name: str | Path) -> SceneDistribution:
     Raises
     ------
     ValueError
-        With file, key, value and what is allowed; for a file without ranges, which `load_scene`
+        With file, key, value and accepted range; for a file without ranges, which `load_scene`
         reads.
     """
     return SceneDistribution(*read_named(name))

@@ -16,7 +16,7 @@ from domino_env.physics.layout import Layout
 Bounds = tuple[float, float]
 Values = tuple[float, ...]
 
-ON_GROUND = 1e-9  # [m], [rad] largest distance from the ground of what stands on it
+ON_GROUND = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
 ON_LIST = 1e-9  # [m] largest difference from a value of the list that is the same value
 
 
@@ -43,7 +43,7 @@ def off_list(name: str, values: Floats, allowed: Values | None, first: int) -> l
 
 
 def listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
-    """Tell for each value (…) whether it is one of the rising values `allowed`."""
+    """Return True for each value (…) that is one of the rising values `allowed`."""
     return np.abs(values - nearest_of(values, np.array(allowed))) <= ON_LIST
 
 
@@ -147,7 +147,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
             )
         for i, d in enumerate(self.thickness):
             if any(abs(d - other) <= SAME for other in self.thickness[:i]):
-                raise ValueError(f"thickness[{i}] = {d} m stands there twice: add the counts")
+                raise ValueError(f"thickness[{i}] = {d} m is listed twice: add the counts")
 
     @property
     def dominoes(self) -> Floats:

@@ -120,7 +120,7 @@ def _beyond(distribution: SceneDistribution, place: Place) -> SceneDistribution:
 
 
 if __name__ == "__main__":
-    for asked in sys.argv[1:]:
-        write_distribution(asked)
+    for name in sys.argv[1:]:
+        write_distribution(name)
     if not sys.argv[1:]:
         write_scenes()

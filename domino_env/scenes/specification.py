@@ -70,7 +70,7 @@ class Specification:
         Raises
         ------
         ValueError
-            With key, value and what is allowed.
+            With key, value and accepted range.
         """
         scene = object.__new__(cls)
         vars(scene).update(tables_of(document).fields())
@@ -263,7 +263,7 @@ class Specification:
         Returns
         -------
         list of str
-            One sentence for each rule, with the place, the value and what the scene allows.
+            One sentence for each rule, with the place, the value and the accepted range.
         """
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]

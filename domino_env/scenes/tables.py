@@ -28,7 +28,7 @@ MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the un
 ALIKE = 1e-8  # [m] values closer than this are the same
 SAME = ("name", "objective", "stock", "ground", "limits")  # in a file as in a scene
 
-# begins with a letter or a digit of any language; what paths and shells give a meaning is left out
+# begins with a letter or a digit of any language; without characters special to paths and shells
 NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
 LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 
@@ -255,7 +255,7 @@ def document_of(scene: Any) -> dict[str, Any]:
 
 
 def _of_file(value: Any) -> Any:
-    """Leave out what is None, and write tuples as lists."""
+    """Return a value without entries that are None, and with lists for tuples."""
     if isinstance(value, dict):
         return {key: _of_file(one) for key, one in value.items() if one is not None}
     return [_of_file(one) for one in value] if isinstance(value, tuple | list) else value

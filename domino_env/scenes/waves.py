@@ -22,7 +22,7 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 
-FREE_STANDING_RTOL = 1e-3  # whatever is asked for: the error of rigid bodies is some 2e-4 anyway
+FREE_STANDING_RTOL = 1e-3  # for any requested tolerance, as their error is some 2e-4
 FREE_STANDING_COST = 10_000  # analytic waves that take as long as one free-standing layout
 
 

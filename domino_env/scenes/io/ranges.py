@@ -61,7 +61,7 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
     Raises
     ------
     ValueError
-        With the place, its value and what is allowed.
+        With the place, its value and the accepted range.
     """
     ranges: dict[Place, Range] = {}
     for table, key in _places(document):

@@ -50,7 +50,7 @@ def load_scene(name: str | Path) -> Scene:
     TypeError
         For anything but a string or a path.
     ValueError
-        With file, key, value and what is allowed; for a file with ranges, which
+        With file, key, value and accepted range; for a file with ranges, which
         `load_distribution` reads.
 
     Examples
@@ -121,7 +121,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     Raises
     ------
     ValueError
-        With file, key, value and what is allowed.
+        With file, key, value and accepted range.
     """
     return scene_of_document(document_of_text(text, file), name, file)
 

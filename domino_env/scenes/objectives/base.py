@@ -78,7 +78,7 @@ class Evaluation:
     falls
         (B,) number of simulated falls.
     gradient
-        Derivatives of the scores, zero for layouts without success; None where not asked for.
+        Derivatives of the scores, zero for layouts without success; None unless requested.
     """
 
     score: Floats
@@ -106,7 +106,7 @@ class Evaluation:
 
 
 # Rounding decides whether a layout at a limit keeps it. Simulations at most this inexact allow some
-# excess; those of a search, which are less exact, do not, so that what it proposes is accepted.
+# excess; those of a search, which are less exact, do not, so that its results are accepted.
 FINAL_RTOL = 1e-9
 ALLOWED_EXCESS = 1e-6
 
@@ -128,7 +128,7 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        With the value and what is allowed.
+        With the value and the accepted range.
     """
 
     stall_margin: Annotated[Margin | None, about("of all intervals between hits, at least")] = None
@@ -171,7 +171,7 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
 class Objective(ABC):
     """Scoring rule of a scene.
 
-    Each is a class in a module of its own in this folder, where it is found.
+    Each is a class in a module of its own in this folder.
 
     Parameters
     ----------
@@ -271,5 +271,5 @@ class Objective(ABC):
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield what the tables of a scene with this objective lack for it."""
+        """Yield the requirements of this objective that the tables of a scene violate."""
         yield from ()

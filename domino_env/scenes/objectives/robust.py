@@ -53,7 +53,7 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        With the value and what is allowed.
+        With the value and the accepted range.
     """
 
     deviation: Annotated[Part, about("standard deviation of each gap's error [m]")]

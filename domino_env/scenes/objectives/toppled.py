@@ -1,4 +1,4 @@
-"""What the wave topples: the number of dominoes, or the height of the last."""
+"""Scores of toppled dominoes: their number, or the height of the last."""
 
 from __future__ import annotations
 
