@@ -20,14 +20,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate and print the frequency of each recording."""
     from pathlib import Path
 
+    from domino_env.core.files import naming
     from domino_env.view.sound import listen, read_wav
 
     for name in arguments.files:
         samples, rate = read_wav(Path(name))
-        try:
+        with naming(name):
             hits = listen(samples, rate)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
         line = f"{name}: {hits.frequency:.2f} ± {hits.uncertainty:.2f} hits per second"
         if arguments.pitch:
             metres = arguments.pitch * 1e-3

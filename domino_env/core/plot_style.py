@@ -140,12 +140,9 @@ def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -
     layout: Any = figure.get_layout_engine()
     if layout is not None:
         layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / up))
-    lines: list[tuple[str, float, dict[str, Any]]] = [
-        (headline, 0.30, {"size": 14.5, "color": INK, "weight": "bold"}),
-        (subtitle, 0.58, {"size": 9.5, "color": SOFT}),
-    ]
-    for words, down, looks in lines:
-        figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
+    x, high, low = left / across, 1.0 - 0.30 / up, 1.0 - 0.58 / up
+    figure.text(x, high, escaped(headline), va="center", size=14.5, color=INK, weight="bold")
+    figure.text(x, low, escaped(subtitle), va="center", size=9.5, color=SOFT)
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:

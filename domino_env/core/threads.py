@@ -8,13 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numba
 
 MOST = 1024  # threads
-_POOLS: dict[int, ThreadPoolExecutor] = {}  # by their number of threads
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_POOLS.clear)  # a child has none of its parent's threads
 
 
 def allowed_threads() -> int:
@@ -64,8 +62,11 @@ def share_pieces(task: Callable[..., object], items: int, count: int, *arguments
         job.result()
 
 
+@cache
 def _pool(workers: int) -> ThreadPoolExecutor:
     """Return the pool of so many threads, kept for the next call."""
-    if workers not in _POOLS:
-        _POOLS[workers] = ThreadPoolExecutor(workers, "domino")
-    return _POOLS[workers]
+    return ThreadPoolExecutor(workers, "domino")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # which has none of its parent's threads

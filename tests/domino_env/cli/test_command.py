@@ -91,7 +91,6 @@ def test_json_for_other_programs(output_of, file):
 @pytest.mark.parametrize(("words", "message"), [
     ("simulate nothing.csv", "No such file or directory: 'nothing.csv'"),
     ("simulate FILE --friction -1", "--friction = -1.0: give a finite number, at least 0"),
-    ("simulate FILE --gravity 9810", "--gravity = 9810.0 m/s²: give a finite number, more than 0,"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
     ("studies --store EMPTY", "there is no store empty.csv: name the one that a study was kept in"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
@@ -103,16 +102,12 @@ def test_json_for_other_programs(output_of, file):
     ("simulate MM", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall: lengths"),
     ("optimize TALL", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
     ("simulate .", ".: it is a folder: name the file of a layout, such as layout.csv in a run"),
-    ("report nothing", "nothing: there is no such file"),
     ("optimize FILE", "row.csv: a scene is a .toml file or a name; domino simulate reads layouts"),
     ("click ONE", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
     ("click FILE --push 0.1", "row.csv: no domino hits another, so there is no sound: the wave st"),
     ("click FILE --wav BAD/x.wav", "bad.csv is a file: name a folder"),
-    ("render FILE --png x.gif", "--png: x.gif: name a .png file"),
-    ("optimize sprint --out BAD/run", "bad.csv is a file: name a folder"),
     ("optimize sprint --method cmae", "method = 'cmae': did you mean 'cma'?"),
     ("optimize sprint --budget 0", "--budget = 0: give a whole number, at least 1"),
-    ("listen FILE --pitch 0.018", "--pitch = 0.018 mm: give a finite number from 0.1"),
     ("validate 0.016=64", "x = 1.6e-05 is a gap of -0.007484 m: must be more than 0"),
 ])  # fmt: skip
 def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):

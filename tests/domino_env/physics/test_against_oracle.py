@@ -68,6 +68,11 @@ def equal_stretches(rng):
     return de.Layout(gaps, D), 13.0
 
 
+def equal_gaps(rng):
+    """Uniform chains take a path of their own through the kernels."""
+    return de.Layout.uniform(10, spacing=rng.choice([0.0085, 0.025])), 13.0
+
+
 def uneven_ground(rng):
     """Crests, hollows and steps; thin dominoes, which slip off, among them."""
     return uneven_layout(int(rng.integers(1, 6)), 9), 16.0
@@ -75,7 +80,7 @@ def uneven_ground(rng):
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
 @pytest.mark.parametrize(
-    "draw", [gaps_alone, all_different, up_and_down, equal_stretches, uneven_ground]
+    "draw", [gaps_alone, all_different, up_and_down, equal_stretches, equal_gaps, uneven_ground]
 )
 def test_random_layouts(draw, friction):
     layout, push = draw(np.random.default_rng([0, round(100 * friction)]))

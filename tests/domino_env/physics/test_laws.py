@@ -116,18 +116,3 @@ def test_energy(seed, friction):
         assert 0 < conserved.sum() < 16
         assert (loss[~conserved] > 0.0).all()
         assert (~conserved).sum() <= wave.flushes
-
-
-@frictions
-@pytest.mark.parametrize("gap", [0.004, 0.0085, 0.025, 0.044])
-def test_the_uniform_path_is_the_general_one(gap, friction):
-    """A layout that is uniform to all but the last bit takes the general path."""
-    density = np.full(60, 1040.0)
-    density[-1] = np.nextafter(1040.0, 2000.0)
-    uniform = de.Layout.uniform(60, spacing=gap)
-    one, other = (
-        topple(layout, friction) for layout in (uniform, replace(uniform, density=density))
-    )
-    assert one.outcome is other.outcome
-    np.testing.assert_allclose(one.arrival_times, other.arrival_times, rtol=2e-11)
-    np.testing.assert_allclose(one.stall_margin, other.stall_margin, rtol=1e-8)

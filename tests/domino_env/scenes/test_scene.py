@@ -87,13 +87,6 @@ def test_a_scene_without_design_variables_has_a_baseline():
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
 
 
-def test_a_length_fixes_the_gap_and_may_leave_the_thickness():
-    scene = small(length=0.14, thickness=(0.005, 0.01))
-    layout = scene.uniform().layout
-    assert layout.length == pytest.approx(0.14, abs=1e-12)
-    assert scene.violations(layout) == []
-
-
 # the score --------------------------------------------------------------------------------------
 
 
