@@ -1,8 +1,8 @@
 """The `domino` command, from outside the package.
 
 Importing `domino_env` loads Gymnasium to register the environments, which takes longer than all of
-`domino --help`.  Commands make no environment by its name: if this module is loaded first, the package
-does not register them.
+`domino --help`. Commands make no environment by its name: if this module is loaded first, the
+package does not register them.
 """
 
 import signal

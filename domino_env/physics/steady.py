@@ -169,12 +169,8 @@ def steady_pattern(
         j = int(np.argmax(gaps >= tall))
         return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", len(thick))
     ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
-    return _fixed_point(kernels.Arrays(gaps, thick, tall, rho, *ground), physics, rtol)
-
-
-def _fixed_point(pattern: kernels.Arrays, physics: Physics, rtol: float) -> SteadyWave:
-    """Return the steady wave as the fixed point of the map of one period."""
-    gaps, thick = pattern.spacing, pattern.thickness
+    pattern = kernels.Arrays(gaps, thick, tall, rho, *ground)
+    # the steady wave is the fixed point of the map of one period
     falls = np.zeros(len(thick), kernels.FALL)
     ring_size = 512
     while True:

@@ -90,7 +90,6 @@ def test_json_for_other_programs(output_of, file):
 
 @pytest.mark.parametrize(("words", "message"), [
     ("simulate nothing.csv", "No such file or directory: 'nothing.csv'"),
-    ("simulate FILE --friction -1", "--friction = -1.0: give a finite number, at least 0"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
     ("studies --store EMPTY", "there is no store empty.csv: name the one that a study was kept in"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
