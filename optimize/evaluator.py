@@ -255,7 +255,17 @@ class Evaluator:
         differences: bool = True,
         relaxed: bool = False,
     ) -> Scores:
-        """Simulate design vectors and score them: see `Problem.evaluate`.
+        """Simulate design vectors and score them.
+
+        Parameters
+        ----------
+        designs, gradient, rtol, differences, relaxed
+            As of `Problem.evaluate`.
+
+        Returns
+        -------
+        Scores
+            Scores, reaches and falls, and gradients where requested.
 
         Raises
         ------

@@ -25,7 +25,7 @@ from functools import partial
 from multiprocessing import connection, get_context, parent_process
 from typing import Any
 
-# A worker has one task at a time and one core; threads below it would only compete.
+# A worker has one task at a time and one core: more threads would only wait for each other.
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
@@ -33,7 +33,7 @@ ATTEMPTS = 3  # at a task whose worker dies: it may have been killed by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
-    # Dask blames the death of a worker on every task that the worker holds: it holds one at a time.
+    # Dask counts the loss of a worker as a failure of every task that it holds: one at a time.
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
     "distributed.worker.profile.enabled": False,  # it would slow the tasks down

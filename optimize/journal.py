@@ -100,7 +100,17 @@ class Journal:
         return None
 
     def keep(self, request: bytes, seconds: float, arrays: list[Floats]) -> None:
-        """Store an answer, with the seconds of the search so far."""
+        """Store an answer.
+
+        Parameters
+        ----------
+        request
+            Digest of the request.
+        seconds
+            Time of the search so far [s].
+        arrays
+            Answer.
+        """
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
         self._waiting.append((request, seconds, answer))
         if seconds - self._saved > PAUSE:

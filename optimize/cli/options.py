@@ -30,7 +30,7 @@ def names_in(text: str) -> list[str]:
 def add_methods_option(
     parser: argparse.ArgumentParser, default_in_words: str, default: list[str] | None = None
 ) -> None:
-    """Add --methods, a list of names."""
+    """Add --methods, a list of names, with its default in words."""
     parser.add_argument(
         "--methods", type=names_in, metavar="NAME,...", default=default,
         help=f"methods ({default_in_words})",
@@ -123,7 +123,7 @@ def run_study(
     write: Callable[[Experiment, Path], Sequence[str]],
     **options: Any,
 ) -> int:
-    """Run the tasks of a command in a study, and report; an interruption says how to continue.
+    """Run the tasks of a command in a study, and write the report.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from optimize.result import SearchResult
 
 SUMMARY = "search a layout better than the uniform baseline"
-REACHED = 1e-6  # relative gap to the best known that counts as none
+REACHED = 1e-6  # relative shortfall from the best known that counts as none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,11 +98,11 @@ def _best_known(result: SearchResult) -> str:
     if record is None:
         return "none so far"
     score = scene.in_words(record.score, scene.simulate(record.layout))
-    gap = (record.score - closest_score(scene, result.layout)) / abs(record.score)
-    if gap < -MIN_GAIN:
+    shortfall = (record.score - closest_score(scene, result.layout)) / abs(record.score)
+    if shortfall < -MIN_GAIN:
         return f"{score}: this search is better; --update-best keeps its layout"
-    distance = "reached" if gap < REACHED else f"shortfall {gap:.4%}"
-    return f"{score}, by {record.method}: {distance}"
+    reached = "reached" if shortfall < REACHED else f"shortfall {shortfall:.4%}"
+    return f"{score}, by {record.method}: {reached}"
 
 
 def _best(result: SearchResult) -> str:

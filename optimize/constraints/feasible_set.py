@@ -55,7 +55,8 @@ class FeasibleSet:
             bounds += [scene.growth] * pairs * scene.free_height
         if not bounds:
             raise ValueError(
-                f"scene '{scene.name}' leaves nothing free: there is nothing to search"
+                f"scene '{scene.name}' leaves nothing free to search: give spacing or thickness "
+                "a min and a max"
             )
         self.low, self.high = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
         self.total: float | None = None

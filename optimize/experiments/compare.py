@@ -90,6 +90,15 @@ def plan_tasks(
 
     Seeds come before methods so that other work of the machine affects all methods alike.
 
+    Parameters
+    ----------
+    scenes
+        Scenes.
+    methods, seeds, budget, seconds
+        As of `compare`.
+    labels
+        Labels of each scene; empty for none.
+
     Raises
     ------
     ValueError

@@ -12,10 +12,10 @@ from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
 from optimize.experiments.task import Task, TaskResult
 
-SMALLEST_GAP = 1e-7  # relative; a smaller gap is within the tolerance of the searches
+SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
 CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
-CURVE_POINTS, GAP_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
-EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # first time of the curves of gaps
+CURVE_POINTS, SHORTFALL_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
+EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # first time of the curves of shortfalls
 KnownScore = Callable[[TaskResult], float]
 """Function that returns the best score known beforehand of a result's problem; -inf for none."""
 
@@ -100,34 +100,44 @@ class Experiment:
         return trace[:, CLOCKS[clock or self.clock]], trace[:, 3]
 
     def best_scores(self, result: TaskResult, times: Floats, clock: str | None = None) -> Floats:
-        """Return the best scores (T,) of a run at each time; -inf before its first layout."""
+        """Return the best scores (T,) of a run at each time; -inf before its first layout.
+
+        Parameters
+        ----------
+        result
+            Result of the run.
+        times
+            (T,) times.
+        clock
+            Key of `CLOCKS`; None for that of the limit.
+        """
         improved, scores = self.steps(result, clock)
         last = np.searchsorted(improved, times, side="right") - 1
         return np.where(last >= 0, scores[np.maximum(last, 0)], -np.inf)
 
-    # gaps to the best known ---------------------------------------------------------------------
+    # shortfalls from the best known -------------------------------------------------------------
 
-    def gap(self, result: TaskResult) -> float | None:
-        """Return the relative gap of a result to the best known; None where that is zero."""
+    def shortfall(self, result: TaskResult) -> float | None:
+        """Return the relative shortfall of a result; None where the best known score is zero."""
         best = self.best[result.problem]
         return None if best == 0.0 else (best - result.score) / abs(best)
 
-    def gaps(self, result: TaskResult, times: Floats) -> Floats:
-        """Return the relative gaps (T,) of a run to the best known; inf before its first layout."""
+    def shortfalls(self, result: TaskResult, times: Floats) -> Floats:
+        """Return the relative shortfalls (T,) of a run; inf before its first layout."""
         best = self.best[result.problem]
-        return np.maximum((best - self.best_scores(result, times)) / abs(best), SMALLEST_GAP)
+        return np.maximum((best - self.best_scores(result, times)) / abs(best), SMALLEST_SHORTFALL)
 
-    def time_to(self, result: TaskResult, gap: float) -> float:
-        """Return the time when a run came within a relative gap of the best known; inf if never."""
+    def time_to(self, result: TaskResult, shortfall: float) -> float:
+        """Return the time when a run first had at most a relative shortfall; inf if never."""
         best = self.best[result.problem]
         times, scores = self.steps(result)
-        return first_time(times, scores >= best - gap * abs(best))
+        return first_time(times, scores >= best - shortfall * abs(best))
 
     def times(self) -> Floats:
         """Return times, evenly spread over the logarithm of the clock up to the limit of a run."""
         first = max(EARLIEST[self.clock], min(self.steps(r)[0][0] for r in self.results))
         limit = self.tasks[0].budget or self.tasks[0].seconds or 0.0
-        return np.geomspace(first, max(limit, 2.0 * first), GAP_POINTS)
+        return np.geomspace(first, max(limit, 2.0 * first), SHORTFALL_POINTS)
 
     # normalised scores --------------------------------------------------------------------------
 
@@ -159,7 +169,22 @@ class Experiment:
         return improvement(*scores)
 
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
-        """Return the interquartile mean of the normalised scores after a time [s]; -inf if none."""
+        """Return the interquartile mean of the normalised scores after a time.
+
+        Parameters
+        ----------
+        method
+            Name of the method.
+        seconds
+            Time [s].
+        problem
+            Name of a problem; None for all.
+
+        Returns
+        -------
+        float
+            -inf where some runs have no layout yet.
+        """
         times = np.array([seconds])
 
         def score(result: TaskResult) -> Floats:
@@ -172,8 +197,23 @@ class Experiment:
     ) -> tuple[Floats, Estimate]:
         """Estimate the interquartile mean of the normalised best scores over a clock.
 
-        It begins when all runs have scored a layout, but not before the earliest time, and ends
-        with the last run.
+        Parameters
+        ----------
+        method
+            Name of the method.
+        clock
+            Key of `CLOCKS`.
+        problem
+            Name of a problem; None for all.
+        earliest
+            Least time of the curve.
+
+        Returns
+        -------
+        times : ndarray
+            (T,) from the time when all runs have scored a layout to the end of the last run.
+        mean : Estimate
+            (T,) interquartile means.
         """
         runs = self.runs(method, problem)
         spans = [self.steps(r, clock)[0][[0, -1]] for r in runs]

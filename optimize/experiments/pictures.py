@@ -92,8 +92,8 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     ends: dict[str, list[float]] = {}
     for problem, method in product(experiment.problems, experiment.methods):
         if runs := experiment.runs(method, problem):
-            gaps = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
-            median, band = _median_and_range(gaps)
+            shortfalls = 100.0 * np.array([experiment.shortfalls(r, times) for r in runs])
+            median, band = _median_and_range(shortfalls)
             panels.setdefault(problem, {})[method] = (times, median, band)
             ends.setdefault(method, []).append(median[-1])
     best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]

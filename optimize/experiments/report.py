@@ -60,7 +60,7 @@ def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
-    """Write a line for each run, with its labels; inf for a gap that was never reached."""
+    """Write a line for each run, with its labels; inf for a shortfall that was never reached."""
     clock = experiment.clock
     names = (
         "scene", *experiment.keys, "method", "seed", "score", "uniform", "gain", "gap",
@@ -70,8 +70,8 @@ def write_runs(experiment: Experiment, path: Path) -> None:
     lines = (
         (
             r.scene_name, *r.labels.values(), r.method, r.seed, r.score, r.uniform_score, r.gain,
-            experiment.gap(r), experiment.time_to(r, 1e-2), experiment.time_to(r, 1e-3), r.outcome,
-            r.mean_speed, r.evaluations, r.falls, r.seconds, r.key,
+            experiment.shortfall(r), experiment.time_to(r, 1e-2), experiment.time_to(r, 1e-3),
+            r.outcome, r.mean_speed, r.evaluations, r.falls, r.seconds, r.key,
         )
         for r in experiment.results
     )  # fmt: skip
@@ -79,7 +79,17 @@ def write_runs(experiment: Experiment, path: Path) -> None:
 
 
 def page(experiment: Experiment, title: str, picture: str) -> str:
-    """Return the page of a comparison, a section for each scene, or of a sweep, as Markdown."""
+    """Return a page of Markdown: a section for each scene, or one table of a sweep.
+
+    Parameters
+    ----------
+    experiment
+        A comparison or a sweep.
+    title
+        Title of the page.
+    picture
+        Name of the picture's file.
+    """
     sections: list[str] = []
     if experiment.keys:
         sections += ["", *table(experiment, experiment.problems)]
@@ -114,9 +124,9 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
         groups = [runs for m in experiment.methods if (runs := experiment.runs(m, problem))]
         for runs in sorted(groups, key=lambda runs: -np.median([r.score for r in runs])):
             gains = [r.gain for r in runs if r.gain is not None]
-            gaps = [gap for r in runs if (gap := experiment.gap(r)) is not None]
+            shortfalls = [s for r in runs if (s := experiment.shortfall(r)) is not None]
             # infinite where half of the seeds never came so near
-            times = [np.median([experiment.time_to(r, gap) for r in runs]) for gap in (1e-2, 1e-3)]
+            times = [np.median([experiment.time_to(r, s) for r in runs]) for s in (1e-2, 1e-3)]
             lines.append((
                 *(f"{v:.6g}" if isinstance(v, float) else v for v in runs[0].labels.values()),
                 f"`{runs[0].method}`",
@@ -124,7 +134,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
                 f"{min(r.score for r in runs):.5f}",
                 f"{runs[0].uniform_score:.5f}",
                 f"{np.median(gains):+.2%}" if gains else "–",
-                f"{np.median(gaps):.3%}" if gaps else "–",
+                f"{np.median(shortfalls):.3%}" if shortfalls else "–",
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
             ))  # fmt: skip

@@ -203,7 +203,18 @@ def plan_sweep(
     budget: int | None = None,
     seconds: float | None = None,
 ) -> list[Task]:
-    """Return the tasks of a sweep, in order, with every point checked; see `sweep`."""
+    """Return the tasks of a sweep, in order, with every point checked.
+
+    Parameters
+    ----------
+    scene, axes, methods, seeds, budget, seconds
+        As of `sweep`.
+
+    Raises
+    ------
+    ValueError
+        An argument or a point is impossible.
+    """
     if isinstance(scene, Scene):
         base, name, file = scene.document(), scene.name, ""
     else:  # only the points are checked: they may replace what is impossible in the file

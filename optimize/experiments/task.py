@@ -187,7 +187,19 @@ class Task:
         wave: Wave | None = None,
         **work: int,
     ) -> TaskResult:
-        """Return the result of this task; the end of the trace has the effort of the run."""
+        """Return the result of this task.
+
+        Parameters
+        ----------
+        trace
+            See `TaskResult`; its last entry has the effort of the run.
+        score, uniform_score, gain
+            See `TaskResult`.
+        wave
+            Wave of the best layout; None where there is no layout.
+        work
+            Numbers of simulations, gradients and updates.
+        """
         simulated: dict[str, Any] = dict(work)
         if wave is not None:
             simulated |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
@@ -217,9 +229,17 @@ def digest(values: list[object]) -> str:
 def scene_with_baseline(
     text: str, seconds: float | None, clock: Callable[[], float]
 ) -> tuple[Scene, float]:
-    """Return a scene that knows its uniform baseline, and the time that the baseline took [s].
+    """Return a scene with its uniform baseline, and the time that the baseline took [s].
 
-    It is found once for all runs in this process, and counts into the limit of each.
+    The baseline is computed once for all runs in this process, and its time counts into the limit
+    of each.
+
+    Parameters
+    ----------
+    text
+        Scene as TOML text.
+    seconds, clock
+        As of `optimize.search`.
     """
     scene = parse_scene(text, "scene", "scene")
     compile_for(scene)

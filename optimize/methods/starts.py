@@ -58,12 +58,40 @@ def knots(pairs: int, most: int) -> Ints:
 
 
 def schedule(parts: int, pairs: int, most: int) -> Floats:
-    """Build the (parts pairs, m) matrix from the values at the knots to a design vector."""
+    """Return the matrix from the values at the knots of a schedule to a design vector.
+
+    Parameters
+    ----------
+    parts
+        Number of free quantities among gaps, thicknesses and heights.
+    pairs
+        Number of places of each.
+    most
+        Largest number of values.
+
+    Returns
+    -------
+    ndarray
+        (parts pairs, m) matrix.
+    """
     return interpolation(knots(pairs, max(2, most // parts)), pairs, parts)
 
 
 def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
-    """Build the (parts pairs, parts m) matrix from values at m places to a design vector."""
+    """Return the matrix from values at some places to a design vector, linear between them.
+
+    Parameters
+    ----------
+    places
+        (m,) places, rising.
+    pairs, parts
+        As of `schedule`.
+
+    Returns
+    -------
+    ndarray
+        (parts pairs, parts m) matrix.
+    """
     columns = [np.interp(np.arange(pairs), places, unit) for unit in np.eye(len(places))]
     return np.asarray(np.kron(np.eye(parts), np.stack(columns, axis=1)))
 

@@ -85,6 +85,7 @@ def kill_worker(unless: str = "") -> None:
 
 
 def surroundings() -> tuple[int, str | None]:
+    """Return the threads that Numba and OpenMP may use."""
     import numba
 
     return numba.get_num_threads(), os.environ.get("OMP_NUM_THREADS")
@@ -98,11 +99,6 @@ def linger(path: str) -> None:
 # the same results -------------------------------------------------------------------------------
 
 
-def test_results_are_those_of_one_process(tasks, expected, workers):
-    assert results_of(tasks, workers) == expected
-    assert workers.submit(surroundings).result() == (1, "1")
-
-
 def test_bulk_scoring_gives_the_same_results(bits, scenes, pool, monkeypatch):
     monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
     distributed = search(scenes["both"], "random", budget=2013, executor=pool)
@@ -112,10 +108,13 @@ def test_bulk_scoring_gives_the_same_results(bits, scenes, pool, monkeypatch):
 # faults -----------------------------------------------------------------------------------------
 
 
-def test_a_worker_that_dies_is_replaced_and_its_tasks_run_again(tasks, expected, workers, tmp_path):
+def test_results_are_those_of_one_process_also_where_a_worker_dies(
+    tasks, expected, workers, tmp_path
+):
     killed = workers.submit(kill_worker, str(tmp_path / "killed"))
     assert results_of(tasks, workers) == expected
     assert killed.result() is None
+    assert workers.submit(surroundings).result() == (1, "1")
 
 
 def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(pool):

@@ -250,7 +250,20 @@ def advance(searches: Searches, gradients: int) -> Search:
 
 
 def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int) -> None:
-    """Advance local searches, see `advance`; raise BudgetSpent where fewer evaluations remain."""
+    """Advance local searches in lockstep until they end, see `advance`.
+
+    Parameters
+    ----------
+    evaluator
+        Evaluator of the problem.
+    searches, gradients
+        As of `advance`.
+
+    Raises
+    ------
+    BudgetSpent
+        Where fewer evaluations remain.
+    """
     run_in_lockstep(evaluator, [advance(searches, gradients)])
 
 

@@ -1,1 +1,1 @@
-"""Methods that know how good rows look: `auto`, and what stands where."""
+"""Methods that use the structure of good layouts, among them the default `auto`; CMA-ES."""

@@ -35,6 +35,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> None:
+    """Change the order from one start until several rounds gain nothing."""
     problem = evaluator.problem
     score, design = _refined(evaluator, problem.project(start[None]), LONG)
     idle = 0

@@ -65,7 +65,7 @@ def _descend(
     """Run until convergence; return the number of evaluations."""
     problem, n = evaluator.problem, len(start)
     start_evaluations = evaluator.evaluations
-    centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
+    centre = np.full(max(n, 2), 0.5)  # pycma needs two variables; the second may have no effect
     centre[:n] = np.clip(start, EDGE, 1.0 - EDGE)
     strategy = cma.CMAEvolutionStrategy(centre, step, cma_options(rng, n, size))
     penalty = DRIFT * abs(problem.scene.uniform().score)
@@ -95,7 +95,7 @@ def cma_options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         "bounds": [0.0, 1.0],
         "popsize": size,
         "CMA_diagonal": n > MANY,
-        # nan keeps pycma from seeding numpy's global stream; all its draws come from ours
+        # with nan, pycma does not seed NumPy's global generator; all its draws come from `rng`
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
         "tolfun": 1e-6,

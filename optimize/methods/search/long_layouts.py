@@ -164,6 +164,7 @@ def _counts(count: int) -> list[int]:
 
 
 def _shortened(scene: Scene, count: int) -> Scene:
+    """Return the scene with fewer dominoes, and a length in proportion."""
     length = scene.length
     if length is not None:
         length *= (count - 1) / (scene.count - 1)
@@ -222,9 +223,21 @@ def repeated(columns: Floats, pairs: int, period: int) -> Floats:
 
 
 def with_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
-    """Replace the middle of a design (parts, pairs) by a plateau, `flat`, with linear transitions.
+    """Replace the middle of a design by a plateau, with linear transitions.
 
-    The first `head` places stay as they are, the last `tail` too.
+    Parameters
+    ----------
+    columns
+        (parts, pairs) design.
+    flat
+        (parts, pairs) design of the plateau.
+    head, tail
+        Numbers of places at both ends that stay as they are.
+
+    Returns
+    -------
+    ndarray
+        (parts, pairs) design.
     """
     places = np.arange(columns.shape[1])
     weight = np.clip((places - head) / RAMP, 0.0, 1.0)

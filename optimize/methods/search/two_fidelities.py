@@ -67,16 +67,16 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
         Method that searches the analytic model.
     """
     analytic = Problem(replace(evaluator.problem.scene, floor_friction=None))
-    known = _Known(evaluator, analytic)
-    known.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
-    known.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
+    layouts = _SimulatedLayouts(evaluator, analytic)
+    layouts.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
+    layouts.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
     while idle < PATIENCE:
-        best_score, designs = known.score, _proposed(known, rng)
+        best_score, designs = layouts.score, _proposed(layouts, rng)
         if not len(designs):
             return
-        known.evaluate(designs)
-        idle = 0 if known.score > best_score + GAIN * abs(best_score) else idle + 1
+        layouts.evaluate(designs)
+        idle = 0 if layouts.score > best_score + GAIN * abs(best_score) else idle + 1
         spent = f"{evaluator.evaluations} free-standing layouts simulated"
         evaluator.status = f"{spent}, the last {idle} rounds without gain"
 
@@ -100,13 +100,13 @@ def _candidates(
     best = finalists[0][0]
     chosen: list[Floats] = []
     for score, design in finalists:
-        distance = min((float(np.abs(design - known).max()) for known in chosen), default=1.0)
+        distance = min((float(np.abs(design - previous).max()) for previous in chosen), default=1.0)
         if distance > LEAST_DISTANCE and score > best - WORSE * abs(best):
             chosen.append(design)
     return np.array(chosen[:TOGETHER])
 
 
-class _Known:
+class _SimulatedLayouts:
     """Free-standing layouts simulated so far, and the ratios of their scores to the analytic."""
 
     def __init__(self, evaluator: Evaluator, analytic: Problem) -> None:
@@ -142,8 +142,8 @@ class _Known:
 
     def coefficients(self, number: int, rng: np.random.Generator) -> Floats:
         """Draw coefficients (number, n) of the logarithm of the ratio; the first are the mean."""
-        known = np.isfinite(self.ratios)
-        designs, ratios = self.designs[known], self.ratios[known]
+        is_known = np.isfinite(self.ratios)
+        designs, ratios = self.designs[is_known], self.ratios[is_known]
         offset = self._offset(designs)
         distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / BOX
         weight = 1.0 / (NOISE * (1.0 + distance)) ** 2
@@ -171,11 +171,11 @@ class _Known:
     def predicted(self, designs: Floats, coefficients: Floats) -> Floats:
         """Predict the scores (B,) of designs (B, n) by coefficients (n,) and the residuals."""
         scores, _ = self.corrected(designs, np.repeat(coefficients[None], len(designs), axis=0))
-        known = np.isfinite(self.ratios)
-        if not known.any():
+        is_known = np.isfinite(self.ratios)
+        if not is_known.any():
             return scores
-        simulated, ratios = self.designs[known], self.ratios[known]
-        best = int(np.argmax(self.scores[known]))
+        simulated, ratios = self.designs[is_known], self.ratios[is_known]
+        best = int(np.argmax(self.scores[is_known]))
         residuals = ratios - ratios[best] - self._offset(simulated) @ coefficients
         covariance = _correlation(simulated, simulated)
         covariance += (NOISE / COEFFICIENT) ** 2 * np.eye(len(simulated))
@@ -193,38 +193,38 @@ def _correlation(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.exp(-0.5 * square / FAR**2))
 
 
-def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
+def _proposed(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
     """Return (B, n) layouts of high predicted score that are not alike."""
-    problem, analytic = known.evaluator.problem, known.analytic
-    order = np.argsort(-known.scores, kind="stable")[:PARENTS]
+    problem, analytic = layouts.evaluator.problem, layouts.analytic
+    order = np.argsort(-layouts.scores, kind="stable")[:PARENTS]
     pairs = problem.scene.count - 1
-    designs = [known.best]
+    designs = [layouts.best]
     for _ in range(SEARCHES - 1):
         ranks = np.minimum(rng.geometric(RANK, 2) - 1, len(order) - 1)
-        parent, donor = (known.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
+        parent, donor = (layouts.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
         changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
         designs.append(np.clip(changed.ravel(), 0.0, 1.0))
-    coefficients = known.coefficients(SEARCHES, rng)
+    coefficients = layouts.coefficients(SEARCHES, rng)
     arms = [LocalSearch(design, analytic.project) for design in designs]
-    _refine(known, arms, coefficients)
+    _refine(layouts, arms, coefficients)
     ends = np.array([arm.design for arm in arms])
-    predicted = known.predicted(ends, coefficients[0])
+    predicted = layouts.predicted(ends, coefficients[0])
     chosen: list[int] = []
     for i in np.argsort(-predicted, kind="stable"):
-        simulated = np.concatenate([known.designs, ends[chosen]])
+        simulated = np.concatenate([layouts.designs, ends[chosen]])
         if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE and len(chosen) < TOGETHER:
             chosen.append(int(i))
     return ends[chosen]
 
 
-def _refine(known: _Known, arms: list[LocalSearch], coefficients: Floats) -> None:
+def _refine(layouts: _SimulatedLayouts, arms: list[LocalSearch], coefficients: Floats) -> None:
     """Advance local searches on the corrected model in lockstep, each with its own coefficients."""
     for _ in range(STEPS):
         running = [i for i, arm in enumerate(arms) if not arm.done]
         if not running:
             return
-        known.evaluator.require_more()
+        layouts.evaluator.require_more()
         wanted = np.array([arms[i].wanted for i in running])
-        scores, gradients = known.corrected(wanted, coefficients[running])
+        scores, gradients = layouts.corrected(wanted, coefficients[running])
         for i, score, gradient in zip(running, scores, gradients, strict=True):
             arms[i].update(float(score), gradient)

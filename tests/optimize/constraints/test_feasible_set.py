@@ -273,8 +273,6 @@ def test_rules_that_conflict_are_rejected(rules):
 
 @pytest.mark.parametrize("scene", [
     *map(de.load_scene, de.scene_names()),
-    ruled(),
-    ruled(length=0.18, spacing_values=GRID),
     ruled(length=8 * 0.0075 + 7 * 0.002 + 0.04, spacing_values=(0.002, 0.04)),
     ruled(length=0.16, **PAIRED),
     ruled(largest_change=0.0, spacing_values=(0.002, 0.04)),

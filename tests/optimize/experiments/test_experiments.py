@@ -58,17 +58,17 @@ def test_every_method_runs_on_every_scene_with_every_seed(compared):
         assert compared.best[name] == max(scores)  # nothing is known of such small scenes
 
 
-def test_times_and_gaps_are_those_of_the_trace(compared):
-    """The two are inverse to each other: a gap is reached at its time, and not before."""
+def test_a_shortfall_is_reached_at_its_time_and_not_before(compared):
     for result in compared.results:
-        for gap in (1e-1, 1e-2, 1e-3):
-            when = compared.time_to(result, gap)
-            if np.isfinite(when):
-                before, at = compared.gaps(result, np.array([when * (1.0 - 1e-9), when]))
-                assert at <= gap * (1.0 + 1e-9)
-                assert before > gap or when == result.trace[0][2]
+        for shortfall in (1e-1, 1e-2, 1e-3):
+            time = compared.time_to(result, shortfall)
+            if np.isfinite(time):
+                times = np.array([time * (1.0 - 1e-9), time])
+                earlier, reached = compared.shortfalls(result, times)
+                assert reached <= shortfall * (1.0 + 1e-9)
+                assert earlier > shortfall or time == result.trace[0][2]
             else:
-                assert compared.gaps(result, np.array([1e9]))[0] > gap
+                assert compared.shortfalls(result, np.array([1e9]))[0] > shortfall
 
 
 def test_the_report_of_a_comparison(compared, tmp_path):
