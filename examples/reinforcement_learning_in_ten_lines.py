@@ -22,7 +22,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
 from domino_env.core.colours import INK, KNOWN, OURS, SOFT
-from domino_env.core.plot_style import label_line, new_figure, style, write_png
+from domino_env.core.plot_style import new_figure, style, write_png
 from domino_env.view.animation import write_gif
 from optimize.experiments.best_known import best_known
 
@@ -68,7 +68,10 @@ def draw_curve(steps, returns):
     axes.plot(steps, returns, ".-", color=OURS)
     for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
-        label_line(axes, words, 0.01, height, colour, above=True)
+        axes.annotate(
+            words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
+            xycoords=("axes fraction", "data"), textcoords="offset points",
+        )  # fmt: skip
     axes.set_ylim(-6.0, best + 1.0)
     axes.set_xlabel("steps: dominoes placed in training")
     axes.set_ylabel("return: gain over equal gaps [%]")
