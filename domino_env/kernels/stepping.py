@@ -100,13 +100,13 @@ def right_side(ring, states, n, angle, speed):
     return acceleration(ring, state, n, angle, speed), sums(ring, state, n, angle)[3]
 
 
-@internal
-def pass_events(layout, ring, state, n, angle, speed, now, arrivals):
+@entry_point
+def react(layout, ring, states, n, angle, speed, now, arrivals):
     """Change the contacts that are due at an angle, and hit the next domino at the end of the fall.
 
     Returns the outcome or UNFINISHED; then leader, angle, ω and angle of the end of its fall.
     """
-    end = fall_angle(ring[n], strikes_next(layout, n))
+    state, end = states[0], fall_angle(ring[n], strikes_next(layout, n))
     at = min(angle, end)
     state.u = speed * speed
     state.m_end, _, _, left, state.last_due = sums(ring, state, n, at)
@@ -126,12 +126,6 @@ def pass_events(layout, ring, state, n, angle, speed, now, arrivals):
         n, angle = n + 1, 0.0
         end = fall_angle(ring[n], strikes_next(layout, n))
     return UNFINISHED, n, angle, math.sqrt(state.u), end
-
-
-@entry_point
-def react(layout, ring, states, n, angle, speed, now, arrivals):
-    """Do what `pass_events` does, for solvers in Python."""
-    return pass_events(layout, ring, states[0], n, angle, speed, now, arrivals)
 
 
 @internal
@@ -200,8 +194,8 @@ def follow(layout, ring, states, h, rule, arrivals):
             return NO_RIGID_ANSWER if math.isnan(v) else STALLED
         angle, speed, now = new, v, now + dt
         if due or angle >= end:
-            outcome, n, angle, speed, end = pass_events(
-                layout, ring, state, n, angle, speed, now, arrivals
+            outcome, n, angle, speed, end = react(
+                layout, ring, states, n, angle, speed, now, arrivals
             )
             if outcome != UNFINISHED:
                 return outcome

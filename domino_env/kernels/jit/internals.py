@@ -29,11 +29,6 @@ _ADVISED: list[str] = []  # folders that cannot be written, for a single warning
 _NOTICED: list[str] = []
 
 
-def use_cache(dispatcher: Any) -> None:
-    """Cache machine code; where no folder can be written, compile in memory with a warning."""
-    dispatcher._cache = _Cache(dispatcher.py_func)
-
-
 def register_noinline(dispatcher: Any) -> None:
     """Register the symbols of a function that is not inlined, for its callers."""
     name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
@@ -107,6 +102,8 @@ class _Implementation(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
+    """Cache of machine code; where no folder can be written, it warns and code is not cached."""
+
     _impl_class = _Implementation
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -230,7 +227,7 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
         **options,
     )(function)
     if library is not Internal:
-        use_cache(dispatcher)
+        dispatcher._cache = _Cache(dispatcher.py_func)
     template = dispatcher.get_call_template
     dispatcher.get_call_template = lambda arguments, names: template(
         tuple(types.unliteral(argument) for argument in arguments), names
