@@ -51,12 +51,12 @@ def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command)
     assert main([*command.split(), str(file)]) == 0
     assert f"the scene to {tmp_path / 'row.scene.toml'}" in capsys.readouterr().out
     assert main(["simulate", str(file), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     name = "gentle" if "gentle" in command else "sprint"
-    assert found["violations"] == []
+    assert result["violations"] == []
     layout = de.Layout.read(file)
-    assert found["score"] == pytest.approx(de.load_scene(name).score(layout), rel=1e-7)
-    assert found["physics_from"] == f"of scene '{name}' beside the layout"
+    assert result["score"] == pytest.approx(de.load_scene(name).score(layout), rel=1e-7)
+    assert result["physics_from"] == f"of scene '{name}' beside the layout"
     assert main(["simulate", str(file), "--json", "--scene", "ideal"]) == 0
     assert json.loads(capsys.readouterr().out)["scene"] == "ideal"
 

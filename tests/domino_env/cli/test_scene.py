@@ -43,9 +43,9 @@ def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path):
 ])  # fmt: skip
 def test_impossible_scenes_are_rejected(capsys, words, message):
     assert main(["scene", "--count", "40", "--thickness", "7.5", *words.split()]) == 2
-    found = capsys.readouterr()
-    assert found.out == ""
-    assert re.search(message, found.err)
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert re.search(message, output.err)
 
 
 def test_placement_noise_spreads_the_time(capsys, tmp_path):
@@ -57,17 +57,17 @@ def test_placement_noise_spreads_the_time(capsys, tmp_path):
         assert main(words) == 0
         return json.loads(capsys.readouterr().out)["placement_noise"]
 
-    found, physics = noise("5"), de.Physics()
+    spread, physics = noise("5"), de.Physics()
     errors = 0.005 * np.random.default_rng(0).standard_normal((256, 29))
     waves = [
         de.simulate(de.Layout(np.maximum(gaps, 0.0002), 0.0075), physics)
         for gaps in layout.spacing + errors
     ]
     times = [wave.arrival_times[-1] for wave in waves if wave.mean_speed > 0.0]
-    assert found["completes"] == len(times) / 256
-    assert 0.0 < found["completes"] < 1.0
-    assert found["mean"] == pytest.approx(np.mean(times), rel=1e-5)
-    assert found["spread"] == pytest.approx(np.std(times), rel=1e-3)
-    assert noise("0.01")["spread"] < 0.01 * found["spread"]
+    assert spread["completes"] == len(times) / 256
+    assert 0.0 < spread["completes"] < 1.0
+    assert spread["mean"] == pytest.approx(np.mean(times), rel=1e-5)
+    assert spread["spread"] == pytest.approx(np.std(times), rel=1e-3)
+    assert noise("0.01")["spread"] < 0.01 * spread["spread"]
     assert main(["simulate", str(tmp_path / "row.csv"), "--deviation", "5"]) == 0
     assert "% complete, last domino hit after " in capsys.readouterr().out

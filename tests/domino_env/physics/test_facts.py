@@ -42,9 +42,9 @@ def test_the_first_hit(rise, friction, ratio, error):
     """Half the energy is lost; the velocity on a level tread 10 mm higher."""
     layout = de.Layout([0.0165], 0.0075) if rise == 0.0 else de.Layout([0.02], 0.0075, rise=rise)
     wave = de.simulate(layout, de.Physics(friction), rtol=1e-12)
-    found = wave.release_velocity[1] / wave.impact_velocity[0]
-    found = found if rise else 2.0 * found**2
-    assert found == pytest.approx(ratio, abs=error)
+    lost = wave.release_velocity[1] / wave.impact_velocity[0]
+    lost = lost if rise else 2.0 * lost**2
+    assert lost == pytest.approx(ratio, abs=error)
 
 
 # the gap, over the height, at which the largest factor is carried
@@ -62,8 +62,8 @@ def test_growing_chains(friction, limit, gap):
         return de.simulate(layout, de.Physics(friction, 9.81, 300.0)).outcome
 
     assert outcome(limit - 0.002, gap) is de.Outcome.PROPAGATED
-    for other in np.linspace(0.05, 0.9995, 400):
-        assert outcome(limit, other) is not de.Outcome.PROPAGATED
+    for any_gap in np.linspace(0.05, 0.9995, 400):
+        assert outcome(limit, any_gap) is not de.Outcome.PROPAGATED
 
 
 @pytest.mark.parametrize("slender", [0.05, 0.15625, 0.25, 0.35])

@@ -41,7 +41,8 @@ def test_forces_and_impulses_of_a_wave(friction, uneven):
     tilt = uneven * rng.uniform(-0.05, 0.05, COUNT)
     layout = de.Layout(gaps, thickness, density=density, rise=rise, tilt=tilt)
     physics = de.Physics(friction, GRAVITY, push=14.0)
-    wave, found = de.simulate(layout, physics, rtol=1e-12), de.diagnose(layout, physics, rtol=1e-12)
+    wave = de.simulate(layout, physics, rtol=1e-12)
+    diagnosis = de.diagnose(layout, physics, rtol=1e-12)
     assert (wave.outcome.name, wave.flushes, wave.releases) == ("PROPAGATED", 0, 0)
     sizes = gaps, thickness, layout.height, density
     chain = oracle.Chain(*sizes, friction, GRAVITY, layout.width, rise, tilt)
@@ -63,10 +64,10 @@ def test_forces_and_impulses_of_a_wave(friction, uneven):
             struck = np.append(theta, tilt[n + 1]), np.append(omega, 0.0)
             _, impulses = chain.impact(n + 1, *struck, chain.state)
             impulse[: n + 1] = np.minimum(impulse[: n + 1], impulses)
-    np.testing.assert_allclose(found.least_contact_force, force, rtol=1e-7)
-    np.testing.assert_allclose(found.least_hit_impulse, impulse, rtol=1e-7)
-    np.testing.assert_allclose(found.least_load, load, rtol=1e-7, atol=1e-8)
-    np.testing.assert_allclose(found.floor_friction, needed, rtol=1e-7)
+    np.testing.assert_allclose(diagnosis.least_contact_force, force, rtol=1e-7)
+    np.testing.assert_allclose(diagnosis.least_hit_impulse, impulse, rtol=1e-7)
+    np.testing.assert_allclose(diagnosis.least_load, load, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(diagnosis.floor_friction, needed, rtol=1e-7)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
@@ -77,23 +78,23 @@ def test_forces_and_impulses_of_a_wave(friction, uneven):
 )
 def test_a_diagnosis_agrees_with_the_wave(layout, friction):
     physics = de.Physics(friction, push=8.0 if layout.count > 12 else 14.0)
-    wave, found = de.simulate(layout, physics, rtol=1e-10), de.diagnose(layout, physics)
-    assert found.outcome is wave.outcome
-    np.testing.assert_allclose(found.stall_margin, wave.stall_margin, rtol=1e-6)
-    assert found.flush_loss.max() == pytest.approx(wave.largest_flush_loss, rel=1e-6, abs=1e-12)
-    assert found.least_contact_force.shape == (layout.count - 1,)
-    assert found.floor_friction.shape == (layout.count,)
+    wave, diagnosis = de.simulate(layout, physics, rtol=1e-10), de.diagnose(layout, physics)
+    assert diagnosis.outcome is wave.outcome
+    np.testing.assert_allclose(diagnosis.stall_margin, wave.stall_margin, rtol=1e-6)
+    assert diagnosis.flush_loss.max() == pytest.approx(wave.largest_flush_loss, rel=1e-6, abs=1e-12)
+    assert diagnosis.least_contact_force.shape == (layout.count - 1,)
+    assert diagnosis.floor_friction.shape == (layout.count,)
     if friction > 0.0 and layout.count > 12:  # nearly every face impact would open a contact
-        assert len(found.opened) > 0
+        assert len(diagnosis.opened) > 0
 
 
 def test_a_uniform_layout_keeps_its_contacts_closed_and_what_was_not_reached_is_nan():
-    found = de.diagnose(de.Layout.uniform(40, pitch=0.024), de.Physics())
-    assert len(found.opened) == 0
-    assert len(found.lifted) == 0
-    assert np.nanmax(found.floor_friction) < 1.0
-    assert np.isnan(found.least_flush_impulse).all()
-    found = de.diagnose(de.Layout.uniform(20, spacing=0.004), de.Physics(push=3.0))
-    assert found.outcome is de.Outcome.STALLED
-    assert np.isnan(found.least_load[-1])
-    assert np.isnan(found.least_contact_force[-1])
+    diagnosis = de.diagnose(de.Layout.uniform(40, pitch=0.024), de.Physics())
+    assert len(diagnosis.opened) == 0
+    assert len(diagnosis.lifted) == 0
+    assert np.nanmax(diagnosis.floor_friction) < 1.0
+    assert np.isnan(diagnosis.least_flush_impulse).all()
+    diagnosis = de.diagnose(de.Layout.uniform(20, spacing=0.004), de.Physics(push=3.0))
+    assert diagnosis.outcome is de.Outcome.STALLED
+    assert np.isnan(diagnosis.least_load[-1])
+    assert np.isnan(diagnosis.least_contact_force[-1])

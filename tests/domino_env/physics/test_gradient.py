@@ -55,10 +55,10 @@ def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: s
     batch = batch_of([layout] * (len(STEPS) * size), uneven)
     moves = STEPS[:, None, None] * np.diag(step)
     batch[name] = batch[name] + moves.reshape(-1, size)
-    found = simulate_batch(**batch, physics=physics, rtol=1e-13)
-    values = found.total_time if of == "time" else found.mean_speed
+    waves = simulate_batch(**batch, physics=physics, rtol=1e-13)
+    values = waves.total_time if of == "time" else waves.mean_speed
     values = values.reshape(len(STEPS), size)
-    events = (found.flushes * 1000 + found.releases).reshape(len(STEPS), size)
+    events = (waves.flushes * 1000 + waves.releases).reshape(len(STEPS), size)
     fine, coarse = FINE @ values / step, COARSE @ values / step
     same = (events == events[0]).all(axis=0) & np.isfinite(values).all(axis=0)
     agree = np.abs(fine - coarse) < 1e-6 * np.abs(fine).max()

@@ -46,16 +46,16 @@ def test_units(seed, friction, uneven):
         lengths = {
             n: getattr(layout, n) * metre for n in ("spacing", "thickness", "height", "rise")
         }
-        other = topple(
+        scaled = topple(
             replace(layout, **lengths, density=layout.density * kilogram / metre**3),
             friction, 9.81 * metre / second**2, 16.0 / second,
         )  # fmt: skip
-        assert other.outcome is wave.outcome
-        assert (other.flushes, other.releases) == (wave.flushes, wave.releases)
-        np.testing.assert_allclose(other.arrival_times, wave.arrival_times * second, 2e-12)
-        np.testing.assert_allclose(other.release_velocity * second, wave.release_velocity, 2e-12)
-    other = topple(replace(layout, density=4.0 * layout.density), friction)
-    np.testing.assert_array_equal(other.arrival_times, wave.arrival_times)
+        assert scaled.outcome is wave.outcome
+        assert (scaled.flushes, scaled.releases) == (wave.flushes, wave.releases)
+        np.testing.assert_allclose(scaled.arrival_times, wave.arrival_times * second, 2e-12)
+        np.testing.assert_allclose(scaled.release_velocity * second, wave.release_velocity, 2e-12)
+    scaled = topple(replace(layout, density=4.0 * layout.density), friction)
+    np.testing.assert_array_equal(scaled.arrival_times, wave.arrival_times)
 
 
 @grounds
@@ -79,13 +79,13 @@ def test_later_dominoes_change_nothing_earlier(seed, friction, uneven):
     spacing[last - 1] = 1.5 * layout.height[last - 1]
     different = replace(layout, thickness=thickness, density=density)
     for changed in (different, replace(layout, spacing=spacing)):
-        other = topple(changed, friction)
-        np.testing.assert_array_equal(other.arrival_times[:last], wave.arrival_times[:last])
+        changed_wave = topple(changed, friction)
+        np.testing.assert_array_equal(changed_wave.arrival_times[:last], wave.arrival_times[:last])
         for name in ("release_velocity", "impact_velocity", "stall_margin"):
-            found, known = getattr(other, name)[: last - 1], getattr(wave, name)[: last - 1]
-            np.testing.assert_array_equal(found, known)
-        assert other.arrival_times[last + 1] != wave.arrival_times[last + 1]
-    assert other.outcome is de.Outcome.OUT_OF_REACH
+            values = [getattr(one, name)[: last - 1] for one in (changed_wave, wave)]
+            np.testing.assert_array_equal(*values)
+        assert changed_wave.arrival_times[last + 1] != wave.arrival_times[last + 1]
+    assert changed_wave.outcome is de.Outcome.OUT_OF_REACH
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])

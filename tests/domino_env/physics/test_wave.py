@@ -58,8 +58,8 @@ def test_threads_change_nothing():
         return de.simulate_batch(spacing, thickness, PHYSICS).arrival_times
 
     with ThreadPoolExecutor(3) as callers:
-        for found in callers.map(times, (1, 1, numba.get_num_threads())):
-            np.testing.assert_array_equal(found, expected)
+        for arrivals in callers.map(times, (1, 1, numba.get_num_threads())):
+            np.testing.assert_array_equal(arrivals, expected)
 
 
 def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
@@ -201,11 +201,11 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
     """One unit in the last place of the push moves the time by far more than rtol."""
     layout = de.Layout(np.random.default_rng(5).uniform(0.004, 0.02, 15), 0.0075)
     push = de.smallest_push(layout, de.Physics(friction)) * (1.0 + 1e-12)
-    wave, other = (
+    wave, neighbour = (
         de.simulate(layout, de.Physics(friction, 9.81, p), rtol=1e-10)
         for p in (push, np.nextafter(push, 10.0))
     )
-    moved = np.max(np.abs(other.arrival_times[1:] / wave.arrival_times[1:] - 1.0))
+    moved = np.max(np.abs(neighbour.arrival_times[1:] / wave.arrival_times[1:] - 1.0))
     assert moved > 1e-8
     assert not wave.converged
     assert moved < wave.error_estimate < 1e-2

@@ -51,9 +51,9 @@ def test_a_changed_scene_has_no_stored_baseline():
 
 
 def test_equal_scenes_share_their_baseline():
-    one, other = (replace(de.load_scene("sprint"), count=9, name="own") for _ in range(2))
-    assert one is not other
-    assert one.uniform() is other.uniform()
+    one, equal = (replace(de.load_scene("sprint"), count=9, name="own") for _ in range(2))
+    assert one is not equal
+    assert one.uniform() is equal.uniform()
 
 
 LONG = {

@@ -85,8 +85,6 @@ BAD = [
     ({"physics": "floor_friction = 0.4", "top": "objective = 'toppled'"},
      "physics.floor_friction and objective = 'toppled': free-standing layouts are scored by their "
      "speed; choose objective = 'mean_speed' or 'robust' or 'time'"),
-    ({"physics": "floor_friction = 0.4", "limits": "stall_margin = 0.1"},
-     "physics.floor_friction and [limits] exclude each other: stall margins and flushes"),
     ({"ground": "profile = [[0, 0], [0, 1]]"}, "ground.profile[1] lies at x = 0 m"),
     ({"ground": "slope = 3\nprofile = [[0, 0], [1, 0]]"}, "ground: give either slope"),
     ({"ground": "profile = [[0, 0], [300, 20], [600, 0]]"},

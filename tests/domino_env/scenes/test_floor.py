@@ -44,12 +44,12 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     speeds = np.sort(
         SMALL.evaluate(SMALL.batch(placed(GAPS[:1], errors(placement, GAPS.shape[1])))).score
     )
-    found = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
-    assert found.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
-    assert np.all(np.isfinite(found.gradient.spacing))
-    assert found.gradient.spacing.any()
+    evaluation = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
+    assert evaluation.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
+    assert np.all(np.isfinite(evaluation.gradient.spacing))
+    assert evaluation.gradient.spacing.any()
     assert scene.criterion.simulations_per_score == 4 * SMALL.criterion.simulations_per_score
-    words = scene.in_words(found.score[0], scene.simulate(scene.layout(GAPS[0])))
+    words = scene.in_words(evaluation.score[0], scene.simulate(scene.layout(GAPS[0])))
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 
@@ -73,9 +73,9 @@ def test_auto_on_a_floor(monkeypatch):
 
     monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)
     scene = replace(SMALL, count=8, spacing=(0.002, 0.04))
-    found = search(scene, budget=20, seed=1, progress=False)
-    assert 10 < found.evaluations <= 20
-    assert found.score == scene.score(found.layout) > found.uniform.score
-    assert search(scene, budget=20, seed=1, progress=False).layout == found.layout
+    result = search(scene, budget=20, seed=1, progress=False)
+    assert 10 < result.evaluations <= 20
+    assert result.score == scene.score(result.layout) > result.uniform.score
+    assert search(scene, budget=20, seed=1, progress=False).layout == result.layout
     fixed = search(replace(scene, floor_friction=None), budget=600, progress=False)
-    assert found.score > scene.score(fixed.layout) * (1.0 - 5e-5)
+    assert result.score > scene.score(fixed.layout) * (1.0 - 5e-5)

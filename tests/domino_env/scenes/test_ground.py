@@ -45,8 +45,9 @@ def test_both_edges_of_every_base_lie_on_the_curve_and_gaps_along_it():
 
 def evaluated(scene, gaps, thick, rtol=1e-12):
     """Return scores and their derivatives by gaps, thicknesses and heights."""
-    found = scene.evaluate(scene.batch(gaps, thick, rtol=rtol), gradient=True)
-    return found.score, found.gradient.spacing, found.gradient.thickness, found.gradient.height
+    evaluation = scene.evaluate(scene.batch(gaps, thick, rtol=rtol), gradient=True)
+    gradient = evaluation.gradient
+    return evaluation.score, gradient.spacing, gradient.thickness, gradient.height
 
 
 DOWN = -np.tan(np.radians(4.0))
@@ -87,8 +88,8 @@ def test_gradients_along_the_ground_against_differences(scene):
     ):
         batch = [np.broadcast_to(array, moved.shape) for array in placed]
         scores = scene.evaluate(scene.batch(*batch, rtol=1e-13)).score
-        found = WEIGHTS @ scores.reshape(4, size) / step
-        assert np.abs(exact[0] - found).max() < 1e-9 * np.abs(exact).max()
+        difference = WEIGHTS @ scores.reshape(4, size) / step
+        assert np.abs(exact[0] - difference).max() < 1e-9 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("seed", range(4))

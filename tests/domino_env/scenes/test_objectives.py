@@ -81,15 +81,16 @@ def test_a_mean_over_frozen_draws_and_its_derivatives(name):
     scene = some(name, count=9, placement_deviation=1e-3, placement_draws=5)
     gaps = 0.003 + 0.5 * gaps_of(scene, 2, 1)
     thick = np.full(gaps.shape, np.mean(scene.thickness))
-    found = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10), gradient=True)
-    for gap, score in zip(gaps, found.score, strict=True):
+    evaluation = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10), gradient=True)
+    for gap, score in zip(gaps, evaluation.score, strict=True):
         drawn = scene.score_placed(scene.layout(gap, thick[0]), range(5))
         assert score == pytest.approx(drawn.mean(), rel=1e-9)
     for i in range(8):
         step = 1e-7 * np.eye(8)[i]
         sides = (scene.batch(gaps + sign * step, thick, rtol=1e-11) for sign in (1.0, -1.0))
         up, down = (scene.evaluate(side).score for side in sides)
-        assert found.gradient.spacing[:, i] == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
+        slope = evaluation.gradient.spacing[:, i]
+        assert slope == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
 
 
 # toppled, magnify, time -------------------------------------------------------------------------
@@ -265,8 +266,8 @@ def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
         before = np.concatenate([np.full((6, 1), scene.height), tall[:, :-1]], axis=1)
         gaps, thick = gaps * before, thick * tall
     batch = scene.batch(gaps, thick, tall, rtol=1e-8)
-    found, again = scene.evaluate(batch), scene.evaluate(batch, gradient=True)
+    evaluation, again = scene.evaluate(batch), scene.evaluate(batch, gradient=True)
     for key in ("score", "reach", "falls"):
-        assert np.array_equal(getattr(found, key), getattr(again, key))
-    assert not again.gradient.spacing[found.score <= 0.0].any()
-    assert np.all(found.falls > 0)
+        assert np.array_equal(getattr(evaluation, key), getattr(again, key))
+    assert not again.gradient.spacing[evaluation.score <= 0.0].any()
+    assert np.all(evaluation.falls > 0)

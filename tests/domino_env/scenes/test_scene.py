@@ -147,9 +147,9 @@ def test_the_scene_completes_a_layout():
 def test_a_pickled_scene_keeps_its_baseline():
     scene = small()
     baseline = scene.uniform()
-    other = pickle.loads(pickle.dumps(scene))
-    assert other.uniform().score == baseline.score
-    assert not other.uniform().layout.spacing.flags.writeable
+    copy = pickle.loads(pickle.dumps(scene))
+    assert copy.uniform().score == baseline.score
+    assert not copy.uniform().layout.spacing.flags.writeable
 
 
 # files ------------------------------------------------------------------------------------------
