@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from domino_env.core.checks import numbers
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.scenes.objectives import ScoreGradient
@@ -119,6 +120,10 @@ class DesignSpace:
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene."""
         scene = self.scene
+        if layout.count != scene.count:
+            raise ValueError(
+                f"the layout has {layout.count} dominoes, and scene '{scene.name}' {scene.count}"
+            )
         gaps, thickness, height = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
             gaps, thickness = gaps / np.minimum(height[:-1], height[1:]), thickness / height[1:]
@@ -197,7 +202,7 @@ class DesignSpace:
         ValueError
             For another shape.
         """
-        design = np.asarray(design, dtype=np.float64)
+        design = numbers("design", design, None)
         if design.shape != (self.dimension,):
             raise ValueError(f"the design has shape {design.shape}: expected ({self.dimension},)")
         return design[None]
@@ -217,7 +222,7 @@ class DesignSpace:
         ValueError
             For another shape, or entries outside of [0, 1].
         """
-        designs = np.asarray(designs, dtype=np.float64)
+        designs = numbers("designs", designs, None)
         if designs.ndim != 2 or designs.shape[1] != self.dimension:
             raise ValueError(
                 f"designs have shape {designs.shape}: expected (any number, {self.dimension})"

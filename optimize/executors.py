@@ -172,6 +172,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
     """Connect to Dask workers; a task whose worker dies is run again by another."""
     import dask
     from distributed import Client, LocalCluster
+    from distributed.comm import parse_host_port
 
     with ExitStack() as stack:
         # errors reach the caller as exceptions
@@ -192,6 +193,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
                 )
             address = stack.enter_context(cluster).scheduler_address
         try:
+            parse_host_port(address.rpartition("/")[2])  # a client without an address hangs later
             client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
         except (OSError, ValueError) as error:

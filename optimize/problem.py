@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.checks import numbers
 from domino_env.core.results import brief
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.wave import Outcome, simulate
@@ -166,7 +167,7 @@ class Problem(DesignSpace):
         StoppedError
             Where `stop` returned True.
         """
-        designs = np.asarray(designs, dtype=np.float64)
+        designs = numbers("designs", designs, None)
         if designs.ndim == 1:
             return self.evaluate(
                 self.one(designs), gradient,

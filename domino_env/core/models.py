@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta, inspect
 
-from domino_env.core.checks import range_in_words
+from domino_env.core.checks import range_in_words, require_choice
 from domino_env.core.files import one_line, shown
 
 SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep their digits
@@ -133,6 +133,8 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
         type_, meaning = _inside(type_, field[1], "")
         sentence = f"{_joined(place, field[1])} is missing: {_wanted(type_)}{meaning}"
     else:
+        if isinstance(literal := _plain(type_)[0], inspect.LiteralType):
+            require_choice(place, value, literal.values)
         given = f"{place} =" if place else "this is"
         sentence = f"{given} {shown(value)}: {_wanted(type_)}{meaning}"
     raise ValueError(sentence) from None
@@ -197,7 +199,11 @@ def _wanted(type_: Any) -> str:
         most = f" of at most {type_.max_length} characters" if type_.max_length else ""
         return f"give a line of text{most}"
     if hasattr(type_, "item_type"):
-        few = f" of at most {type_.max_length} entries" if type_.max_length else ""
+        low, high = type_.min_length, type_.max_length
+        many = f"{low} to {high}" if low != high else f"{high}"
+        if not (low and high):
+            many = f"at most {high}" if high else f"at least {low}"
+        few = f" of {many} entries" if low or high else ""
         return f"give a list{few}, each {_wanted(type_.item_type).removeprefix('give ')}"
     if hasattr(type_, "item_types"):
         return f"give a list of {len(type_.item_types)} numbers"

@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require, require_choice
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import EpisodeResults, objects, placed_layout
 from domino_env.envs.rendering import (
@@ -75,6 +75,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self._renderer = Renderer(render_mode, VECTOR_MODES)
+        modes = [mode.value for mode in AutoresetMode]
+        require_choice("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), modes)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
             "render_modes": list(VECTOR_MODES),
@@ -545,7 +547,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
 def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
     """Return actions as float64; raise ValueError for another shape and for infinite entries."""
-    values = np.asarray(actions, dtype=np.float64)
+    values = numbers("action", actions, None)
     if values.shape != space.shape:
         raise ValueError(
             f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"

@@ -13,11 +13,12 @@ from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
+from domino_env.core.checks import numbers
 from domino_env.core.models import Number, Value, about
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import Gradient
-from domino_env.physics.layout import Layout
+from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
 MAX_DISTANCE = 1e-4  # [m] of the ground under a base, over or under the chord
@@ -200,8 +201,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         ValueError
             As for `lay` and `Layout`.
         """
-        gaps = np.asarray(spacing, dtype=np.float64)
-        thick = np.broadcast_to(np.asarray(thickness, dtype=np.float64), (len(gaps) + 1,))
+        gaps = np.atleast_1d(numbers("spacing", spacing))
+        thick = full_array("thickness", thickness, len(gaps) + 1)
         rise, tilt = self.lay(gaps, thick)
         return Layout(gaps, thick, height, width, density, rise, tilt)
 

@@ -188,11 +188,13 @@ class Layout:
         require("count", count, 1, whole=True)
         if (pitch is None) == (spacing is None):
             raise ValueError("give either pitch (pivot to pivot) or spacing (the free gap), in m")
-        gap = float(spacing if spacing is not None else pitch - thickness)  # type: ignore[operator]
-        if pitch is not None and not gap > 0.0:
-            raise ValueError(
-                f"pitch = {pitch} m is not more than thickness = {thickness} m: dominoes overlap"
-            )
+        require("thickness", thickness, above=0.0, unit="m")
+        require("slope", slope, unit="rad")
+        if pitch is not None:
+            require("pitch", pitch, above=thickness, unit="m", hint="the thickness")
+            spacing = pitch - thickness
+        require("spacing", spacing, above=0.0, unit="m")
+        gap = float(spacing)  # type: ignore[arg-type]
         rise = -(gap + thickness) * np.sin(slope)
         gaps, sizes = np.full(count - 1, gap), (np.full(count, thickness), height, width)
         return cls(gaps, *sizes, density, rise, slope)

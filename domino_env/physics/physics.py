@@ -47,6 +47,11 @@ def require_arguments(layout: object, physics: object) -> None:
             f"layout is a {type(layout).__name__}: give a Layout, such as "
             "Layout(spacing=[0.018, 0.02], thickness=0.0075), in metres"
         )
+    require_physics(physics)
+
+
+def require_physics(physics: object) -> None:
+    """Raise a TypeError for anything but a Physics."""
     if not isinstance(physics, Physics):
         raise TypeError(
             f"physics is a {type(physics).__name__}: give a Physics, such as "

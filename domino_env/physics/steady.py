@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
-from domino_env.core.checks import numbers
+from domino_env.core.checks import numbers, require
+from domino_env.core.types import Floats
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import STANDARD, Physics, require_arguments
+from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
-from domino_env.physics.wave import Outcome
+from domino_env.physics.wave import LOOSEST, Outcome
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +105,8 @@ def steady_wave(
     >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
     array([0.958, 0.894, 0.841])
     """
-    names = ("pitch", "thickness", "height", "density")
-    chain = tuple(map(numbers, names, (pitch, thickness, height, density)))
+    chain = _sizes(pitch, thickness, height, density)
     shape = np.broadcast(*chain).shape
-    if 0 in shape:
-        raise ValueError(f"the sizes have shape {shape}: give one chain or more")
     waves = [
         vars(steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)).values()
         for p, d, h, rho in (np.broadcast(*chain) if shape else [chain])
@@ -151,9 +149,14 @@ def steady_pattern(
     ValueError
         For chains that cannot stand.
     """
+    require_physics(physics)
+    require("rtol", rtol, 0.0, LOOSEST)
+    require("slope", slope, unit="rad")
     pitches, thick, tall, rho = (
-        np.ascontiguousarray(part, dtype=np.float64)
-        for part in np.broadcast_arrays(*map(np.atleast_1d, (pitch, thickness, height, density)))
+        np.array(part)
+        for part in np.broadcast_arrays(
+            *map(np.atleast_1d, _sizes(pitch, thickness, height, density))
+        )
     )
     gaps = pitches - np.roll(thick, -1)
     rise = -np.sin(slope) * pitches
@@ -198,6 +201,17 @@ def steady_pattern(
     return SteadyWave(True, "the chain has a steady wave", speed, frequency, *each)
 
 
+def _sizes(*given: ArrayLike) -> tuple[Floats, ...]:
+    """Return pitch, thickness, height and density as arrays; raise for what is no chain."""
+    names = ("pitch", "thickness", "height", "density")
+    sizes = tuple(map(numbers, names, given))
+    for name, values in zip(names, sizes, strict=True):
+        require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
+    if 0 in (shape := np.broadcast(*sizes).shape):
+        raise ValueError(f"the sizes have shape {shape}: give one chain or more")
+    return sizes
+
+
 def _none(reason: str, period: int) -> SteadyWave:
     """Return that there is no steady wave, and why."""
     unknown = [np.full(period, np.nan)] * 3
@@ -224,6 +238,7 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
         edge.
     """
     require_arguments(layout, physics)
+    require("rtol", rtol, 0.0, LOOSEST)
     outcome, need = kernels.compose_falls(
         arrays_of(layout), physics.friction, physics.gravity, rtol
     )
@@ -260,13 +275,13 @@ def terminal_speed_estimate(
     ----------
     Chapman, The physics of toppling dominoes, eq. 13.
     """
+    limit = existence_limit(thickness, height)
+    require("pitch", pitch, above=thickness, below=thickness + height, unit="m")
     lean, slender = thickness / pitch, thickness / height
-    if not 0.0 < lean < 1.0:
-        raise ValueError(f"pitch = {pitch} m must be more than thickness = {thickness} m > 0")
     drop = 1.0 - lean - slender * math.sqrt(1.0 - lean * lean)
     if drop <= 0.0:
         raise ValueError(
-            f"thickness/pitch = {lean:.6g} is not below {existence_limit(thickness, height):.6g}: "
+            f"thickness/pitch = {lean:.6g} is not below {limit:.6g}: "
             "a domino that falls releases no energy (van Leeuwen 2004, eq. 79); widen the pitch"
         )
     correction = drop / ((1.0 - lean) ** 2 * (1.0 + slender * slender))
@@ -292,5 +307,7 @@ def existence_limit(thickness: float, height: float = HEIGHT) -> float:
     ----------
     J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018, eq. 79.
     """
+    require("height", height, above=0.0, unit="m")
+    require("thickness", thickness, above=0.0, below=height, unit="m", hint="in metres")
     a2 = (thickness / height) ** 2
     return (1.0 - a2) / (1.0 + a2)

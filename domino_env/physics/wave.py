@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import operator
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +20,7 @@ from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient, arrays_of, batch_arrays_of, with_length_gradient
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import STANDARD, Physics, require_arguments
+from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 LOOSEST, TIGHTEST = 1e-3, 1e-13
@@ -358,6 +359,7 @@ class WaveBatch:
         ValueError
             For a batch simulated with `record=False`.
         """
+        b = operator.index(b)
         if not self.arrivals.shape[1]:
             raise ValueError("this batch has no fields per domino: simulate it with record=True")
         if layout is None:
@@ -502,6 +504,7 @@ def simulate_batch(
     The number of threads is Numba's (`numba.set_num_threads`).
     """
     began = time.perf_counter()
+    require_physics(physics)
     arrays = _checked_batch(spacing, thickness, height, density, rise, tilt)
     (number, count), setting = arrays.thickness.shape, _setting(physics, rtol)
     record, by_time = record and not gradient, None

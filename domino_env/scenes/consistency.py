@@ -101,6 +101,12 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     if (tables.growth is None and scale * low >= height) or scale * thin > MOST * height:
         hint = unit_hint(height, (scale * low, scale * high), (scale * thin, scale * thick))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
+    for name in ("placement.deviation", "robust.deviation"):
+        if (tables.value_at(name) or 0.0) > scale * high:
+            yield (
+                f"{name} = {tables.value_at(name):g} m is more than the largest gap, "
+                f"{scale * high:g} m: lengths are in metres, 0.5 mm is 0.0005"
+            )
 
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:

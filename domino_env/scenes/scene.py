@@ -9,6 +9,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import require_arguments
@@ -226,7 +227,8 @@ class Scene(Specification):
             For a layout that breaks the scene's rules.
         """
         self._require(layout)
-        generators = [np.random.default_rng(seed) for seed in seeds]
+        require("seeds", numbered := np.atleast_1d(seeds), 0, whole=True)
+        generators = [np.random.default_rng(seed) for seed in numbered]
         errors = [self.placement_errors(generator) for generator in generators]
         gaps = placed(layout.spacing, np.array(errors))
         ones = np.ones((len(gaps), 1))

@@ -17,7 +17,7 @@ from msgspec import Meta
 from domino_env.core.files import shown
 from domino_env.core.models import LARGEST, Part, Size, Table, about, plain
 from domino_env.physics.ground import Ground
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import Physics, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.objectives.base import Limits
@@ -90,10 +90,12 @@ class RangeTable(Table):
             raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
 
     @classmethod
-    def of_bounds(cls, bounds: Bounds, values: Values | None, **more: Any) -> dict[str, Any]:
+    def of_bounds(
+        cls, name: str, bounds: Bounds, values: Values | None, **more: Any
+    ) -> dict[str, Any]:
         """Return the table, as in a document, whose `allowed` are these bounds and values."""
         if not hasattr(bounds, "__len__") or len(bounds) != 2:
-            raise ValueError(f"{shown(bounds)}: give two bounds, such as (0.002, 0.04)")
+            raise ValueError(f"{name} = {shown(bounds)}: give two bounds, such as (0.002, 0.04)")
         low, high = bounds
         if low == high:
             return {"fixed": low, **more}
@@ -231,18 +233,24 @@ class SceneTables(Table, kw_only=True):
 
 def document_of(scene: Any) -> dict[str, Any]:
     """Return the tables of the file that describes a scene; inverse of `SceneTables.fields`."""
+    require_physics(scene.physics)
     of = "height" if scene.in_heights else None
     tables: dict[str, Any] = {
         name: getattr(scene, name) for name in ("name", "title", *SAME[1:])
     } | {
         "row": {name: getattr(scene, name) for name in ChainTable.__struct_fields__},
         "spacing": RangeTable.of_bounds(
-            scene.spacing, scene.spacing_values, largest_change=scene.largest_change, of=of
+            "spacing",
+            scene.spacing,
+            scene.spacing_values,
+            largest_change=scene.largest_change,
+            of=of,
         ),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
     if scene.stock is None and scene.thickness is not None:
-        tables["thickness"] = RangeTable.of_bounds(scene.thickness, scene.thickness_values, of=of)
+        bounds, values = scene.thickness, scene.thickness_values
+        tables["thickness"] = RangeTable.of_bounds("thickness", bounds, values, of=of)
     if scene.growth is not None:
         tables["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
     if scene.placement_deviation:

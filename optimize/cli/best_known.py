@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli.options import LAYOUT_FILE, add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
+from domino_env.core.checks import require_choice
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -47,9 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize.experiments.best_known import best_known
 
     records = best_known()
-    unknown = [name for name in arguments.scenes if name not in records]
-    if unknown:
-        raise ValueError(f"no layout of '{unknown[0]}' is known: name one of {', '.join(records)}")
+    for name in arguments.scenes:
+        require_choice("SCENE", name, records)
     chosen = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update are options of --verify: give it too")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from domino_env.core.checks import require
+from domino_env.core.files import shown
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
@@ -104,7 +105,11 @@ def plan_tasks(
     ValueError
         As of `compare`, and for more than a million tasks.
     """
-    seeds = seeds if isinstance(seeds, range) else list(seeds)
+    if not isinstance(seeds, Iterable):
+        raise ValueError(f"seeds = {shown(seeds)}: give several, such as range(5)")
+    if not isinstance(seeds, range):
+        for seed in (seeds := list(seeds)):
+            require("seed", seed, 0, whole=True)
     number = len(scenes) * len(methods) * len(seeds)
     if number > MAX_TASKS:
         raise ValueError(

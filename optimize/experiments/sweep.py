@@ -219,7 +219,7 @@ def plan_sweep(
         base, name, file = scene.document(), scene.name, ""
     else:  # only the points are checked: they may replace what is impossible in the file
         base, name, file = read_named(scene)
-    parsed = [parse_axis(axis) for axis in axes]
+    parsed = [parse_axis(axis) for axis in ([axes] if isinstance(axes, str) else axes)]
     if not parsed:
         raise ValueError(f"nothing is swept: --set KEY=…; {SYNTAX}")
     require_distinct(keys=[key for key, _ in parsed])

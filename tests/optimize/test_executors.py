@@ -197,11 +197,12 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
 @pytest.mark.parametrize(("workers", "dask", "message"), [
     (0, None, "workers = 0: give a whole number, at least 1"),
     (2, "tcp://127.0.0.1:9", "has its own; leave it out"),
+    (None, "nothing", "no Dask scheduler answers at nothing: missing port number"),
 ])  # fmt: skip
 def test_impossible_executors_are_rejected(workers, dask, message):
     if dask is not None:
         pytest.importorskip("distributed")
-    with pytest.raises(ValueError, match=message), open_executor(workers, dask):
+    with pytest.raises((ValueError, ExecutorLost), match=message), open_executor(workers, dask):
         pass
 
 

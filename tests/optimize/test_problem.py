@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import domino_env as de
 from domino_env.core.projection import nearest_with_sum
 from optimize import Problem
 
@@ -112,6 +113,8 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
     ("layout", np.zeros((2, 6)), r"the design has shape \(2, 6\)"),
     ("project", np.zeros(6), r"designs have shape \(6,\)"),
     ("project", np.full((1, 6), np.inf), "design 0 has inf"),
+    ("evaluate", "wide", "design.* = 'wide': give numbers"),
+    ("design", de.Layout([0.02], 0.0075), "the layout has 2 dominoes, and scene '.*' 7"),
 ])  # fmt: skip
 def test_impossible_designs_are_rejected(scenes, name, designs, message):
     with pytest.raises(ValueError, match=message):

@@ -89,6 +89,8 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
         return document_of_text((known[text] / file).read_text("utf-8"), file), text, file
     if path.suffix.lower() in (".csv", ".json"):
         refuse(path, "a scene is a .toml file or a name; domino simulate reads layouts")
+    if path.is_dir() and not (path / SCENE).is_file():
+        refuse(path, f"a folder without a {SCENE}: name the file of a scene")
     if path.suffix != ".toml" and not path.is_file():
         near = difflib.get_close_matches(text[:300], known, n=1)
         near += [str(path / SCENE)] * (path / SCENE).is_file()

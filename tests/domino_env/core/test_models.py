@@ -44,7 +44,7 @@ class Outer(Table):
         ({"count": 1}, "count = 1: give a whole number, at least 2"),
         ({"count": 2, "inner": {"knd": 1}},
          "unknown key 'inner.knd': did you mean 'kind'? allowed: kind, part, flag"),
-        ({"count": 2, "inner": {"kind": "c"}}, "inner.kind = 'c': choose a, b"),
+        ({"count": 2, "inner": {"kind": "c"}}, "inner.kind = 'c': choose one of a, b"),
         ({"count": 2, "inner": {"part": 0}},
          "inner.part = 0: give a finite number, more than 0, at most 1 (of the whole)"),
         ({"count": 2, "inner": {"flag": 1}}, "inner.flag = 1: give true or false"),

@@ -360,6 +360,8 @@ def test_misuse_is_explained(kind):
     env.reset()
     with pytest.raises(ValueError, match=rf"action of shape \(3,\): expected \({size},\)"):
         env.step(np.zeros(3))
+    with pytest.raises(ValueError, match=r"action = 'a': give numbers"):
+        env.step("a")
     with pytest.raises(ValueError, match=r"action\[1\] = nan: every entry must be finite"):
         env.step(np.where(np.arange(size) == 1, np.nan, 0.0))
     with pytest.warns(UserWarning, match=r"render\(\) shows nothing without a render mode"):

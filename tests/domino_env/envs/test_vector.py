@@ -170,6 +170,8 @@ def test_gymnasium_makes_and_wraps_them():
 def test_misuse_is_explained():
     with pytest.raises(ValueError, match="num_envs"):
         DominoChainVector(0, "sprint")
+    with pytest.raises(ValueError, match="autoreset_mode = 'SameStp': did you mean 'SameStep'"):
+        DominoChainVector(2, "sprint", autoreset_mode="SameStp")
     with pytest.raises(ValueError, match="render_mode = 'human': choose None or one of rgb_array"):
         DominoChainVector(2, "sprint", render_mode="human")
     env = DominoChainVector(2, "gentle", autoreset_mode=OFF)

@@ -109,7 +109,9 @@ def test_a_tip_above_the_next_top_and_both_remedies():
 @pytest.mark.parametrize(("arguments", "words"), [
     ({"count": 0, "pitch": 0.02}, "count = 0"),
     ({"pitch": 0.02, "spacing": 0.01}, "give either pitch"),
-    ({"pitch": 0.0075}, "pitch = 0.0075 m is not more than thickness"),
+    ({"pitch": 0.0075}, "pitch = 0.0075 m: give a finite number, more than 0.0075 (the thickness)"),
+    ({"spacing": "wide"}, "spacing = 'wide' m: give a finite number, more than 0"),
+    ({"spacing": 0.01, "slope": "steep"}, "slope = 'steep' rad: give a finite number"),
 ])  # fmt: skip
 def test_uniform_layouts_that_cannot_stand(arguments, words):
     with pytest.raises(ValueError, match=re.escape(words)):

@@ -1,6 +1,7 @@
 """Waves, batches, steady waves and smallest pushes: what they promise besides the physics."""
 
 import math
+import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -260,8 +261,25 @@ def test_arguments_of_another_type(function):
     wanted = r"layout is a list: give a Layout, such as Layout\(spacing="
     with pytest.raises(TypeError, match=wanted):
         function([0.018, 0.02], de.Physics())
-    with pytest.raises(TypeError, match=r"physics is a float: give a Physics, such as Physics\("):
-        function(de.Layout([0.018], 0.0075), 0.25)
+    layout, wanted = de.Layout([0.018], 0.0075), r"physics is a float: give a Physics, such as Ph"
+    with pytest.raises(TypeError, match=wanted):
+        function(layout, 0.25)
+    with pytest.raises(TypeError, match=wanted):
+        de.simulate_batch([[0.018]], 0.0075, 0.25)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: de.steady_wave([0.02, np.nan], 0.0075), "pitch[1] = nan m: give a finite number"),
+    (lambda: de.steady_wave(0.02, 0.0075, rtol=np.nan), "rtol = nan: give a finite number"),
+    (lambda: de.steady_wave(0.02, 0.0075, slope="up"), "slope = 'up' rad: give a finite number"),
+    (lambda: de.steady_pattern([], 0.0075), "the sizes have shape (0,): give one chain or more"),
+    (lambda: de.smallest_push(de.Layout([0.02], 0.0075), rtol=3), "rtol = 3: give a finite number"),
+    (lambda: de.existence_limit(7.5), "thickness = 7.5 m: give a finite number, more than 0"),
+    (lambda: de.terminal_speed_estimate(24.0, 0.0075), "pitch = 24.0 m: give a finite number"),
+])  # fmt: skip
+def test_sizes_of_steady_waves_out_of_range(call, words):
+    with pytest.raises(ValueError, match=f"^{re.escape(words)}"):
+        call()
 
 
 def test_a_tolerance_out_of_range():

@@ -3,6 +3,7 @@
 import dataclasses
 import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,8 +111,17 @@ def test_a_layout_that_breaks_the_rules_has_no_score():
 
 
 @pytest.mark.parametrize(("call", "words"), [
-    (lambda: small(spacing=0.02), "scene 'small': 0.02: give two bounds, such as"),
-    (lambda: small(spacing=(0.01, 0.02, 0.03)), "scene 'small': (0.01, 0.02, 0.03): give two"),
+    (lambda: small(spacing=0.02), "scene 'small': spacing = 0.02: give two bounds, such as"),
+    (lambda: small(spacing=(0.01, 0.02, 0.03)), "spacing = (0.01, 0.02, 0.03): give two"),
+    (lambda: small(physics=3), "physics is a int: give a Physics"),
+    (lambda: small(placement_deviation=0.5), "deviation = 0.5 m is more than the largest gap"),
+    (lambda: small(objective="men_speed"), "objective = 'men_speed': did you mean 'mean_speed'?"),
+    (lambda: small().score_placed(small().layout(0.02), "a"), "give a whole number, at least 0"),
+    (lambda: small().score_placed(small().layout(0.02), [-1]), "seeds[0] = -1: give a whole"),
+    (lambda: de.load_scene(Path(__file__).parent), "a folder without a scene.toml: name the file"),
+    (lambda: de.Ground(slope=1.0).layout([0.01], [0.007] * 3), "thickness has shape (3,): give"),
+    (lambda: de.Ground(profile=[]), "profile = []: give a list of 2 to 10000 entries, each a list "
+     "of 2 entries"),
     (lambda: small().layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
     (lambda: small().score(None), "layout is a NoneType: give a Layout"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),

@@ -92,6 +92,8 @@ def test_the_report_of_a_comparison(compared, tmp_path):
     (["sprint"], [], [0], 1, "methods is empty"),
     (["sprint"], ["cma", "cma"], [0], 1, "methods = cma, cma: give each once"),
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
+    (["sprint"], ["cma"], 3, 1, r"seeds = 3: give several, such as range\(5\)"),
+    (["sprint"], ["cma"], ["a"], 1, "seed = 'a': give a whole number, at least 0"),
     (["sprint"], ["cma"], range(10**8), 1, "100000000 seeds are 100000000 searches: give fewer"),
     (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
 ])  # fmt: skip
