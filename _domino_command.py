@@ -5,6 +5,7 @@ Importing `domino_env` loads Gymnasium to register the environments, which takes
 package does not register them.
 """
 
+import os
 import signal
 import sys
 
@@ -16,7 +17,12 @@ def main() -> int:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from domino_env.cli.main import main
 
-    return main()
+    code = main()
+    if code > 128:  # of a signal: threads that still compile or simulate are not waited for
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 if __name__ == "__main__":

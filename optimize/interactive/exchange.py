@@ -62,6 +62,8 @@ def _scene_for(layout: Layout, like: Scene | None) -> Scene:
     """Return the scene of a layout: another one if the layout keeps its rules, else its own."""
     if like is not None and not like.violations(layout):
         return like
+    if layout.count < 2:
+        raise ValueError("one domino has no gap: give a layout of two or more")
     thick, gaps = layout.thickness, layout.spacing
     return Scene(
         name=NAME, title=TITLE, count=layout.count,
@@ -90,7 +92,7 @@ def read_files(files: Mapping[str, bytes], like: Scene | None = None) -> Design:
     """
     names = {name: NAMES.get(Path(name).suffix.lower()) for name in files}
     scenes = [*names.values()].count(NAMES[".toml"])
-    if None in names.values() or scenes > 1 or len(files) - scenes > 1:
+    if not files or None in names.values() or scenes > 1 or len(files) - scenes > 1:
         raise ValueError(
             f"{one_line(', '.join(files), 200)}: give a layout (.csv or .json), a scene (.toml), "
             "or one of each"

@@ -197,6 +197,20 @@ def test_ctrl_c_while_modules_are_imported_prints_no_traceback():
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
+def test_an_interrupted_command_does_not_wait_for_its_threads():
+    code = """if True:
+        import sys, threading, time, _domino_command, domino_env.cli.main as command
+        def interrupted():
+            threading.Thread(target=time.sleep, args=(60.0,)).start()
+            print("best so far")
+            return 130
+        command.main = interrupted
+        sys.exit(_domino_command.main())
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=50)
+    assert (done.returncode, done.stdout) == (130, "best so far\n")
+
+
 def test_a_reader_that_has_enough_is_no_error(file, tmp_path):
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--json"]

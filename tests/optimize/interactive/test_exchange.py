@@ -106,6 +106,8 @@ def test_a_wrong_file_gets_the_sentence_of_the_command_line(
 
 @pytest.mark.parametrize(("files", "words"), [
     ({"x.png": b""}, r"x\.png: give a layout"),
+    ({}, ": give a layout"),
+    ({"one.csv": b"spacing,thickness\n,.01\n"}, "one domino has no gap: give a layout of two"),
     ({"a.csv": b"", "b.csv": b""}, r"a\.csv, b\.csv: give a layout"),
     ({"../../etc/passwd": b"root"}, r"etc/passwd: give a layout"),
     ({"big.csv": b" " * (exchange.LARGEST_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
