@@ -32,7 +32,14 @@ from agents.policy import (
 from agents.rollout import PLANNING_SEEDS, Rollout, build, evaluation_seeds
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
-from domino_env.core.files import naming, read_json, require_unused, write_text
+from domino_env.core.files import (
+    naming,
+    read_json,
+    require_unused,
+    require_writable,
+    shown,
+    write_text,
+)
 from domino_env.core.models import Document, model_of
 from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
@@ -213,7 +220,11 @@ def train(
     if num_scenes is not None:
         require("num_scenes", num_scenes, 1, POOL, whole=True)
     require_learning()
-    target = load_any(scene) if isinstance(scene, str | Path) else scene
+    if not isinstance(hyperparameters, Hyperparameters | None):
+        raise ValueError(
+            f"hyperparameters = {shown(hyperparameters)}: give Hyperparameters of agents.algorithms"
+        )
+    target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     home = Path(folder or f"runs/{target.name}-{algorithm}")
     if resume:
         config = _read_config(home)
@@ -221,6 +232,7 @@ def train(
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
         num_scenes = config.num_scenes
     else:
+        require_writable(home)
         require_unused(home, FILES)
     sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
     scheduled = isinstance(target, Scene) and target.as_placed.tempo is not None
