@@ -146,6 +146,7 @@ def search(
     journal = None
     evaluations_before = 0
     interrupted = False
+    failure: Exception | None = None
     with ExitStack() as stack:
         if folder is not None:
             evaluations_before = begin_run(Path(folder), scene, method, seed, resume=resume)
@@ -182,6 +183,10 @@ def search(
             ended = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, ended = True, "interrupted"
+        except Exception as error:
+            if folder is None or not evaluator.finalists:
+                raise
+            failure, ended = error, f"the method failed: {error}"  # the best so far is written
         if evaluator.best_score <= 0.0 and not interrupted:
             ended = f"{ended.partition(';')[0]}; {NONE_COMPLETES}"
         took = evaluator.seconds
@@ -206,8 +211,12 @@ def search(
         interrupted=interrupted,
         ended=ended,
     )
-    if folder is not None:
-        write_run(Path(folder), result, evaluations_before)
+    try:
+        if folder is not None:
+            write_run(Path(folder), result, evaluations_before)
+    finally:
+        if failure is not None:
+            raise failure
     return result
 
 

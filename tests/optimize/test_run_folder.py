@@ -52,6 +52,19 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     assert set(summary["versions"]) == {"python", "domino-chains", "numpy", "scipy", "numba", "cma"}
 
 
+def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
+    def fails(evaluator, rng):
+        evaluator.evaluate(rng.random((20, evaluator.problem.dimension)))
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        search(scenes["spacing"], fails, folder=tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["evaluations"], summary["ended"][:18]) == (20, "the method failed:")
+    layout = de.Layout.read(tmp_path / "layout.csv")
+    assert scenes["spacing"].score(layout) == summary["mean_speed"]
+
+
 @pytest.mark.parametrize("name", ["layout.csv", "summary.json", JOURNAL])
 def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
     (tmp_path / name).write_text("text")
