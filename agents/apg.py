@@ -204,7 +204,7 @@ class _Placing(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *bars: torch.Tensor) -> Any:
         """Propagate gradients back, but none of a descent that moves an action further outwards."""
-        gradient = ctx.vector.place_all_back(ctx.actions, torch.stack(bars, dim=-1).numpy())
+        gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(bars, dim=-1).numpy())
         gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
 

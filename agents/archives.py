@@ -1,10 +1,11 @@
-"""Archives (.zip) of Stable-Baselines3 and sb3-contrib as policies.
+"""Policies from archives (.zip) of Stable-Baselines3 and sb3-contrib.
 
-Multilayer perceptrons are rebuilt from their tensors: `data` is read as JSON, in which pickled
-objects are text that is not decoded, and `policy.pth` by torch without unpickling. All else is
-loaded by Stable-Baselines3, which runs the code in the archive. Statistics of `VecNormalize` are a
-pickle too: `vecnormalize.pkl` or `vec_normalize.pkl` beside the archive, or in a folder beside it
-that is called as the environment, where rl-zoo3 writes it.
+Multilayer perceptrons are rebuilt from their tensors without running code of the archive: `data` is
+read as JSON, whose pickled objects stay encoded text, and torch reads `policy.pth` without
+unpickling. Stable-Baselines3 loads all other policies, which runs the code in the archive.
+Statistics of `VecNormalize` are a pickle too. They are read from `vecnormalize.pkl` or
+`vec_normalize.pkl` in the folder of the archive, or from `vecnormalize.pkl` in a subfolder with the
+name of the environment, as rl-zoo3 writes it.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
-CHANGING = ("features_extractor_class", "squash_output")  # options that change the function
-MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of policies that are known
+# options with which a policy is not the multilayer perceptron of its tensors
+UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output")
+MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of supported policies
 
 
 def load_archive(
@@ -39,16 +41,16 @@ def load_archive(
     path
         The .zip file.
     trust
-        Whether the code in the archive may be run, which policies other than plain multilayer
-        perceptrons need, and those with statistics of `VecNormalize` beside them.
+        If True, code in the archive may be run. Required for policies other than plain multilayer
+        perceptrons, and for archives with statistics of `VecNormalize`.
     distribution
-        The scene distribution that it was trained on, if any.
+        The scene distribution of the training; None for a single scene.
 
     Raises
     ------
     ValueError
-        If the file is no such archive, if observations of the distribution have another size, and
-        without `trust` if the policy cannot be rebuilt.
+        If the file is not such an archive, if observations of the distribution have another size,
+        or if the policy cannot be rebuilt and `trust` is False.
     ImportError
         If the extra "rl" is missing.
     """
@@ -65,9 +67,13 @@ def load_archive(
     except Exception as error:  # raised by code in the archive, or by a damaged file
         advice = "" if trust else (
             "; add --trust to load it with Stable-Baselines3, which runs the code that it "
-            "contains, if you know its source"
+            "contains, if you trust its source"
         )  # fmt: skip
-        reason = str(error) if isinstance(error, NoMLPError) else "damaged, or no such archive"
+        reason = (
+            str(error)
+            if isinstance(error, NoMLPError)
+            else "damaged, or no archive of Stable-Baselines3"
+        )
         raise ValueError(f"{path}: {reason}{advice}") from None
     if distribution is not None:
         require_size(distribution, size)
@@ -75,7 +81,7 @@ def load_archive(
 
 
 def _rebuilt(path: Path) -> tuple[Policy, int]:
-    """Return the policy of a multilayer perceptron, and the size of its observations."""
+    """Rebuild a multilayer perceptron; return it as a policy, and the size of its observations."""
     import torch
 
     with zipfile.ZipFile(path) as archive:
@@ -85,7 +91,7 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
     arrays = {name: value.numpy() for name, value in state.items()}
     options = data.get("policy_kwargs") or {}
     module = str(data["policy_class"].get("__module__"))
-    if not module.startswith(MODULES) or any(name in options for name in CHANGING):
+    if not module.startswith(MODULES) or any(name in options for name in UNSUPPORTED_OPTIONS):
         raise NoMLPError(f"its policy is no plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
     network = actor_of(arrays, activation.group(1) if activation else None)
@@ -95,7 +101,7 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
 
 
 def _unpickled(path: Path) -> tuple[Policy, int]:
-    """Return the policy as Stable-Baselines3 makes it, and the size of its observations."""
+    """Load a policy with Stable-Baselines3; return it, and the size of its observations."""
     import torch
     from sb3_contrib.ars.policies import ARSPolicy
     from stable_baselines3.common.policies import ActorCriticPolicy
@@ -104,12 +110,12 @@ def _unpickled(path: Path) -> tuple[Policy, int]:
     torch.set_num_threads(1)
     data, parameters, _ = load_from_zip_file(path, device="cpu")
     assert data is not None
-    kind, space = data["policy_class"], data["observation_space"]
+    policy_class, space = data["policy_class"], data["observation_space"]
     options = dict(data.get("policy_kwargs") or {})
-    if issubclass(kind, ActorCriticPolicy):
+    if issubclass(policy_class, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)
-    rate = () if issubclass(kind, ARSPolicy) else (lambda _: 0.0,)  # unused learning rate
-    model = kind(space, data["action_space"], *rate, **options)
+    rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)  # unused learning rate
+    model = policy_class(space, data["action_space"], *rate, **options)
     model.load_state_dict(parameters["policy"])
 
     def policy(observation: Singles) -> NDArray[Any]:
@@ -119,14 +125,14 @@ def _unpickled(path: Path) -> tuple[Policy, int]:
 
 
 def _statistics_beside(path: Path) -> Path | None:
-    """Return the file with the statistics of `VecNormalize` that belongs to an archive."""
-    home = path.parent
-    names = (home / "vecnormalize.pkl", home / "vec_normalize.pkl")
-    return next(filter(Path.exists, (*names, *home.glob("Domino*-v*/vecnormalize.pkl"))), None)
+    """Return the file with the statistics of `VecNormalize` of an archive; None without one."""
+    folder = path.parent
+    files = (folder / "vecnormalize.pkl", folder / "vec_normalize.pkl")
+    return next(filter(Path.exists, (*files, *folder.glob("Domino*-v*/vecnormalize.pkl"))), None)
 
 
 def _normalised(policy: Policy, statistics: Path) -> Policy:
-    """Return a policy that gets observations normalised by the statistics in a pickle."""
+    """Return a policy whose observations are normalised by the statistics in a pickle."""
     import pickle
 
     from stable_baselines3.common.vec_env import VecNormalize

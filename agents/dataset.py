@@ -1,4 +1,4 @@
-"""Datasets: scenes with the layouts that a search found for them, and episodes that build these.
+"""Datasets of scenes, of the best layouts of searches, and of episodes that build these layouts.
 
 References
 ----------
@@ -46,9 +46,9 @@ def make_dataset(
     code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
-    """Sample scenes, search a layout for each, build episodes of them, and write everything.
+    """Sample scenes, search a layout for each, and write them with episodes that build the layouts.
 
-    The result of each search is kept at once: the same call continues where it was stopped. Scene i
+    Each result is stored when its search ends, so the same call continues a stopped one. Scene i
     does not depend on the number of scenes.
 
     Parameters
@@ -60,27 +60,27 @@ def make_dataset(
     scenes
         Number of scenes.
     seed
-        Seed of the sampling, the searches and the noise.
+        Seed of the sampled scenes, the searches and the noise.
     budget
-        Evaluations of each search.
+        Number of evaluations in each search.
     executor
-        Runs the searches; None: this process.
+        Executor of the searches; None to run them in this process.
     noise
-        Standard deviation of the actions of the noisy episodes, each from -1 to 1.
+        Standard deviation of the noise on actions of the noisy episodes; actions are from -1 to 1.
     code_link
-        Address of this program, for users of the dataset.
+        URL of the code, stored in the Minari datasets.
     progress
-        Whether to show a progress line; None: on a terminal.
+        If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
 
     Returns
     -------
     Path
-        The card, README.md.
+        Path of the card, README.md.
 
     Raises
     ------
     ValueError
-        For numbers out of range, and for a folder that holds another dataset.
+        For numbers out of range, or a folder with another dataset.
     ImportError
         If the extra "minari" is missing, before any search.
     """
@@ -89,14 +89,14 @@ def make_dataset(
     require("seed", seed, 0, whole=True)
     require("noise", noise, 0.0, 1.0)
     require_extra("a dataset", "minari", "pyarrow", "minari")
-    home, source = Path(folder), load_distribution(distribution)
-    require_unused(home, (CARD, EPISODES))
-    home.mkdir(parents=True, exist_ok=True)
+    root, source = Path(folder), load_distribution(distribution)
+    require_unused(root, (CARD, EPISODES))
+    root.mkdir(parents=True, exist_ok=True)
     sampled = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)
     ]
     settings = {"distribution": source.to_toml(), "budget": budget, "seed": seed}
-    study = open_store(home / STORE).begin("layouts", "dataset", settings)
+    study = open_store(root / STORE).begin("layouts", "dataset", settings)
     tasks = [
         Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
         for i, scene in enumerate(sampled)
@@ -107,14 +107,14 @@ def make_dataset(
     if failures := experiment.failures:
         raise ValueError(f"{len(failures)} searches failed: {failures[0].reason}")
     results = experiment.results
-    export_study(study, home / LAYOUTS)
-    partial = home / f"{EPISODES}.partial"
+    export_study(study, root / LAYOUTS)
+    partial = root / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
     returns = write_episodes(partial, source, sampled, layouts, seed, noise, code_link)
-    partial.rename(home / EPISODES)
-    write_text(home / CARD, _card(source, results, returns, seed, budget, noise))
-    return home / CARD
+    partial.rename(root / EPISODES)
+    write_text(root / CARD, _card(source, results, returns, seed, budget, noise))
+    return root / CARD
 
 
 def _card(
@@ -157,32 +157,33 @@ def build_episode(
     Parameters
     ----------
     env
-        A single environment of the distribution that the scene was sampled from.
+        A vector environment with `num_envs=1`, for the distribution of the scene.
     scene
         The scene.
     layout
-        The layout that is built where there is no noise.
+        The layout that the actions without noise build.
     noise
         Standard deviation of the noise on each action.
     rng
-        Source of the noise.
+        Random number generator of the noise.
 
     Returns
     -------
     dict
-        "observations", one more than "actions", "rewards", "terminations", "truncations".
+        Lists "actions", "rewards", "terminations" and "truncations" with one entry per step, and
+        "observations" with one more.
     """
     observation, _ = env.reset(options={"scene": scene})
-    observations, lines = [observation[0]], list[tuple[Any, ...]]()
-    while not lines or not lines[-1][2]:
+    observations, records = [observation[0]], list[tuple[Any, ...]]()
+    while not records or not records[-1][2]:
         action = env.actions_towards(layout)[0]
         action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0)
         action = action.astype(np.float32)
         observation, *step, _ = env.step(action[None])
         observations.append(observation[0])
-        lines.append((action, *(part[0] for part in step)))
+        records.append((action, *(values[0] for values in step)))
     names = ("actions", "rewards", "terminations", "truncations")
-    steps = dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))
+    steps = dict(zip(names, map(list, zip(*records, strict=True)), strict=True))
     return {"observations": observations, **steps}
 
 
@@ -195,24 +196,24 @@ def write_episodes(
     noise: float,
     code_link: str | None,
 ) -> dict[str, float]:
-    """Write a Minari dataset of each quality, with an episode per scene, in their order.
+    """Write a Minari dataset for each of `QUALITIES`; episode i builds a layout of scene i.
 
-    Their reference scores are the mean returns of the uniform baselines and the searched layouts.
+    The reference scores are the mean returns of the uniform baselines and of the searched layouts.
 
     Parameters
     ----------
     folder
-        A value for `MINARI_DATASETS_PATH`; must contain none of these datasets yet.
+        Value of `MINARI_DATASETS_PATH`; must not contain these datasets.
     distribution
-        The distribution that the scenes were sampled from.
+        The scene distribution.
     scenes, layouts
-        The scenes, and the layouts that a search found for them.
+        The scenes, and the best layout of a search in each.
     seed
         Seed of the noise.
     noise
-        Standard deviation of the actions of "noisy", see `build_episode`.
+        Standard deviation of the noise in the dataset "noisy", see `build_episode`.
     code_link
-        As of `make_dataset`.
+        See `make_dataset`.
 
     Returns
     -------
@@ -229,15 +230,15 @@ def write_episodes(
         buffers = episodes[quality] = []
         for i, (scene, layout) in enumerate(zip(scenes, layouts, strict=True)):
             target = scene.uniform().layout if quality == "uniform" else layout
-            error = noise if quality == "noisy" else 0.0
+            deviation = noise if quality == "noisy" else 0.0
             rng = np.random.default_rng([seed, i])
-            buffers.append(EpisodeBuffer(id=i, **build_episode(env, scene, target, error, rng)))
+            buffers.append(EpisodeBuffer(id=i, **build_episode(env, scene, target, deviation, rng)))
         returns[quality] = float(np.mean([np.sum(buffer.rewards) for buffer in buffers]))
     for quality, buffers in episodes.items():
-        home = str(folder.resolve())  # Minari joins a relative path twice
-        environment = mock.patch.dict(os.environ, MINARI_DATASETS_PATH=home)
-        with environment, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about a missing address
+        path = str(folder.resolve())  # Minari joins a relative path twice
+        variables = mock.patch.dict(os.environ, MINARI_DATASETS_PATH=path)
+        with variables, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about a missing URL
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,

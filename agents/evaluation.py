@@ -1,4 +1,4 @@
-"""Evaluation: the layouts that a trained or scripted policy builds, in one scene or in many."""
+"""Evaluation of trained and scripted policies by the layouts they build in one or more scenes."""
 
 from __future__ import annotations
 
@@ -31,38 +31,38 @@ from optimize.searching import compile_for
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-SAME_GAIN = 1e-9  # relative gain up to which a layout counts as the uniform one
-LEAST_GAIN = 1e-4  # a smaller gain of a search is no reference
-SEARCHED = Path(__file__).with_name("searched.csv")
+SAME_GAIN = 1e-9  # a layout beats the uniform baseline if its gain is larger
+LEAST_GAIN = 1e-4  # smallest gain of a search from which normalised scores are computed
+SEARCHED = Path(__file__).with_name("searched.csv")  # scores of searches in the test sets
 
 
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Rollout:
-    """Build a layout with the best policy of a training, deterministically.
+    """Build a layout with the best policy of a training, without noise on its actions.
 
-    Only an archive needs the extra "rl".
+    The extra "rl" is needed only for an archive.
 
     Parameters
     ----------
     run
         The folder of a training; the name of a shipped policy ("designer", or one of
-        `agents.policy.shipped`) or of a scripted one ("uniform", "greedy", "ramp"); or an archive
-        (.zip) of Stable-Baselines3 or sb3-contrib.
+        `agents.policy.shipped`) or of a scripted policy such as "uniform", "greedy" or "ramp"; or
+        an archive (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
-        Another scene than the policy was trained on, with observations of the same size. A
-        scripted policy and one that was trained on sampled scenes need one.
+        The scene; None for the scene of the training. Its observations must have the size of those
+        in training. Scripted policies and policies trained on sampled scenes require a scene.
     trust
-        Whether an archive may be loaded by Stable-Baselines3, which runs the code that it
-        contains. Plain multilayer perceptrons do not need it.
+        If True, Stable-Baselines3 may load an archive, which runs the code in the archive. Not
+        needed for plain multilayer perceptrons.
 
     Returns
     -------
     Rollout
-        The layout with its wave and score, beside the uniform baseline.
+        The layout with its wave, its score and the uniform baseline.
 
     Raises
     ------
     ValueError
-        If the observations of the scene have another size, and if `run` names no policy.
+        If the observations of the scene have another size, or if `run` is no policy.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     if isinstance(policy, ScenePolicy) and scene is None:
         return policy.build()
     if scene is None:
-        raise ValueError(f"{run} was trained on no single scene: name one to build for (--scene)")
+        raise ValueError(f"policy '{run}' has no scene of its own: give one (--scene)")
     return policy.build(scene if isinstance(scene, Scene) else load_scene(scene))
 
 
@@ -83,12 +83,12 @@ def load_policy(
 ) -> ScenePolicy | Designer | ScriptedPolicy:
     """Load a policy, whose method `build` builds a layout for a scene.
 
-    Trained policies have the method `predict` of Stable-Baselines3 too.
+    Trained policies also have the method `predict` of Stable-Baselines3.
 
     Parameters
     ----------
     run, trust
-        As of `evaluate`.
+        See `evaluate`.
     distribution
         The scene distribution that the policy of an archive was trained on, if any.
 
@@ -110,12 +110,12 @@ def load_policy(
 def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     """Return the method `agent:RUN` of a search, which evaluates the layout of a policy.
 
-    The time of its training counts as spent.
+    The time of the training counts as time of the search.
 
     Parameters
     ----------
     run
-        As of `evaluate`.
+        See `evaluate`.
 
     Raises
     ------
@@ -137,16 +137,16 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
 
 
 def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[Scene]) -> Floats:
-    """Return the gains of the layouts that a policy builds in many scenes, side by side.
+    """Return the gains of the layouts that a policy builds in a batch of scenes.
 
     Parameters
     ----------
     policy
         Maps observations (S, O) to actions (S, A).
     distribution
-        The distribution that it was trained on.
+        The scene distribution of the training.
     scenes
-        S scenes of that kind.
+        S scenes of this distribution, or with other numbers.
 
     Returns
     -------
@@ -158,9 +158,7 @@ def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[S
 
 
 def searched_scores(name: str, number: int) -> Floats | None:
-    """Return the scores of searches in the first scenes of a test set.
-
-    They are those of `search(scene, budget=2500, seed=1)`.
+    """Return the scores of `search(scene, budget=2500, seed=1)` in the first scenes of a test set.
 
     Parameters
     ----------
@@ -172,7 +170,7 @@ def searched_scores(name: str, number: int) -> Floats | None:
     Returns
     -------
     NDArray or None
-        (number,) scores, nan where none was searched; None where there are none at all.
+        (number,) scores, nan for a scene without a search; None if no scene has a search.
     """
     scores = np.full(number, np.nan)
     with SEARCHED.open(newline="", encoding="utf-8") as lines:
@@ -184,7 +182,7 @@ def searched_scores(name: str, number: int) -> Floats | None:
 
 @dataclass(frozen=True, eq=False)
 class ScenesEvaluation:
-    """Evaluation of a policy in S scenes, beside the uniform baselines and, if known, a search.
+    """Scores of a policy, of the uniform baselines and, if known, of searches in S scenes.
 
     Attributes
     ----------
@@ -193,11 +191,10 @@ class ScenesEvaluation:
     uniform
         (S,) scores of the uniform baselines.
     scores
-        (S,) scores by name: "policy", and where it is the designer "proposal", the layouts of its
-        networks without gradient steps, and where a search is known "search", with nan in scenes
-        that were not searched.
+        (S,) scores by name: "policy"; for the designer also "proposal", the layouts of its networks
+        without gradient steps; and where a search is known "search", nan in scenes without one.
     seconds
-        (S,) processor time by name [s], not of the search.
+        (S,) processor times by the same names, without "search" [s].
     """
 
     scenes: Sequence[Scene]
@@ -206,35 +203,36 @@ class ScenesEvaluation:
     seconds: dict[str, Floats]
 
     def table(self) -> str:
-        """Return a table in Markdown with a line for the policy, its proposal and the search."""
+        """Return a table in Markdown, with one line per name in `scores`."""
         names = (
             "layout", "beats the uniform baseline", "median gain", "10th percentile", "worst",
-            "median part of the search's gain", "10th percentile", "median time", "longest",
+            "median normalised score", "10th percentile", "median time", "longest",
         )  # fmt: skip
         return "\n".join(markdown_table(names, map(self._line, self.scores)))
 
     def _line(self, name: str) -> tuple[str, ...]:
+        """Return the cells of a line; searches are the best known of normalised scores."""
         scores = self.scores[name]
         gain = self.gains(name)
         gain = gain[np.isfinite(gain)]
         stopped = int(np.sum(scores <= 0.0))
-        parts, times = ["", ""], ["", ""]
+        normalised, times = ["", ""], ["", ""]
         if "search" in self.scores:
-            searched = self.gains("search")
-            gained = searched > LEAST_GAIN  # nan compares as False
-            normalised = self.gains(name)[gained] / searched[gained]
-            parts = [f"{np.quantile(normalised, q):.1%}" for q in (0.5, 0.1)]
+            best_known = self.gains("search")
+            improved = best_known > LEAST_GAIN  # nan compares as False
+            quotients = self.gains(name)[improved] / best_known[improved]
+            normalised = [f"{np.quantile(quotients, q):.1%}" for q in (0.5, 0.1)]
         if name in self.seconds:
             seconds = 1e3 * self.seconds[name]
             times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
         return (
             name, f"{np.mean(gain > SAME_GAIN):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
             f"{np.quantile(gain, 0.1):+.2%}",
-            f"{stopped} stop" if stopped else f"{gain.min():+.2%}", *parts, *times,
+            f"{stopped} stop" if stopped else f"{gain.min():+.2%}", *normalised, *times,
         )  # fmt: skip
 
     def gains(self, name: str = "policy") -> Floats:
-        """Return the gains (S,) over the uniform baselines; below -1 where a wave stops."""
+        """Return the gains (S,) over the uniform baselines; at most -1 where a wave stops."""
         return self.scores[name] / self.uniform - 1.0
 
     def save(self, path: Path) -> None:
@@ -249,21 +247,22 @@ class ScenesEvaluation:
 def scenes_of(
     name: str | Path | SceneDistribution, number: int, seed: int | None = None
 ) -> list[Scene]:
-    """Return scenes to evaluate in: those of a shipped test set, or sampled ones.
+    """Return scenes for an evaluation, from a shipped test set or sampled.
 
     Parameters
     ----------
     name
         A scene distribution, the name of a shipped one, or the path of its file.
     number
-        Number of scenes; of a test set its first, at most 200.
+        Number of scenes; at most 200 with a test set, whose first scenes are returned.
     seed
-        Seed of the sampling; None for the test set.
+        Seed of the sampled scenes; None for the test set.
 
     Raises
     ------
     ValueError
-        For numbers out of range, and as of `load_distribution` and `load_test_set`.
+        For numbers out of range, for distributions without a test set if `seed` is None, and for
+        the reasons of `load_distribution`.
     """
     require("scenes", number, 1, whole=True)
     distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
@@ -273,10 +272,15 @@ def scenes_of(
         return [distribution.sample(rng) for _ in range(number)]
     name = distribution.name
     if name not in distribution_names() or load_distribution(name) != distribution:
-        raise ValueError(f"no test scenes ship for '{name}': give a seed (--seed)")
+        raise ValueError(
+            f"distribution '{name}' has no test set: give a seed for sampled scenes (--seed)"
+        )
     tests = load_test_set(name)
     if number > len(tests):
-        raise ValueError(f"the test set of {name} has {len(tests)} scenes: give a seed for more")
+        raise ValueError(
+            f"scenes = {number}: the test set of {name} has {len(tests)} scenes: give "
+            "at most so many, or a seed for sampled scenes (--seed)"
+        )
     return tests[:number]
 
 
@@ -287,19 +291,19 @@ def evaluate_scenes(
     *,
     progress: bool | None = False,
 ) -> ScenesEvaluation:
-    """Build a layout for each scene, and compare its score with the uniform baseline.
+    """Build a layout for each scene and compare its score with that of the uniform baseline.
 
     Parameters
     ----------
     scenes
         One or more scenes.
     policy
-        The designer, a policy that was trained on sampled scenes, or a scripted one; None for the
-        shipped designer.
+        The designer, a policy trained on sampled scenes, or a scripted policy; None for the shipped
+        designer.
     searched
-        (S,) scores of searches, to compare with; None for none.
+        (S,) scores of searches for comparison; None if there are none.
     progress
-        Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
+        If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
 
     Returns
     -------

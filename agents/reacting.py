@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from agents.draw import numbers, rule
+from agents.draw import rule, shipped_references
 from domino_env import Scene
 from domino_env.core.types import Floats
 
@@ -55,7 +55,7 @@ class Episodes:
         size = env.action_space.shape[0]
         self.noise = antithetic_noise(number, pairs, size)
         observations = torch.zeros(number, pairs, len(mask))
-        wishes = rule(scene, numbers()["rule"]) if scene.hand else None
+        wishes = rule(scene, shipped_references()["rule"]) if scene.hand else None
         self.wishes, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
         observed, running = env.reset(), np.ones(number, np.bool_)
         for n in range(pairs):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
-from agents.draw import fixed, numbers
+from agents.draw import open_loop, shipped_references
 from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
 from domino_env import DominoChain
@@ -123,16 +123,16 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
 def plan(scene: Scene) -> Rollout:
     """Build the best known layout, without a reaction to what happens: open loop.
 
-    Where pieces are drawn in random order, gaps and wished thicknesses are a fixed sequence.
+    Where pieces are drawn in random order, gaps and desired thicknesses are a fixed sequence.
     """
     if scene.hand:
-        actions = numbers()["plan"]
+        actions = shipped_references()["plan"]
         if len(actions) != scene.count - 1:
             raise ValueError(
                 f"scene '{scene.name}' has {scene.count} dominoes: the plan that ships is for the "
                 f'{len(actions) + 1} of "draw"; use rule'
             )
-        return build(fixed(scene, actions), scene)
+        return build(open_loop(scene, actions), scene)
     known = best_known().get(scene.name)
     if known is None or scene.violations(known.layout):
         raise ValueError(
@@ -149,7 +149,7 @@ def rule(scene: Scene) -> Rollout:
             f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
             "hand; use another policy"
         )
-    return build(rule_policy(scene, numbers()["rule"]), scene)
+    return build(rule_policy(scene, shipped_references()["rule"]), scene)
 
 
 def controller(scene: Scene) -> Rollout:

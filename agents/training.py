@@ -1,6 +1,6 @@
-"""Training: an algorithm of Stable-Baselines3, on one scene or on a scene distribution.
+"""Training of policies with Stable-Baselines3, for one scene or for a scene distribution.
 
-The files in the folder of a training are listed in `agents.policy`.
+`agents.policy` lists the files in the folder of a training.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ if TYPE_CHECKING:
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
 )  # fmt: skip
-EVALUATIONS = 200  # evaluations in a whole training, each with a checkpoint
-POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
-TEST_SCENES = 200  # scenes of the test set of a shipped distribution
-EPISODE = 32  # steps that choose default hyperparameters where their number varies
+EVALUATIONS = 200  # number of evaluations in a training, each with a checkpoint
+POOL_SCENES = 50  # number of training scenes in which evaluations score a policy
+TEST_SCENES = 200  # number of scenes in the test set of a shipped distribution
+TYPICAL_EPISODE = 32  # steps of an episode where scenes have different numbers of dominoes
 
 
 class ConfigDocument(Document):
@@ -85,17 +85,17 @@ class Run:
     algorithm
         Name of the algorithm.
     steps
-        Dominoes placed.
+        Number of dominoes placed.
     seconds
         Wall-clock time [s].
     curve
-        A tuple for each evaluation, with the columns of progress.csv. Where scenes are sampled,
-        scores are median gains over the uniform baselines of some training scenes; `test_score`,
-        that of the best policy so far on the test set, decides nothing.
+        A tuple for each evaluation, with the columns of progress.csv. If scenes are sampled, scores
+        are median gains over the uniform baselines of some training scenes, and `test_score` is
+        that of the best policy so far in the test set, which does not affect the training.
     interrupted
-        Whether it was interrupted by Ctrl-C.
+        True if the training was interrupted with Ctrl-C.
     rollout
-        The layout of the best policy; None where scenes are sampled.
+        Layout of the best policy; None if scenes are sampled.
     """
 
     folder: Path
@@ -128,15 +128,15 @@ class Run:
         Raises
         ------
         ValueError
-            If scenes are sampled: there is no single layout.
+            If scenes are sampled, as there is no single layout.
         """
         from domino_env.view.figures import beside_uniform
 
         rollout = self.rollout
         if rollout is None:
             raise ValueError(
-                f"{self.folder} was trained on sampled scenes of {self.scene}, which have no "
-                "single layout: see progress.csv, or evaluate it in one scene"
+                f"the training in {self.folder} has no single layout, as scenes were sampled from "
+                f"{self.scene}: see progress.csv, or evaluate the policy in one scene"
             )
         return beside_uniform(
             rollout.scene, rollout.layout, rollout.wave, rollout.score,
@@ -153,8 +153,8 @@ class Run:
             lines[f"best known {known.score:.4f}"] = known.score
         table = np.array(self.curve)
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
-        words = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"
-        draw_scores(axes, table[:, 1], curves, lines, scene.unit, words)
+        process = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"
+        draw_scores(axes, table[:, 1], curves, lines, scene.unit, process)
 
 
 def train(
@@ -180,19 +180,20 @@ def train(
     algorithm
         "apg", "ppo", "ars", "sac", "td3" or "tqc".
     steps
-        Dominoes to place in all; None for the number in the hyperparameters.
+        Total number of dominoes to place; None for that of the hyperparameters.
     seed
-        Seed of all randomness; it gives the same weights again on the same machine.
+        Seed of all randomness. The weights are reproducible on the same machine.
     folder
         Folder of the training; None for runs/SCENE-ALGORITHM.
     resume
-        Continue from the checkpoint in the folder, with its scene, seed and steps.
+        If True, the training continues from the checkpoint in the folder, with its scene, seed and
+        steps.
     progress
-        Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
+        If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
     hyperparameters
         Hyperparameters; None for the defaults of the algorithm.
     num_scenes
-        Number of scenes of a distribution that are sampled, from the first on; None for all 4096.
+        Number of scenes of a distribution to train on, from the first; None for all 4096.
 
     Returns
     -------
@@ -204,8 +205,8 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, for `num_scenes` with a single scene, for a folder that
-        holds another training, and with `resume` for a folder without one.
+        For an unknown algorithm or scene, `num_scenes` with a single scene, a folder that holds
+        another training, or `resume` with a folder without a training.
 
     Examples
     --------
@@ -245,7 +246,7 @@ def train(
 
 
 def save_zip(folder: str | Path, path: str | Path) -> None:
-    """Write the best policy of a training as an archive that Stable-Baselines3 loads.
+    """Write the best policy of a training as an archive of Stable-Baselines3.
 
     Parameters
     ----------
@@ -272,17 +273,18 @@ def save_zip(folder: str | Path, path: str | Path) -> None:
 
 
 def episode_of(target: Scene | SceneDistribution) -> int:
-    """Return the steps of a typical episode, for default hyperparameters."""
+    """Return the number of steps of a typical episode, for default hyperparameters."""
     if isinstance(target, Scene):
         return target.count - 1
-    return EPISODE if COUNT in target.ranges else target.first.count - 1
+    return TYPICAL_EPISODE if COUNT in target.ranges else target.first.count - 1
 
 
 def _read_config(folder: Path) -> ConfigDocument:
+    """Read config.json in the folder of a training."""
     path = folder / CONFIG
     if not path.exists():
         raise ValueError(
-            f"{folder} holds no training to resume: leave out --resume, and name another folder if "
+            f"{folder} holds no training to resume: leave out --resume, and give another folder if "
             "this one holds other files of a run"
         )
     with naming(path):
@@ -291,12 +293,12 @@ def _read_config(folder: Path) -> ConfigDocument:
 
 @dataclass(eq=False)
 class Training:
-    """A training while it runs; its steps are dominoes.
+    """Training in progress; a step places one domino.
 
     Parameters
     ----------
     target, algorithm, hyperparameters, total, seed, folder, progress, num_scenes
-        As of `train`, where `total` is `steps`.
+        See `train`; `target` is its scene or scene distribution and `total` its `steps`.
     """
 
     target: Scene | SceneDistribution
@@ -314,8 +316,8 @@ class Training:
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
             pool = ScenePool(self.target, self.num_scenes or POOL)
-            last = range(len(pool))[: -POOL_SCENES - 1 : -1]
-            self.scenes = [pool.scene(number) for number in last]
+            last_first = range(len(pool))[: -POOL_SCENES - 1 : -1]
+            self.scenes = [pool.scene(number) for number in last_first]
             with suppress(ValueError):  # the distribution has no test set
                 self.tests = scenes_of(self.target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
@@ -326,13 +328,13 @@ class Training:
 
     @property
     def seconds(self) -> tuple[float, float]:
-        """Wall-clock and processor time so far [s], those before a resumption included."""
+        """Wall-clock and processor time so far [s], with those before the training was resumed."""
         return time.perf_counter() - self.began[0], time.process_time() - self.began[1]
 
     def run(self, resume: bool) -> Run:
         """Train from the beginning, or from the checkpoint in the folder.
 
-        An update cannot be resumed halfway, so Ctrl-C leaves the last checkpoint as it is.
+        Ctrl-C does not write a checkpoint, as an unfinished update cannot be resumed.
         """
         if resume and (self.folder / CHECKPOINT).exists():
             self.learner = self._resumed()
@@ -362,11 +364,13 @@ class Training:
         return self._finish(interrupted)
 
     def _learner(self, seed: int) -> Learner:
+        """Return a new learner."""
         from agents.sb3 import Learner
 
         return Learner(self.target, self.algorithm, self.hyperparameters, seed, self.num_scenes)
 
     def _write_json(self, name: str, **document: Any) -> None:
+        """Write a JSON file into the folder."""
         write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
 
     def _resumed(self) -> Learner:
@@ -376,7 +380,9 @@ class Training:
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
         try:
-            seed = (self.seed + int(state["steps"])) % 2**32  # no noise is sampled twice
+            seed = (
+                self.seed + int(state["steps"])
+            ) % 2**32  # do not repeat the random numbers before it
             learner = self._learner(seed)
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
@@ -386,13 +392,13 @@ class Training:
             now = time.perf_counter(), time.process_time()
             self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise ValueError(f"{path}: it does not fit this training: {error}") from None
+            raise ValueError(f"{path}: not a checkpoint of this training: {error}") from None
         self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(learner.steps)
         return learner
 
     def between_updates(self) -> None:
-        """Evaluate and write a checkpoint where due, and follow the schedules."""
+        """Evaluate and write a checkpoint if due, and update the exploration of the learner."""
         steps = self.learner.steps
         if steps >= self.next_evaluation:
             self.evaluate()
@@ -402,11 +408,11 @@ class Training:
         self.learner.adapt(min(steps / self.total, 1.0))
 
     def after_step(self, infos: Any) -> None:
-        """Count the layouts that were built with noise."""
+        """Count the layouts that were built with exploration noise."""
         self.simulations += sum("score" in info for info in infos)
 
     def evaluate(self) -> None:
-        """Evaluate the policy without noise; write it if it is the best so far."""
+        """Evaluate the policy without noise, and write it if it is the best so far."""
         learner, (seconds, processor_seconds) = self.learner, self.seconds
         policy, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
@@ -422,8 +428,9 @@ class Training:
             if isinstance(self.target, SceneDistribution) and self.tests:
                 paused = time.perf_counter(), time.process_time()
                 self.test_score = float(np.median(gains_of(policy, self.target, self.tests)))
-                now = time.perf_counter() - paused[0], time.process_time() - paused[1]
-                self.began = self.began[0] + now[0], self.began[1] + now[1]  # without the pause
+                spent = time.perf_counter() - paused[0], time.process_time() - paused[1]
+                # the time of the test set is not part of the training
+                self.began = self.began[0] + spent[0], self.began[1] + spent[1]
             if rollout is not None:
                 self._write_json(
                     BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds
@@ -437,20 +444,22 @@ class Training:
         self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
 
     def checkpoint(self) -> None:
-        """Write the checkpoint and the learning curve, whose last line is part of the state."""
+        """Write the checkpoint, which has the learning curve, and progress.csv."""
         self.learner.write_checkpoint(self.folder / CHECKPOINT, self.curve)
         self._write_curve()
 
     def _write_curve(self) -> None:
+        """Write the learning curve as progress.csv."""
         lines = ([f"{x:.10g}" for x in line] for line in self.curve)
         write_csv(self.folder / PROGRESS, COLUMNS, lines)
 
     def _finish(self, interrupted: bool) -> Run:
-        """Write the summary, and the picture where there is one layout."""
+        """Write the summary, and a picture if there is a single layout."""
         from domino_env.core.plot_style import write_png
 
         seconds, processor_seconds = self.seconds
-        learned_from = self.simulations - len(self.curve) * (len(self.scenes) or 1)
+        evaluations = len(self.curve) * (len(self.scenes) or 1)
+        simulations = self.simulations - evaluations
         rollout = ScenePolicy.load(self.folder).build() if isinstance(self.target, Scene) else None
         run = Run(
             self.folder, self.target.name, self.algorithm, self.learner.steps, seconds,
@@ -469,6 +478,6 @@ class Training:
             SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
             seed=self.seed, **result, steps=run.steps, seconds=seconds,
             processor_seconds=processor_seconds, simulations=self.simulations,
-            gradients=learned_from * (self.algorithm == "apg"), updates=self.learner.updates,
+            gradients=simulations * (self.algorithm == "apg"), updates=self.learner.updates,
         )  # fmt: skip
         return run

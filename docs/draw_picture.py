@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from agents.draw import numbers, rule
+from agents.draw import rule, shipped_references
 from agents.rollout import EVALUATION_SEEDS
 from domino_env import DominoChain, load_scene
 from domino_env.view.animation import write_gif
@@ -19,7 +19,10 @@ SIZE = 900, 150
 def episode() -> Iterator[Image.Image]:
     """Yield the frames of an episode, one for each domino that is placed."""
     scene = load_scene("draw")
-    env, policy = DominoChain(scene, render_mode="rgb_array"), rule(scene, numbers()["rule"])
+    env, policy = (
+        DominoChain(scene, render_mode="rgb_array"),
+        rule(scene, shipped_references()["rule"]),
+    )
     observation, _ = env.reset(seed=EVALUATION_SEEDS[0])
     over = False
     while not over:

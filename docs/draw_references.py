@@ -2,8 +2,8 @@
 
 It takes four minutes and fits three references:
 
-- rule: its 25 numbers, by CMA-ES;
-- open loop: a fixed sequence of gaps and wished thicknesses, by exact gradients and by exchanges;
+- rule: its 25 coefficients, by CMA-ES;
+- open loop: a fixed sequence of gaps and desired thicknesses, by exact gradients and by exchanges;
 - hindsight: the order is known; exchanges and moves of pieces that the hand allows, and local
   searches over the gaps. It is the best known, and no bound.
 
@@ -18,7 +18,7 @@ from itertools import permutations
 import cma
 import numpy as np
 
-from agents.draw import PARTS, PATH, fixed, rule
+from agents.draw import KNOTS, PATH, open_loop, rule
 from agents.network import Policy
 from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, last_infos, scores_of
 from domino_env import DominoChain, DominoChainVector, Scene, load_scene
@@ -28,7 +28,7 @@ from optimize.methods.gradient.local_search import LocalSearch
 from optimize.methods.search.cma_es import cma_options
 
 GENERATIONS, POPULATION = 400, 16
-FIRST_STEP = 0.3  # standard deviation of the numbers of the rule
+FIRST_STEP = 0.3  # standard deviation of the coefficients of the rule
 PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
@@ -37,10 +37,10 @@ GAIN = 1e-5  # a smaller relative gain of a round ends the search
 
 
 def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
-    """Return the (25,) numbers of the rule with the best mean score on the planning orders."""
+    """Return the (25,) coefficients of the rule with the best mean score on the planning orders."""
     low, high = scene.spacing
-    start = np.zeros(sum(PARTS))
-    start[PARTS[0] : PARTS[0] + PARTS[1]] = (
+    start = np.zeros(sum(KNOTS))
+    start[KNOTS[0] : KNOTS[0] + KNOTS[1]] = (
         2.0 * (scene.uniform().layout.spacing[0] - low) / (high - low) - 1.0
     )
 
@@ -239,7 +239,7 @@ def main() -> None:
     place = np.arange(scene.count - 1) / (scene.count - 1)
     observed[:, env.observation_layout["placed"].start] = place
     plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
-    best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, fixed(scene, plan)])
+    best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, open_loop(scene, plan)])
     document = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
     write_text(PATH, json.dumps(document, indent=1) + "\n")
 

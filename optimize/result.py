@@ -1,4 +1,4 @@
-"""SearchResult: the best layout of a search, beside the uniform baseline."""
+"""Result of a search: its best layout and the uniform baseline."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Trace = tuple[tuple[int, int, float, float], ...]
 
 @dataclass(frozen=True, eq=False)
 class SearchResult(MadeForScene):
-    """The best layout of a search, simulated at a tight tolerance, and the uniform baseline.
+    """Best layout of a search, simulated at a tight tolerance, and the uniform baseline.
 
     Attributes
     ----------
@@ -35,24 +35,24 @@ class SearchResult(MadeForScene):
     layout
         The best layout found.
     wave
-        Wave of the layout, at a relative error of 1e-10.
+        Wave of the layout, simulated at a relative error of 1e-10.
     score
         Score of the layout.
     uniform
         The uniform baseline: the best layout with equal gaps, its wave and score.
     trace
-        (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
-        its scores are those of the search, at a relative error of 1e-6.
+        (evaluations, simulated intervals, seconds, best score) at every improvement and at the end.
+        The search computes its scores at a relative error of 1e-6.
     evaluations
         Number of layouts simulated.
     falls
-        Number of single falls simulated.
+        Number of intervals between hits simulated.
     seconds
-        Time of the search.
+        Time of the search [s].
     interrupted
-        Ctrl-C ended it.
+        True if the search was interrupted with Ctrl-C.
     ended
-        Reason of its end in words: what the method reported, or the limit that was reached.
+        Reason why the search ended, in words: reported by the method, or the limit reached.
     """
 
     scene: Scene
@@ -86,34 +86,36 @@ class SearchResult(MadeForScene):
         Parameters
         ----------
         ax
-            Matplotlib axes that get the gaps of both layouts and nothing else; None for a new
-            figure.
+            Matplotlib axes in which only the gaps of both layouts are drawn; None for a new figure
+            with all parts.
 
         Returns
         -------
         matplotlib.figure.Figure
-            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+            The figure. Notebooks show it; so does `pyplot.show` if pyplot is imported.
         """
         return self.figure(ax, register=True)
 
     def figure(self, ax: Any = None, *, register: bool = False) -> Any:
-        """Return the figure of `plot`, which pyplot does not show unless it is registered."""
+        """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""
         from domino_env.view.figures import beside_uniform
 
-        sizes = self.scene, self.layout, self.wave, self.score
-        name = f"found by {self.method}"
-        return beside_uniform(*sizes, name, self._draw_trace, ax, register=register)
+        label = f"found by {self.method}"
+        return beside_uniform(
+            self.scene, self.layout, self.wave, self.score, label, self._draw_trace, ax,
+            register=register,
+        )  # fmt: skip
 
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time."""
         times, scores = np.array(self.trace)[:, 2:].T
-        run = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
+        settings = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
         lines = {f"uniform baseline {self.uniform.score:.4f}": self.uniform.score}
         curves = {f"{self.method} {scores[-1]:.4f}": scores}
-        draw_scores(axes, times, curves, lines, self.scene.unit, f"search ({run})")
+        draw_scores(axes, times, curves, lines, self.scene.unit, f"search ({settings})")
 
     def summary(self) -> dict[str, Any]:
-        """Return the contents of a run's summary.json; SI units."""
+        """Return the contents of summary.json in SI units."""
         wave, uniform = self.wave, self.uniform
         search = document(self, "method seed score gain evaluations seconds interrupted ended")
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
@@ -144,7 +146,7 @@ def draw_scores(
     curves: Mapping[str, Floats],
     lines: Mapping[str, float],
     unit: str,
-    run: str,
+    process: str,
 ) -> None:
     """Draw scores over the time of a search or a training.
 
@@ -155,13 +157,13 @@ def draw_scores(
     seconds
         (K,) times [s].
     curves
-        Scores (K,) by label, the best so far first.
+        Scores (K,) by label; first those of the best layout so far.
     lines
-        Scores to compare with by label, the uniform baseline first.
+        Constant scores for comparison by label; first that of the uniform baseline.
     unit
         Unit of the scores.
-    run
-        Words behind "seconds of".
+    process
+        Name of the search or the training, part of the label of the time axis.
     """
     from domino_env.core.colours import KNOWN, OURS, SKY, UNIFORM
     from domino_env.core.plot_style import LEGEND, set_time_axis
@@ -171,10 +173,10 @@ def draw_scores(
     for (label, scores), colour in zip(curves.items(), (OURS, SKY), strict=False):
         axes.step(seconds, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
-    if min(ends) > 0.0:  # the scores at the beginning would flatten the rest
+    if min(ends) > 0.0:  # leave out the low scores at the beginning
         low, high = min(ends), max(ends)
         axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
     set_time_axis(axes, seconds)
-    axes.set_xlabel(f"seconds of {run}")
+    axes.set_xlabel(f"seconds of {process}")
     axes.set_ylabel(f"score [{unit}]" if unit else "score")
     axes.legend(loc="lower right", ncols=len(curves) + len(lines), **LEGEND)

@@ -1,8 +1,8 @@
-"""Write data to learn from: scenes, the layouts a search finds for them, episodes that build these.
+"""Write a dataset of scenes, of the best layouts of searches, and of episodes that build them.
 
-The folder receives layouts.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
+FOLDER receives layouts.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
 README.md, which describes them. 5000 scenes take some tens of minutes of one core; --workers
-distributes them, and the same command continues where it was stopped. Needs the extra "minari".
+distributes the searches. The same command continues a stopped one. Needs the extra "minari".
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=folder, metavar="FOLDER", help="folder to write to")
     parser.add_argument(
         "--distribution", metavar="NAME", default="varied",
-        help="varied (default), varied-thickness, varied-course, or a file",
+        help="varied (default), varied-thickness, varied-course, or the path of a TOML file",
     )  # fmt: skip
     parser.add_argument(
         "--scenes", type=NATURAL, metavar="N", default=5000, help="number of scenes (5000)"
@@ -34,13 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="standard deviation of the noise on actions, which are from -1 to 1 (0.1)",
     )  # fmt: skip
     parser.add_argument(
-        "--code-link", metavar="URL", help="address of this program, which the data sets name"
+        "--code-link", metavar="URL", help="URL of the code, stored in the Minari datasets"
     )
     add_executor_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Make the dataset, and print its card."""
+    """Write the dataset and print its card."""
     from agents.dataset import make_dataset
 
     with open_executor(arguments.workers, arguments.dask) as executor:

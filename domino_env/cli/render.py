@@ -1,6 +1,6 @@
 """Draw toppling chains as an animated GIF, a film or a picture.
 
-Several layouts are drawn one below the other; with a scene its uniform baseline is the last.
+Several layouts are drawn one below the other. With a scene, its uniform baseline is the last.
 """
 
 from __future__ import annotations
@@ -20,16 +20,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         ("gif", options.output(".gif"), "FILE", None, "write an animated GIF"),
         ("mp4", options.output(".mp4"), "FILE", None, "write a film (extra 'render')"),
-        ("png", options.output(".png"), "FILE", None, "write one picture of several moments"),
+        ("png", options.output(".png"), "FILE", None, "write one picture with several moments"),
         ("moments", options.NATURAL, "N", 4, "number of moments in the picture"),
-        ("slow", options.number(above=0.0), "FACTOR", 5.0, "slow motion, 1 is real time"),
+        (
+            "slow",
+            options.number(above=0.0),
+            "FACTOR",
+            5.0,
+            "slow motion: seconds of the film per second of the wave",
+        ),
         ("rate", options.number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
         ("width", options.NATURAL, "PX", 1000, "width of a frame [px]"),
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate the layouts and write the pictures."""
+    """Simulate the layouts and write the animations and the picture."""
     from pathlib import Path
 
     from domino_env.core.checks import require_extra
@@ -38,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.comparison import ComparedLayout
 
-    films = {arguments.gif: write_gif, arguments.mp4: write_mp4}
-    films.pop(None, None)
-    if not (films or arguments.png):
+    writers = {arguments.gif: write_gif, arguments.mp4: write_mp4}
+    writers.pop(None, None)
+    if not (writers or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
     if arguments.mp4:
         require_extra("a film", "render", "imageio_ffmpeg")
@@ -55,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
         physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
     compared = [ComparedLayout(name, simulate(layout, chosen.physics)) for name, layout in layouts]
-    for name, write in films.items():
+    for name, write in writers.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
-        written = write(images, Path(name), arguments.rate)
-        print(f"{name}: {counted(written, 'image')}, {written / arguments.rate:.1f} s")
+        number = write(images, Path(name), arguments.rate)
+        print(f"{name}: {counted(number, 'image')}, {number / arguments.rate:.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "paths", metavar="RUN|LAYOUT", nargs="+", help="folder of a run, or layout file"
     )
     options.add_physics_options(parser, uniform=True)
-    target = "output file (report.html in the folder of the run)"
-    options.add_options(parser, ("html", options.output(".html"), "FILE", None, target))
+    description = "output file (report.html in the folder of the run)"
+    options.add_options(parser, ("html", options.output(".html"), "FILE", None, description))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -35,7 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     options.require_output(target, ".html")
-    compared, title = read_compared(paths, chosen.scene, chosen.physics if chosen.changed else None)
+    physics = chosen.physics if chosen.changed else None
+    compared, title = read_compared(paths, chosen.scene, physics)
     size = write_report(compared, title, target)
     result = headline(compared)
     print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")

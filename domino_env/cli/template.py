@@ -15,12 +15,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--paper", default="a4", choices=["a4", "letter"], help="size of the sheets (a4)"
     )
-    target = "output file (LAYOUT with the ending .pdf)"
-    add_options(parser, ("pdf", output(".pdf"), "FILE", None, target))
+    description = "output file (LAYOUT with the extension .pdf)"
+    add_options(parser, ("pdf", output(".pdf"), "FILE", None, description))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the template and print how to use it."""
+    """Write the template, and print its file and instructions for its use."""
     from pathlib import Path
 
     from domino_env.core.files import layout_name, one_line

@@ -1,8 +1,9 @@
-"""Verify layouts with simulators that keep no contact closed: on fixed pivots, and free-standing.
+"""Verify layouts with simulators in which closed contacts may open.
 
-The reference simulator takes a second or so. Where the extra 'verify' (pymunk) is installed, a
-third-party rigid-body engine simulates the layout too, with ever more solver sweeps and smaller
-steps until its arrival times converge or its limits are reached: seconds to minutes.
+The reference simulator simulates each layout on fixed pivots and free-standing on floors, in about
+a second. If the extra 'verify' (pymunk) is installed, a third-party rigid-body engine simulates it
+too, in seconds to minutes: it repeats the simulation with more solver iterations and smaller steps
+until the arrival times converge or its limits are reached.
 """
 
 from __future__ import annotations
@@ -24,19 +25,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     options.add_physics_options(parser)
-    add_simulator_options(parser, engine=None, when="where pymunk is installed")
+    add_simulator_options(parser, engine=None, note="default: if pymunk is installed")
     options.add_json_option(parser)
 
 
-def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, when: str) -> None:
-    """Add --floor and --engine, with the default of --engine and its description."""
+def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
+    """Add --floor and --engine, with the default of --engine and a note for its help text."""
     parser.add_argument(
         "--floor", type=floors_of, default="0.3,0.5,1", metavar="FRICTION,...",
-        help="coefficients of friction of the floors; 'free' is 1 (0.3,0.5,1)",
+        help="coefficients of friction of the floors; 'free' stands for 1 (0.3,0.5,1)",
     )  # fmt: skip
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,
-        help=f"simulate with the third-party engine too ({when})",
+        help=f"simulate with the third-party engine too ({note})",
     )  # fmt: skip
 
 
@@ -46,7 +47,7 @@ def floors_of(text: str) -> tuple[float, ...]:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify each layout; 1 if any differs by more than 0.3 per cent, or topples in one only."""
+    """Verify each layout; return 1 if any verdict is DIFFERS, else 0."""
     import sys
     from importlib.util import find_spec
 
@@ -54,49 +55,52 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.rigid.engine import engine_name
 
     if len(arguments.layouts) > 1 and arguments.json:
-        raise ValueError("--json names one file: give one layout with it")
+        raise ValueError(f"--json writes one file, not {len(arguments.layouts)}: give one LAYOUT")
     engine = arguments.engine
     if engine:
-        engine_name()  # raises where it is not installed, before time is spent
+        engine_name()  # raises at once if the engine is not installed
     elif engine is None:
         engine = find_spec("pymunk") is not None
     output = sys.stderr if arguments.json == "-" else sys.stdout
 
     differs = False
-    chosen_of = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
-    layouts = {name: chosen.read(name) for name, chosen in chosen_of.items()}
+    physics_of = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
+    layouts = {name: chosen.read(name) for name, chosen in physics_of.items()}
     for name, layout in layouts.items():
-        chosen = chosen_of[name]
+        chosen = physics_of[name]
         print(f"{name}\n{chosen.line}", file=output, flush=True)
-        checked = verification.verify(
+        result = verification.verify(
             layout, chosen.physics, floors=arguments.floor, engine=engine, progress=None
         )
-        print("\n".join(verification.verification_table(checked)), file=output)
+        print("\n".join(verification.verification_table(result)), file=output)
         if chosen.scene is not None:
-            print("\n".join(_beside_uniform(chosen.scene, checked)), file=output, flush=True)
-        differs |= any(verdict.startswith("DIFFERS") for verdict in checked.verdicts)
+            print("\n".join(_gains_on_floors(chosen.scene, result)), file=output, flush=True)
+        differs |= any(verdict.startswith("DIFFERS") for verdict in result.verdicts)
         if arguments.json:
-            options.write_json(verification.as_document(checked), arguments.json)
+            options.write_json(verification.as_document(result), arguments.json)
     if not engine and arguments.engine is None:
-        print("(with a third-party engine too: pip install 'domino-chains[verify]')", file=output)
+        print(
+            "(to verify with a third-party engine too: pip install 'domino-chains[verify]')",
+            file=output,
+        )
     return 1 if differs else 0
 
 
-def _beside_uniform(scene: Scene, checked: Verification) -> Iterator[str]:
-    """Yield how much faster the layout is than the uniform baseline on the same floor."""
+def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
+    """Yield a line for each floor, with the gain over the uniform baseline on this floor."""
     from domino_env.rigid.simulation import floor_name, simulate_standing
     from domino_env.scenes.uniform import best_uniform_on
 
-    baseline, physics = scene.uniform().layout, checked.wave.physics
-    if scene.unit != "m/s" or scene.violations(checked.wave.layout) or physics != scene.physics:
+    baseline, physics = scene.uniform().layout, result.wave.physics
+    if scene.unit != "m/s" or scene.violations(result.wave.layout) or physics != scene.physics:
         return
-    for rigid in checked.reference:
+    for rigid in result.reference:
         friction = rigid.floor_friction
-        fastest = best_uniform_on(scene, baseline, friction)
-        uniform = simulate_standing(fastest, physics, friction)
+        best_uniform = best_uniform_on(scene, baseline, friction)
+        uniform = simulate_standing(best_uniform, physics, friction)
         speeds = rigid.mean_speed, uniform.mean_speed
-        lead = f"{speeds[0] / speeds[1] - 1.0:+.2%}" if min(speeds) > 0.0 else "a wave stops"
+        gain = f"{speeds[0] / speeds[1] - 1.0:+.2%}" if min(speeds) > 0.0 else "a wave stops"
         yield (
             f"{floor_name(friction)}: {speeds[0]:.4f} m/s; uniform baseline there {speeds[1]:.4f} "
-            f"m/s (gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {lead}"
+            f"m/s (gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {gain}"
         )

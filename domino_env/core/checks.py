@@ -1,4 +1,4 @@
-"""Checks of arguments: one sentence with name, value, accepted range and next action."""
+"""Checks of arguments, whose messages have name, value, accepted range and next action."""
 
 from __future__ import annotations
 
@@ -28,56 +28,56 @@ def require(
     below: float = INF,
     whole: bool = False,
 ) -> None:
-    """Raise for a number that is not finite or out of its range.
+    """Raise an error for a number that is not finite or out of its range.
 
     Parameters
     ----------
     name
-        The parameter, at the beginning of the sentence.
+        Name of the parameter, the first word of the message.
     value
         A number, or an array of numbers, each of which is checked.
     low, high
         Smallest and largest value that is accepted.
     unit
-        SI unit, written behind the value.
+        SI unit of the value in the message.
     hint
-        A typical value or the next action, written at the end.
+        Typical value or next action, at the end of the message.
     above, below
-        Bounds that are not accepted themselves.
+        Exclusive bounds.
     whole
-        Accept whole numbers only.
+        If True, only whole numbers are accepted.
 
     Raises
     ------
     ValueError
-        With name, value and range, such as "gravity = 0.0 m/s²: give a finite number, more than 0
-        (9.81 on Earth)"; of an array with the index of the first wrong entry.
+        The message is, for example, "gravity = 0.0 m/s²: give a finite number, more than 0 (9.81 on
+        Earth)". For an array it has the index of the first entry that is not accepted.
     """
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     if isinstance(value, kinds) and not isinstance(value, bool):
         if low <= value <= high and above < value < below:
             return
     elif isinstance(value, np.ndarray) and value.dtype.kind in ("iu" if whole else "iuf"):
-        good = value >= low if low > -INF else value > above
-        good &= value <= high if high < INF else value < below
-        if good.all():
+        accepted = value >= low if low > -INF else value > above
+        accepted &= value <= high if high < INF else value < below
+        if accepted.all():
             return
-        place = tuple(map(int, np.argwhere(~good)[0]))
+        place = tuple(map(int, np.argwhere(~accepted)[0]))
         name, value = f"{name}{list(place) if place else ''}", value[place]
     value = value.item() if isinstance(value, np.generic) else value
     wanted = "whole number" if whole else "finite number"
-    spread = range_in_words(low, high, above=above, below=below)
+    bounds = range_in_words(low, high, above=above, below=below)
     given = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
-    raise ValueError(f"{given}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
+    raise ValueError(f"{given}: give a {wanted}{bounds}{f' ({hint})' if hint else ''}")
 
 
 def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
-    """Return an array of the numbers of an argument, new unless `copy` is None.
+    """Return the numbers of an argument as an array; `copy` is that of `numpy.array`.
 
     Raises
     ------
     ValueError
-        With name and value, for anything but numbers in lists of equal lengths.
+        If the value is not a number or nested lists of numbers with equal lengths.
     """
     try:
         return np.array(value, dtype=np.float64, copy=copy)
@@ -86,35 +86,35 @@ def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Raise for a value that is not among the choices.
+    """Raise an error for a value that is not among the choices.
 
     Raises
     ------
     ValueError
-        With name, value, the most similar choice and all choices.
+        The message has name, value, the most similar choice and all choices.
     """
     known = [str(choice) for choice in choices]
     if str(value) in known:
         return
-    near = difflib.get_close_matches(str(value)[:50], known, n=1)
-    guess = f"did you mean '{near[0]}'? " if near else ""
+    similar = difflib.get_close_matches(str(value)[:50], known, n=1)
+    guess = f"did you mean '{similar[0]}'? " if similar else ""
     given = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
 
 
 def require_extra(purpose: str, extra: str, *packages: str) -> None:
-    """Raise for packages of an extra that are not installed.
+    """Raise an error if packages of an extra are not installed.
 
     Raises
     ------
     ImportError
-        With the purpose, the packages and the command that installs them.
+        The message has the purpose, the packages and the command that installs them.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
         raise ImportError(
             f'{purpose} needs {", ".join(missing)}: pip install "domino-chains[{extra}]" '
-            f"(in this folder: pip install -c constraints.txt -e .[{extra}])"
+            f"(in a copy of the repository: pip install -c constraints.txt -e .[{extra}])"
         )
 
 

@@ -17,7 +17,7 @@ def progress_bar(shown: bool | None, *, line: str = "", **options: Any) -> Any:
     Parameters
     ----------
     shown
-        Whether to show it. None shows it if standard error is a terminal, and otherwise prints a
+        If True, the bar is shown. None for a bar if standard error is a terminal, and otherwise a
         line every `EVERY` seconds.
     line
         Format of such a line, as tqdm's `bar_format`.

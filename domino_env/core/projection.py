@@ -1,4 +1,4 @@
-"""Projection onto bounds and a given sum."""
+"""Projection of points onto the set with given bounds and a given sum."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     low, high
         (n,) bounds, low < high.
     total
-        Between Σ low and Σ high; beyond them the corner low or high is returned.
+        Required sum, from Σ low to Σ high; below this range `low` is returned, above it `high`.
 
     Returns
     -------
@@ -26,27 +26,28 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
 
     Notes
     -----
-    The projection shifts all entries alike and clips them. The sum is piecewise linear in the
-    shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
-    shift exactly.
+    The projection adds the same shift to all entries and clips them. The sum is a piecewise linear
+    function of the shift, with a breakpoint where an entry reaches or leaves a bound. The shift is
+    found exactly from the sorted breakpoints.
     """
     number, n = values.shape
-    corners = np.concatenate([low - values, high - values], axis=1)
-    order = np.argsort(corners, axis=1, kind="stable")
-    corners = np.take_along_axis(corners, order, axis=1)
-    movable = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
-    rise = movable[:, :-1] * np.diff(corners, axis=1)
-    sums = low.sum() + np.concatenate([np.zeros((number, 1)), np.cumsum(rise, axis=1)], axis=1)
+    breakpoints = np.concatenate([low - values, high - values], axis=1)
+    order = np.argsort(breakpoints, axis=1, kind="stable")
+    breakpoints = np.take_along_axis(breakpoints, order, axis=1)
+    free = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # number of entries off their bounds
+    increments = free[:, :-1] * np.diff(breakpoints, axis=1)
+    zeros = np.zeros((number, 1))
+    sums = low.sum() + np.concatenate([zeros, np.cumsum(increments, axis=1)], axis=1)
     k = np.clip((sums <= total).sum(axis=1) - 1, 0, 2 * n - 2)
-    every = np.arange(number)
-    step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
-    shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
-    moved = np.clip(values + shift[:, None], low, high)
-    return even_out(moved, low, high, total)
+    points = np.arange(number)
+    step = (total - sums[points, k]) / np.maximum(free[points, k], 1.0)
+    shift = np.clip(breakpoints[points, k] + step, breakpoints[:, 0], breakpoints[:, -1])
+    shifted = np.clip(values + shift[:, None], low, high)
+    return correct_sum(shifted, low, high, total)
 
 
-def even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
+def correct_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
     """Distribute the rounding error of the sum over the entries (B, n) between their bounds."""
-    free = (near > low) & (near < high)
-    share = (total - near.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
-    return np.asarray(np.clip(near + free * share[:, None], low, high))
+    free = (values > low) & (values < high)
+    correction = (total - values.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
+    return np.asarray(np.clip(values + free * correction[:, None], low, high))

@@ -1,4 +1,4 @@
-"""DominoChain-v1: a layout chosen one domino at a time, alone or in a batch."""
+"""Environments in which a layout is chosen domino by domino: DominoChain-v1, single and vector."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-SHARE = 128  # least number of environments of a thread: starting another costs as much
+SHARE = 128  # least number of environments per thread, as long as it takes to start a thread
 
 
 class DominoChain(DominoEnv):
@@ -30,76 +30,78 @@ class DominoChain(DominoEnv):
 
     ## Description
     A scene fixes the number of dominoes in the chain and what may be chosen: the gaps between
-    them, their thickness, or both. The scene gives the first domino, which has been pushed. Each
-    step places the next domino and lets the leading domino fall onto it. Dominoes placed later
-    never change what has fallen before, so this is an exact Markov decision process: the layout of
-    an episode is simulated to the given tolerance, and a step costs microseconds.
+    them, their thickness, or both. The scene also gives the first domino, which is pushed at time
+    0. Each step places the next domino and simulates the fall of the leading domino until it hits
+    this domino. Dominoes placed later do not change earlier motion, so the environment is an exact
+    Markov decision process. The layout is simulated to the given tolerance, and a step takes
+    microseconds.
 
     ## Action space
-    `Box(-1, 1, (A,), float32)`: of these entries, in this order, those that the scene leaves free.
-    -1 stands for the smallest, 1 for the largest value; beyond them the value is clipped.
+    `Box(-1, 1, (A,), float32)`, with those of these entries that the scene leaves free, in this
+    order. -1 is the smallest value and 1 the largest; other actions are clipped.
 
     | entry     | meaning                                     | unit                     |
     |-----------|---------------------------------------------|--------------------------|
     | gap       | free gap in front of the leading domino     | m, or heights (scene)    |
     | thickness | thickness of the domino that is placed      | m, or heights (scene)    |
-    | growth    | its height over that of the one before      | 1                        |
+    | growth    | its height over that of the previous domino | 1                        |
 
-    The bounds narrow to what the scene's rules leave; no layout that breaks them can be built.
+    The scene's rules narrow the bounds, so every layout that can be built satisfies them.
 
-    - A total length: with R left of it and m dominoes to place after this one, the pitch (gap and
-      thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
-      smallest thickness). The thickness ranges over what leaves some gap for such a pitch, the gap
-      over what fits the thickness chosen; the last pitch is the rest. `bounds_ahead()` returns
-      them.
-    - A largest change: the gap differs from the one before by at most this.
-    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left;
-      with a hand, the nearest that is in hand. Of two that are equally near, the thinner one.
+    - A total length: with a length R left and m dominoes to place after this one, the pitch (gap
+      and thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
+      smallest thickness). The thickness is bounded so that a gap exists for such a pitch, and the
+      gap is bounded for the chosen thickness; the last pitch is the remaining length.
+      `bounds_ahead()` returns these bounds.
+    - A largest change: the gap differs from the previous gap by at most this value.
+    - Lists, steps: the nearest allowed value is taken. A stock: the nearest thickness that is left
+      in the stock, or in the hand if the scene has one; the thinner of two equally near ones.
 
-    A length together with lists, a stock or a largest change is rejected.
+    Scenes with a length and also lists, a stock or a largest change are rejected.
 
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
-    number of dominoes, k how many are placed after the first, W the window. `observation_layout`
-    maps each part to its slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
+    number of dominoes, k the number placed after the first, W the window. `observation_layout` maps
+    each part to its slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
 
     | part        | size | meaning                                                  | range     |
     |-------------|------|----------------------------------------------------------|-----------|
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
-    | lead        | 1    | lead over the reference speed, in 10 h                   | -100, 100 |
-    | speed       | 1    | mean speed over the reference speed, less 1; 0 at first  | -1, 20    |
-    | lateness    | 1    | arrival at the leading domino after schedule, over three |           |
+    | lead        | 1    | distance ahead of the reference speed, over 10 h         | -100, 100 |
+    | speed       | 1    | mean speed over the reference speed, - 1; 0 at first     | -1, 20    |
+    | lateness    | 1    | delay of the last hit from the schedule, over three      |           |
     |             |      | tolerances                                               | -1, 1     |
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
-    | length_left | 1    | length left, part of the whole                           | 0, 1      |
-    | pitch_left  | 1    | mean pitch left: -1 the smallest, 1 the largest          | -1, 1     |
+    | length_left | 1    | remaining length over the length                         | 0, 1      |
+    | pitch_left  | 1    | remaining mean pitch: -1 the smallest, 1 the largest     | -1, 1     |
     | gaps        | W    | last gaps, latest first: -1 the smallest, 1 the largest  | -1, 1     |
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
     | growths     | W    | last growths, likewise                                   | -1, 1     |
-    | height      | 1    | log of the height over the first's, over its largest one | 0, 1      |
-    | hand        | K    | number in hand of each kind, thin to thick, over that of | 0, 1      |
-    |             |      | all pieces that a hand holds                             |           |
-    | stock       | K    | part of each kind that is left in the box, thin to thick | 0, 1      |
+    | height      | 1    | log of the height over the first's, over its maximum     | 0, 1      |
+    | hand        | K    | pieces of each thickness in the hand, thin to thick,     | 0, 1      |
+    |             |      | over the size of the hand                                |           |
+    | stock       | K    | fraction of each thickness left in the box, thin to      | 0, 1      |
+    |             |      | thick                                                    |           |
     | placed      | 1    | k / (N - 1)                                              | 0, 1      |
     | near_start  | 4    | exp(-k / c) for c = 1, 2, 4, 8                           | 0, 1      |
     | near_end    | 4    | exp(-(N - 1 - k) / c) for the same c                     | 0, 1      |
     | features    | F    | numbers of the sampled scene: -1 smallest, 1 largest     | -3, 3     |
-    | slopes      | W    | slopes at the next W places, downhill, over the smallest | -1, 1     |
-    |             |      | that tips the thinnest domino                            |           |
-    | rises       | W    | heights of those places over the last pivot, in h        | -50, 50   |
+    | slopes      | W    | downhill slopes at the next W places, over the smallest  | -1, 1     |
+    |             |      | slope that tips the thinnest domino                      |           |
+    | rises       | W    | heights of these places over the last pivot, over h      | -50, 50   |
 
-    An observation has only the parts that can vary: lateness and intervals where hits have a
-    schedule ("tempo"), length_left and pitch_left where the scene has a length, gaps and
-    thicknesses where they are free, growths and height where heights grow, stock where there is
-    one, hand where its pieces are drawn in random order, features where scenes are sampled (in the
-    order of `distribution.features`, beyond ±1 only for scenes that are given from beyond the
-    ranges), slopes and rises on uneven ground. The front is 0 where the wave has stopped, and
-    windows are 0 where no domino is placed yet. The next places lie ahead of the last pivot, one
-    mean pitch apart along x: the middles of the bounds of gap and thickness.
+    An observation has only the parts that can vary: lateness and intervals if hits have a schedule
+    ("tempo"), length_left and pitch_left if the scene has a length, gaps and thicknesses if they
+    are free, growths and height if heights grow, stock if the scene has one, hand if its pieces are
+    drawn in random order, features if scenes are sampled, slopes and rises on uneven ground.
+    Features are in the order of `distribution.features` and exceed ±1 only in a given scene outside
+    the ranges. `front` is 0 after the wave has stopped. Entries of gaps, thicknesses and growths
+    are 0 where no domino is placed yet. The next places lie ahead of the last pivot along x; their
+    distance is the middle of the bounds of the gap plus that of the thickness.
 
     ## Rewards
-    The reward of a step is the change of the expected gain Φ [%], where Φ_k with k dominoes placed
-    is the gain if the rest of the chain were that of the uniform baseline:
+    The reward of a step is the change of the expected gain Φ [%]. With k dominoes placed, Φ_k is
+    the gain if the rest of the chain were that of the uniform baseline:
 
         Φ_k = 100 ((x_k + X_end - X_k) / (t_k + T_end - T_k) / v - 1),    Φ_0 = 0
 
@@ -107,94 +109,94 @@ class DominoChain(DominoEnv):
     in the uniform baseline, v = X_end / T_end. The reward of the last step is 100 gain - Φ_(k-1),
     so the undiscounted return is 100 times the gain. On the uniform baseline every reward is 0.
 
-    - Where the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
+    - If the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
       (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
-    - Where the wave of the uniform baseline stops, T_k = X_k / √(g h).
-    - Where hits have a schedule ("tempo"), with S_k the score if the rest of the hits were on time
-      and S_u that of the uniform baseline, Φ_k = 100 ((S_k - 1) + (1 - S_u) k / (N - 1)) / S_u.
-    - Where the objective is another ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
+    - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
+    - If hits have a schedule ("tempo"), Φ_k = 100 ((S_k - 1) + (1 - S_u) k / (N - 1)) / S_u, where
+      S_k is the score if all later hits are on time and S_u that of the uniform baseline.
+    - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
 
     | score          | gain                                                        |
     |----------------|-------------------------------------------------------------|
     | more than 0    | score / score of the uniform baseline - 1                   |
-    | 0 or less      | score - 1: the wave stops, or breaks a limit of the scene   |
+    | 0 or less      | score - 1: the wave stops, or exceeds a limit of the scene  |
 
-    A wave that stops scores between -1 and 0, higher the further it came (see `Scene.score`), so
-    its return is between -200 and -100 and below that of every layout that completes. The return
-    orders layouts as `scene.score` does and does not depend on the size of the dominoes. Where the
-    uniform baseline itself scores 0 or less, the gain is the score less that of the baseline, and a
-    score above 0 counts in √(g h) if it is a speed and in h if it is a height.
+    A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
+    `Scene.score`). Its return is between -200 and -100, below that of every layout that completes.
+    The return orders layouts as `scene.score` does and does not depend on the size of the dominoes.
+    If the score of the uniform baseline is 0 or less, the gain is the difference of the two scores,
+    where positive scores are divided by √(g h) if they are speeds and by h if they are heights.
 
-    On a floor (`floor_friction`) the rewards of single steps follow the analytic wave, and the last
-    step settles the difference: a complete layout is simulated free-standing, and its gain is over
-    the uniform baseline on this floor. `score` and `gain` in the info are of the free-standing
-    layout, `outcome` and `wave` of the
-    analytic wave; where it stops, the episode ends here too. With forty dominoes (`table`) an
-    episode takes some 130 ms of one core instead of 0.4; layouts that end together in a batch are
-    shared among all threads.
+    On a floor (`floor_friction`), the rewards before the last step are those of the analytic wave.
+    On the last step a complete layout is simulated free-standing, and the last reward makes the
+    return 100 times its gain over the uniform baseline on this floor. `score` and `gain` in the
+    info are those of the free-standing layout, `outcome` and `wave` those of the analytic wave. If
+    the analytic wave stops, the episode ends. With forty dominoes (`table`) an episode takes some
+    130 ms of one core instead of 0.4; layouts that end on the same step of a batch are distributed
+    over all threads.
 
     ## Starting state
-    The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
-    dominoes, which have fallen already; their rewards count as received, so the rewards to come are
-    those of a whole episode.
+    Only the first domino is placed. `reset(options={"layout": layout})` starts from a layout of
+    fewer dominoes than the scene has, which have toppled; the rewards that follow are those of a
+    whole episode after the same dominoes.
 
-    A fixed scene is not random, unless it has placement noise (`placement_deviation`): then every
-    reset samples normal errors by `np_random`, and each gap chosen by an action is off by the next
-    of them, but at least 0.2 mm wide. The next observation shows where the domino stands (gaps
-    beyond the scene's bounds at their ends), and the layout is scored as it stands; the uniform
-    baseline remains the one without errors.
+    A fixed scene is random only in two cases. With placement noise (`placement_deviation`), every
+    reset samples normal errors with `np_random`. One of them is added to each gap that an action
+    chooses; the result is at least 0.2 mm. The next observation has the resulting gap, clipped to
+    the scene's bounds, and the score is that of the resulting layout. The uniform baseline has no
+    such errors.
 
-    Where the pieces of a stock are drawn (`[stock] hand`, as in "draw"), every reset permutes those
-    in the box by `np_random`, after the dominoes of a given layout have been taken out. The hand
-    holds the first of them; each step places one and draws the next. The uniform baseline, over
-    which the gain is, has the best equal gap for pieces as they come, and the mean score of the
-    orders of seeds 0 to 63.
+    If the pieces of a stock are drawn (`[stock] hand`, as in "draw"), every reset permutes the
+    pieces in the box with `np_random`, without the dominoes of a given layout. The hand holds the
+    first of them; each step places one piece of the hand and draws the next. The uniform baseline
+    places the pieces in the order in which they are drawn, with the best equal gap; its score is
+    the mean over the orders of seeds 0 to 63.
 
-    Otherwise the seed changes nothing. Where `scene` is a distribution of scenes, such as "varied",
-    every reset samples one by `np_random`, and `reset(options={"scene": scene})` chooses one; then
-    the chain has `scene.count` dominoes, and this page describes the scene that was sampled.
+    If `scene` is a scene distribution, such as "varied", every reset samples a scene with
+    `np_random`, and `reset(options={"scene": scene})` chooses one. The chain then has `scene.count`
+    dominoes, and this page describes the sampled scene.
 
     ## Episode end
     Terminated when the last domino is placed, or when the wave stops. Never truncated.
 
     ## Info
-    Empty but on the last step: `score` (that of `wave`), `gain` (over the uniform baseline, 0.01 is
-    one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its wave at the
-    environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are
-    computed when they are read. Where a scene is sampled, `scene` is in the last info and in that
-    of the reset.
+    Empty except on the last step: `score` (that of `wave`), `gain` (over the uniform baseline, 0.01
+    is one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its wave at the
+    environment's tolerance; its `reach` is relative to all N dominoes). Layout and wave are
+    computed when they are read. If scenes are sampled, `scene` is in the last info and in that of
+    the reset.
 
     ## Version history
-    - v1: rewards are changes of the expected gain; they were the lead gained over a wave at the
-      reference speed, in heights. The return of a wave that stops is 100 (score - 1); it was 100
-      (score / score of the uniform baseline - 1), which depended on the size of the dominoes.
+    - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
+      the reference speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
+      was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.
     - v0: first version.
 
     Parameters
     ----------
     scene
-        A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which one is
-        sampled at every reset.
+        A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which every reset
+        samples a scene.
     render_mode
         None, "rgb_array", "human" or "ansi".
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
-        that of `scene.simulate(layout, rtol)`, which `scene.score` computes at 1e-10.
+        that of `scene.simulate(layout, rtol)`; `scene.score` uses 1e-10.
     reference_speed
         Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
         uniform baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
         W, number of gaps and thicknesses observed; at most N - 1.
     num_scenes
-        Number of scenes of a distribution from which each reset samples, as few as 1; None for
-        all 4096. A policy can be tested on scenes with other numbers.
+        Number of scenes of a distribution from which each reset samples; None for all 4096. A
+        policy can be tested on the other scenes.
     first_scene
-        Number of the first of these scenes.
+        Index of the first of these scenes in the distribution.
     hide
-        Sampled numbers that are left out of the observation, of `distribution.features`. Other
-        parts may still depend on them.
+        Names from `distribution.features` that are left out of the observation. Other parts may
+        still depend on them.
 
     Examples
     --------
@@ -239,14 +241,14 @@ class DominoChain(DominoEnv):
         -------
         dict
             (low, high) [m] under "spacing" and "thickness". In a scene with a length the bounds of
-            the gap depend on the thickness that the same action chooses; they are given for the
-            middle of its range.
+            the gap depend on the thickness that the same action chooses; the result is for the
+            middle of the range of thickness.
         """
         return self._vector.bounds_ahead(0)
 
 
 class DominoChainVector(DominoVectorEnv):
-    """Vector environment of `DominoChain`, bitwise equal to single ones; one compiled call a step.
+    """Vector environment of `DominoChain`, bitwise equal to single environments.
 
     Actions (B, A), observations (B, O) and rewards (B,) float64 are as in Gymnasium's vector
     environments; infos hold an array of length B for each key of the single environment's info, and
@@ -254,32 +256,32 @@ class DominoChainVector(DominoVectorEnv):
     (`numba.set_num_threads`).
 
     The options of a reset are "reset_mask", a (B,) mask of the environments to reset, and "layout",
-    the first dominoes: a Layout from which all start, or one (or None) for each. Where scenes are
-    sampled, "scene" chooses: one for all environments, or one (or None) for each.
+    the first dominoes: one Layout for all environments, or a Layout or None for each. If scenes are
+    sampled, "scene" chooses them: one for all environments, or a scene or None for each.
 
     Parameters
     ----------
     num_envs
         B, the number of environments.
     scene
-        As of `DominoChain`.
+        See `DominoChain`.
     render_mode
         None, "rgb_array" or "ansi".
     rtol
-        As of `DominoChain`.
+        See `DominoChain`.
     reference_speed
-        As of `DominoChain`; may be set at any time.
+        See `DominoChain`; may be set at any time.
     window
-        As of `DominoChain`.
+        See `DominoChain`.
     autoreset_mode
-        Beginning of the episode after an ended one:
+        Step on which an environment resets after the last step of an episode:
 
-        - NEXT_STEP: with the step after the last, which ignores the action and rewards 0.
-        - SAME_STEP: with the last step itself; the last observation and info are in
-          infos["final_obs"] and infos["final_info"].
-        - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
+        - NEXT_STEP: the following step, which ignores the action and has reward 0.
+        - SAME_STEP: the last step itself; the last observation and info are in infos["final_obs"]
+          and infos["final_info"].
+        - DISABLED: none; call `reset(options={"reset_mask": …})` before the next step.
     num_scenes, first_scene, hide
-        As of `DominoChain`.
+        See `DominoChain`.
 
     Examples
     --------
@@ -306,7 +308,7 @@ class DominoChainVector(DominoVectorEnv):
         source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         super().__init__(num_envs, source, render_mode, autoreset_mode)
         self._rules = self._batch.rules
-        self._reference: float | None = None  # reference speed of all episodes, where given
+        self._given_speed: float | None = None  # reference speed of all episodes, if given
         self._enter(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
@@ -316,7 +318,7 @@ class DominoChainVector(DominoVectorEnv):
     def reference_speed(self) -> float | Floats:
         """Speed to which observations refer [m/s]; may be set at any time.
 
-        (B,) where each environment has its own scene; a speed that is set applies to all of them.
+        The shape is (B,) if each environment has its own scene. Setting a speed sets it for all.
         """
         speeds: Floats = self._rules["reference_speed"]
         return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
@@ -324,16 +326,16 @@ class DominoChainVector(DominoVectorEnv):
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
         baseline = self.source.speed[self._which[0]]
-        hint = f"the uniform baseline runs at {baseline:.6g} m/s"
+        hint = f"the mean speed of the uniform baseline is {baseline:.6g} m/s"
         require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
-        self._reference = float(speed)
+        self._given_speed = float(speed)
         self._rules["reference_speed"] = speed
 
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        envs, before = np.flatnonzero(mask), self._which.copy()
+        envs, previous = np.flatnonzero(mask), self._which.copy()
         if self.distribution is not None:
             scenes = self._one_each(options.get("scene"), Scene, "scenes to build in")
             source = self.source
@@ -347,7 +349,7 @@ class DominoChainVector(DominoVectorEnv):
             for b, start in starts:
                 _require_start(start, self._scene(b), self.source.rtol)
         except ValueError:
-            self._which = before
+            self._which = previous
             raise
         self._enter(envs)
         self._randomise(envs, generators, dict(starts))
@@ -365,7 +367,7 @@ class DominoChainVector(DominoVectorEnv):
         return {"scene": objects(self._scene(b) for b in envs.tolist())}
 
     def _one_each(self, value: Any, kind: type, noun: str) -> list[Any]:
-        """Return a value for each environment, of one for all or one for each; None for none."""
+        """Return a list of one value per environment from a shared value, a sequence or None."""
         shared = value is None or isinstance(value, kind | str)
         values = [value] * self.num_envs if shared else list(value)
         if len(values) != self.num_envs:
@@ -376,21 +378,21 @@ class DominoChainVector(DominoVectorEnv):
         return values
 
     def _enter(self, envs: Indices) -> None:
-        """Apply the scenes of environments from now on."""
+        """Copy the data of the scenes of environments into the batch."""
         batch, source, which = self._batch, self.source, self._which[envs]
         if self.distribution is None:
             return
-        _words(self._rules)[envs] = _words(source.rules)[which]
-        if self._reference is not None:
-            self._rules["reference_speed"][envs] = self._reference
+        _as_integers(self._rules)[envs] = _as_integers(source.rules)[which]
+        if self._given_speed is not None:
+            self._rules["reference_speed"][envs] = self._given_speed
         batch.features[envs], batch.rest[envs] = source.features[which], source.rest[which]
         batch.schedule[envs] = source.schedule[which]
         batch.thickness[envs, 0] = source.first_thickness[which]
-        if len(batch.height) == self.num_envs:  # else all environments share one line
+        if len(batch.height) == self.num_envs:  # else all environments share the heights
             batch.height[envs] = source.rules["unit"][which, None]
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
-        """Place a domino in every environment that runs; see `DominoVectorEnv.advance`."""
+        """Place a domino in every running environment; see `DominoVectorEnv.advance`."""
         observations = np.empty(self._observations.shape, np.float32)
         rewards = np.empty(self.num_envs)
         ended = np.empty(self.num_envs, np.bool_)
@@ -415,7 +417,7 @@ class DominoChainVector(DominoVectorEnv):
         Returns
         -------
         dict
-            Bounds as of `DominoChain.bounds_ahead`.
+            Bounds, see `DominoChain.bounds_ahead`.
         """
         low, high, thin, thick = kernels.next_bounds(self._batch, env)
         return {"spacing": (low, high), "thickness": (thin, thick)}
@@ -431,12 +433,12 @@ class DominoChainVector(DominoVectorEnv):
         Returns
         -------
         ndarray
-            Actions (B, A): the nearest that the rules leave; 0 where episodes are over.
+            Actions (B, A), the nearest ones that the rules allow; 0 where episodes are over.
 
         Raises
         ------
         ValueError
-            For another number of layouts than of environments.
+            If the number of layouts is not that of the environments.
         """
         layouts = self._one_each(layout, Layout, "layouts to build")
         wanted = np.zeros((self.num_envs, 4))
@@ -449,20 +451,20 @@ class DominoChainVector(DominoVectorEnv):
         return actions
 
     def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:
-        """Place all dominoes of every environment, without letting them fall.
+        """Place all dominoes of every environment without simulating the wave.
 
-        No placement errors are added, and afterwards all episodes are over, without a result.
+        No placement errors are added. Afterwards all episodes are over, without a result.
 
         Parameters
         ----------
         actions
-            (B, P, A) for the P dominoes that the longest chain has after its first; the rest is
-            ignored where a chain is shorter.
+            (B, P, A) for the P dominoes of the longest chain after its first one; surplus actions
+            of shorter chains are ignored.
 
         Returns
         -------
         tuple of ndarray
-            Gaps, and thickness and height of dominoes 1 … P, (B, P) each [m].
+            Gaps, thicknesses and heights of dominoes 1 … P, (B, P) each [m].
         """
         batch, pairs = self._batch._replace(errors=self._batch.errors[:0]), actions.shape[1]
         mask = np.ones(self.num_envs, np.bool_)
@@ -474,51 +476,51 @@ class DominoChainVector(DominoVectorEnv):
             height[:, 1 : pairs + 1].copy(),
         )
 
-    def place_all_back(self, actions: Floats, bars: Floats) -> Floats:
-        """Propagate derivatives back through the preceding `place_all`.
+    def place_all_vjp(self, actions: Floats, derivatives: Floats) -> Floats:
+        """Compute the vector-Jacobian product of the preceding `place_all`.
 
         Parameters
         ----------
         actions
-            (B, P, A) actions of that call; beyond [-1, 1] derivatives are those at the nearer end.
-        bars
-            (B, P, 3) derivatives by gap, thickness and height [1/m].
+            (B, P, A) actions of that call. Outside [-1, 1] the result is that at the nearer bound.
+        derivatives
+            (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 
         Returns
         -------
         ndarray
-            Derivatives by the actions, (B, P, A).
+            Derivatives with respect to the actions, (B, P, A).
         """
         gradient = np.zeros(actions.shape)
-        kernels.place_back(0, self.num_envs, self._batch, actions, bars, gradient)
+        kernels.place_back(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
 
 
 def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
     """Raise ValueError for a layout from which no episode in the scene can start."""
-    broken = scene.violations(layout, complete=False)
-    if not broken and layout.count >= scene.count:
-        broken = [
+    violations = scene.violations(layout, complete=False)
+    if not violations and layout.count >= scene.count:
+        violations = [
             f"it has {layout.count} dominoes: leave at least one of the scene's {scene.count} to "
             "place"
         ]
-    if not broken and scene.length is not None:
+    if not violations and scene.length is not None:
         pairs, left = scene.count - layout.count, scene.length - layout.length
         least = pairs * (scene.spacing[0] + scene.thickness[0])
         most = pairs * (scene.spacing[1] + scene.thickness[1])
         if not least - LENGTH_TOLERANCE <= left <= most + LENGTH_TOLERANCE:
-            broken = [
+            violations = [
                 f"it leaves {left:.6g} m of the length for {pairs} dominoes, which cover "
                 f"{least:.6g} to {most:.6g} m"
             ]
-    if not broken and layout.count > 1:
+    if not violations and layout.count > 1:
         wave = simulate(layout, scene.physics, rtol=rtol)
         if wave.hit < layout.count or not np.isfinite(wave.release_velocity[-1]):
-            broken = [f"its wave stops: {wave.explanation}"]
-    if broken:
-        raise ValueError(f"the layout to start from: {'; '.join(broken)}")
+            violations = [f"its wave stops: {wave.explanation}"]
+    if violations:
+        raise ValueError(f"the layout to start from: {'; '.join(violations)}")
 
 
-def _words(records: NDArray[np.record]) -> NDArray[np.uint64]:
+def _as_integers(records: NDArray[np.record]) -> NDArray[np.uint64]:
     """Return records (S,) as 64-bit integers (S, W), which NumPy copies three times as fast."""
     return records.view(np.uint64).reshape(len(records), -1)

@@ -27,17 +27,18 @@ class MadeForScene:
         Parameters
         ----------
         ax
-            Matplotlib axes that get the gaps of both and nothing else; None for a new figure.
+            Matplotlib axes in which only the gaps of both layouts are drawn; None for a new figure
+            with all parts.
 
         Returns
         -------
         matplotlib.figure.Figure
-            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+            The figure. Notebooks show it; so does `pyplot.show` if pyplot is imported.
         """
         return self.figure(ax, register=True)
 
     def figure(self, ax: Any = None, *, register: bool = False) -> Any:
-        """Return the figure of `plot`, which pyplot does not show unless it is registered."""
+        """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""
         from domino_env.view.figures import beside_uniform
 
         sizes = self.scene, self.layout, self.wave, self.score

@@ -1,8 +1,9 @@
 """List the best known layouts of the shipped scenes, write one of them, or verify them.
 
---verify simulates each, and the uniform baseline beside it, on fixed pivots and on floors with
-the reference simulator, which keeps no contact closed; with --engine a third-party engine (extra
-'verify') does so too. Of a layout of more than a hundred dominoes the first hundred are simulated.
+--verify simulates each layout and the uniform baseline of its scene with the reference simulator,
+on fixed pivots and free-standing on floors. The reference simulator lets closed contacts open.
+--engine adds a third-party engine (extra 'verify'). Only the first hundred dominoes of longer
+layouts are simulated.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli.options import LAYOUT_FILE, add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
-from domino_env.core.checks import require_choice
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -27,23 +27,24 @@ SUMMARY = "list, write and verify the best known layouts"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino best-known`."""
-    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all)")
+    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all scenes)")
     parser.add_argument(
         "--layout", type=LAYOUT_FILE, metavar="FILE",
-        help="write the layout of one scene, .csv/.json",
+        help="write the layout of one scene to a .csv or .json file",
     )  # fmt: skip
     parser.add_argument(
         "--verify", action="store_true", help="simulate the layouts as rigid bodies"
     )
-    add_simulator_options(parser, engine=False, when="minutes per layout")
+    add_simulator_options(parser, engine=False, note="minutes per layout")
     add_json_option(parser)
     parser.add_argument(
-        "--update", action="store_true", help="store the verifications in the package"
+        "--update", action="store_true", help="store the results of --verify in the package"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List, write or verify; return 1 if a simulator contradicts the model, else 0."""
+    """List, write or verify the layouts; return 1 if a simulator contradicts the model, else 0."""
+    from domino_env.core.checks import require_choice
     from domino_env.scenes.io.reading import load_scene, write_layout
     from optimize.experiments.best_known import best_known
 
@@ -52,14 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
         require_choice("SCENE", name, records)
     chosen = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
-        raise ValueError("--engine, --json and --update are options of --verify: give it too")
+        raise ValueError("--engine, --json and --update need --verify: add it")
     if arguments.layout and len(arguments.scenes) != 1:
-        raise ValueError("--layout writes one layout: name one scene")
+        raise ValueError(f"--layout writes one layout, not {len(arguments.scenes)}: give one SCENE")
     scenes = {name: load_scene(name) for name in chosen}
     if arguments.layout:
         ((name, record),) = chosen.items()
-        beside = write_layout(record.layout, arguments.layout, scenes[name])
-        print(f"written to {arguments.layout}, the scene to {beside}")
+        scene_file = write_layout(record.layout, arguments.layout, scenes[name])
+        print(f"written to {arguments.layout}, the scene to {scene_file}")
         return 0
     if arguments.verify:
         return _verify(chosen, scenes, arguments)
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]:
-    """Return a table of the best known layouts, as lines."""
+    """Return the lines of a table of the best known layouts."""
     from domino_env.core.tables import text_table
     from domino_env.rigid.known import known_verification
 
@@ -81,7 +82,7 @@ def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]
         if verified is not None:
             difference = f"at most {verified.checks[0].largest:.3%} apart"
         lines.append((name, score, record.method, difference))
-    return text_table(("scene", "best known", "by", "reference simulator"), lines)
+    return text_table(("scene", "best known", "method", "reference simulator"), lines)
 
 
 def _verify(
@@ -93,7 +94,7 @@ def _verify(
     from optimize.experiments.verification import verify_records
 
     if arguments.engine:
-        engine_name()  # raises where it is not installed, before time is spent
+        engine_name()  # raises at once if the engine is not installed
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
     verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from domino_env.core.projection import even_out
+from domino_env.core.projection import correct_sum
 from domino_env.core.types import Floats
 from domino_env.kernels.jit import compile_alone
 
@@ -66,7 +66,7 @@ def nearest_smooth(
         below, above = float((low - point).min()) - span, float((high - point).max()) + span
         shift = brentq(excess, below, above, xtol=XTOL * span)
         nearest[b] = _nearest(point + shift, low, high, change)
-    return even_out(nearest, low, high, total)
+    return correct_sum(nearest, low, high, total)
 
 
 @compile_alone

@@ -102,9 +102,7 @@ def test_more_tries_never_lose_and_gradient_steps_gain(sprint):
 
 def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
     assert evaluate("designer", "sprint").score == design("sprint").score
-    with pytest.raises(
-        ValueError, match="designer was trained on no single scene: name one to build for"
-    ):
+    with pytest.raises(ValueError, match="policy 'designer' has no scene of its own: give one"):
         evaluate("designer")
     file = tmp_path / "scenes.csv"
     words = ["evaluate", "designer", "--scenes", "3", "--seed", "5", "--csv", str(file)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from agents.draw import fixed, numbers, rule
+from agents.draw import open_loop, rule, shipped_references
 from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, TRAINING_SEEDS, scores_of
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain
@@ -50,7 +50,10 @@ def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
 
 
 def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references):
-    policies = [rule(DRAW, numbers()["rule"]), fixed(DRAW, numbers()["plan"])]
+    policies = [
+        rule(DRAW, shipped_references()["rule"]),
+        open_loop(DRAW, shipped_references()["plan"]),
+    ]
     seeds = EVALUATION_SEEDS[:3]
     best, _, thickness = references.hindsight(DRAW, seeds, policies, rounds=1)
     for policy in policies:
@@ -69,14 +72,14 @@ def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(ref
     assert scores_of(rule(SMALL, fitted), SMALL, PLANNING_SEEDS).mean() > uniform
     start = np.zeros((7, 2))
     start[:, 0] = np.interp(SMALL.uniform().layout.spacing, SMALL.spacing, (-1.0, 1.0))
-    plan = fixed(SMALL, references.fit_fixed(SMALL, start, rounds=1))
+    plan = open_loop(SMALL, references.fit_fixed(SMALL, start, rounds=1))
     assert scores_of(plan, SMALL, PLANNING_SEEDS).mean() > uniform
 
 
 def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(capsys):
     scores = [ScriptedPolicy(name).build(DRAW).score for name in ("uniform", "plan", "rule")]
     assert scores == sorted(scores)
-    assert scores[-1] < numbers()["hindsight"]
+    assert scores[-1] < shipped_references()["hindsight"]
     assert main(["evaluate", "rule", "--scene", "draw"]) == 0
     assert "over the open-loop plan over the same 200 episodes" in capsys.readouterr().out
     with pytest.raises(ValueError, match='40 of "draw"; use rule'):

@@ -208,7 +208,7 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
         rollout = evaluate(run.folder, scene)
         assert rollout.score == score
         assert scene.violations(rollout.layout) == []
-    with pytest.raises(ValueError, match="no test scenes ship for 'small': give a seed"):
+    with pytest.raises(ValueError, match="distribution 'small' has no test set: give a seed"):
         scenes_of(policy.scene, 3)
     with pytest.raises(ValueError, match="was trained on sampled scenes: name one"):
         evaluate(run.folder)
@@ -240,7 +240,7 @@ def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(tmp_pa
     monkeypatch.chdir(tmp_path)
     for state in ({}, {"curve": 1}, whole | {"parameters": {}}, whole | {"steps": "many"}, _Code()):
         torch.save(state, path)
-        message = r"checkpoint\.pt: (it does not fit|not a checkpoint)"
+        message = r"checkpoint\.pt: not a checkpoint"
         with pytest.raises(ValueError, match=message) as caught:
             train(SMALL, folder=run.folder, resume=True)
         assert "weights_only" not in str(caught.value)

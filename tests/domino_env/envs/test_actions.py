@@ -55,7 +55,7 @@ def test_derivatives_by_actions_are_those_of_differences(name):
             return (np.stack(env.place_all(changed), axis=-1) * bars).sum()
 
         total(actions)
-        exact = env.place_all_back(actions, bars)
+        exact = env.place_all_vjp(actions, bars)
         for place in np.ndindex(shape):
             step = np.zeros(shape)
             step[place] = 1e-7
