@@ -9,34 +9,18 @@ from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.rules import Stock
 
-BASE = """
-[row]
-count = 8
-first_thickness = 0.0075
-[spacing]
-min = 0.004
-max = 0.03
-[thickness]
-min = 0.005
-max = 0.01
-[physics]
-push = 8.0
-"""
+BASE = {
+    "row": "count = 8\nfirst_thickness = 0.0075",
+    "spacing": "min = 0.004\nmax = 0.03",
+    "thickness": "min = 0.005\nmax = 0.01",
+    "physics": "push = 8.0",
+}
 
 
-def read(**replaced: str) -> de.Scene:
-    return parse_scene(changed(**replaced), "asked", "asked.toml")
-
-
-def changed(**tables: str) -> str:
-    """BASE with whole tables replaced or added: spacing="min = …"; top: lines before them."""
-    top = tables.pop("top", "")
-    parts = {}
-    for block in BASE.strip().split("\n["):
-        name, lines = block.strip("[").split("]\n", 1)
-        parts[name] = lines.strip()
-    parts |= tables
-    return top + "\n" + "\n".join(f"[{n}]\n{t}\n" for n, t in parts.items() if t is not None)
+def read(top: str = "", **tables: str | None) -> de.Scene:
+    """Read the scene with tables replaced, added or left out (None), and lines before them."""
+    parts = [f"[{name}]\n{lines}" for name, lines in (BASE | tables).items() if lines is not None]
+    return parse_scene("\n".join([top, *parts]), "asked", "asked.toml")
 
 
 def test_a_step_is_a_list_of_values():
@@ -127,18 +111,8 @@ def test_names_and_titles_hold_any_language(title):
 
 def test_a_scene_made_in_python_has_the_defaults_of_a_file():
     own = de.Scene(count=np.int64(9), spacing=np.array([0.002, 0.04]), thickness=(0.0075, 0.0075))
-    text = """
-    name = "own"
-    [row]
-    count = 9
-    [spacing]
-    min = 0.002
-    max = 0.04
-    [thickness]
-    fixed = 0.0075
-    [physics]
-    """
-    assert own == parse_scene(text, "own", "own.toml")
+    tables = {"row": "count = 9", "spacing": "min = 0.002\nmax = 0.04", "physics": ""}
+    assert own == read('name = "own"', thickness="fixed = 0.0075", **tables)
     assert (own.title, own.first_thickness, own.height) == ("own", 0.0075, 0.048)
 
 
@@ -157,7 +131,6 @@ def test_a_scene_made_in_python_is_checked_as_its_file(changes, words):
 
 
 def test_a_scene_in_millimetres_gives_a_hint():
-    with pytest.warns(
-        Advice, match="asked.toml: the dominoes are 48 m tall: lengths are in metres"
-    ):
+    words = "asked.toml: the dominoes are 48 m tall: lengths are in metres"
+    with pytest.warns(Advice, match=words):
         read(row="count = 8\nheight = 48.0\nfirst_thickness = 7.5", spacing="min = 4\nmax = 30")

@@ -1,7 +1,5 @@
 """Scenes with a floor: scores, gradients, uniform baselines and searches."""
 
-from dataclasses import replace
-
 import numpy as np
 
 import domino_env as de
@@ -9,9 +7,7 @@ from domino_env.scenes import uniform
 from domino_env.scenes.objectives.robust import errors, placed
 from optimize import search
 
-SMALL = replace(
-    de.load_scene("table"), name="small table", count=5, floor_friction=0.3, spacing=(0.01, 0.025)
-)
+SMALL = de.load_scene("table").replace(count=5, floor_friction=0.3, spacing=(0.01, 0.025))
 GAPS = np.random.default_rng(3).uniform(*SMALL.spacing, (6, SMALL.count - 1))
 
 
@@ -19,18 +15,15 @@ def test_the_score_is_the_speed_of_the_free_standing_layout():
     layout = SMALL.layout(GAPS[0])
     free_standing = de.simulate_standing(layout, SMALL.physics, SMALL.floor_friction)
     assert free_standing.topples.all()
-    assert (
-        SMALL.score(layout)
-        == free_standing.mean_speed
-        == SMALL.evaluate(SMALL.batch(GAPS[:1])).score[0]
-    )
-    fixed = replace(SMALL, floor_friction=None).score(layout)
+    together = SMALL.evaluate(SMALL.batch(GAPS[:1])).score[0]
+    assert SMALL.score(layout) == free_standing.mean_speed == together
+    fixed = SMALL.replace(floor_friction=None).score(layout)
     assert 1e-4 < abs(free_standing.mean_speed / fixed - 1.0) < 0.05
     assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(layout), SMALL.simulate(layout))
 
 
 def test_a_failure_scores_by_how_far_it_topples():
-    scene = replace(SMALL, spacing=(0.001, 0.06))
+    scene = SMALL.replace(spacing=(0.001, 0.06))
     gaps = np.repeat(GAPS[:1], 3, axis=0)
     gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
     early, late, whole = scene.evaluate(scene.batch(gaps)).score
@@ -41,9 +34,8 @@ def test_a_failure_scores_by_how_far_it_topples():
 def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
     scene = SMALL.replace(objective="robust", settings=placement)
-    speeds = np.sort(
-        SMALL.evaluate(SMALL.batch(placed(GAPS[:1], errors(placement, GAPS.shape[1])))).score
-    )
+    drawn = placed(GAPS[:1], errors(placement, GAPS.shape[1]))
+    speeds = np.sort(SMALL.evaluate(SMALL.batch(drawn)).score)
     evaluation = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
     assert evaluation.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
     assert np.all(np.isfinite(evaluation.gradient.spacing))
@@ -63,7 +55,7 @@ def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
 
 def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=3, finest=1e-3))
-    scene = replace(SMALL, physics=de.Physics(push=0.3))
+    scene = SMALL.replace(physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0
 
@@ -72,10 +64,10 @@ def test_auto_on_a_floor(monkeypatch):
     from optimize.methods.search import two_fidelities
 
     monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)
-    scene = replace(SMALL, count=8, spacing=(0.002, 0.04))
+    scene = SMALL.replace(count=8, spacing=(0.002, 0.04))
     result = search(scene, budget=20, seed=1, progress=False)
     assert 10 < result.evaluations <= 20
     assert result.score == scene.score(result.layout) > result.uniform.score
     assert search(scene, budget=20, seed=1, progress=False).layout == result.layout
-    fixed = search(replace(scene, floor_friction=None), budget=600, progress=False)
+    fixed = search(scene.replace(floor_friction=None), budget=600, progress=False)
     assert result.score > scene.score(fixed.layout) * (1.0 - 5e-5)

@@ -7,15 +7,14 @@ import pytest
 
 import domino_env as de
 from domino_env.physics import footing
-from domino_env.scenes.io.reading import parse_scene, read_layout
+from domino_env.scenes.io.reading import read_layout
 from domino_env.scenes.objectives.robust import errors, placed_batch
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
 UNEVEN = de.Ground(profile=POINTS)
-FREE = replace(
-    de.load_scene("sprint-thickness"), name="small", count=9, spacing=(0.008, 0.03),
-    thickness=(0.007, 0.012), first_thickness=0.008, physics=de.Physics(0.25, push=14.0),
-    ground=UNEVEN,
+FREE = de.load_scene("sprint-thickness").replace(
+    name="small", count=9, spacing=(0.008, 0.03), thickness=(0.007, 0.012), first_thickness=0.008,
+    physics=de.Physics(0.25, push=14.0), ground=UNEVEN,
 )  # fmt: skip
 STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
@@ -61,7 +60,7 @@ DOWN = -np.tan(np.radians(4.0))
 ], ids=["straight", "higher", "level"])  # fmt: skip
 def test_scores_on_grounds_of_one_shape_are_the_same(one, other, rtol):
     batch = random_sizes(3)
-    (score, *by), (same, *like) = (evaluated(replace(FREE, ground=g), *batch) for g in (one, other))
+    (score, *by), (same, *like) = (evaluated(FREE.replace(ground=g), *batch) for g in (one, other))
     np.testing.assert_allclose(score, same, rtol=rtol)
     close = 1e-9 if rtol else 0.0
     np.testing.assert_allclose(by, like, rtol=close, atol=1e-2 * close)
@@ -69,9 +68,9 @@ def test_scores_on_grounds_of_one_shape_are_the_same(one, other, rtol):
 
 SCORED = {
     "mean_speed": FREE,
-    "slope": replace(FREE, ground=de.Ground(slope=-3.0)),
-    "tempo": replace(FREE, objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)),
-    "robust": replace(FREE, objective="robust", settings=de.Placement(0.0005, draws=8)),
+    "slope": FREE.replace(ground=de.Ground(slope=-3.0)),
+    "tempo": FREE.replace(objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)),
+    "robust": FREE.replace(objective="robust", settings=de.Placement(0.0005, draws=8)),
 }
 
 
@@ -83,9 +82,8 @@ def test_gradients_along_the_ground_against_differences(scene):
     assert score[0] > 0.0
     size, step = len(gaps), 1e-6
     moved = (STEPS[:, None, None] * step * np.eye(size)).reshape(-1, size)
-    for exact, placed in zip(
-        gradient, ((gaps + moved, thick), (gaps, thick + moved)), strict=False
-    ):
+    batches = (gaps + moved, thick), (gaps, thick + moved)
+    for exact, placed in zip(gradient, batches, strict=False):
         batch = [np.broadcast_to(array, moved.shape) for array in placed]
         scores = scene.evaluate(scene.batch(*batch, rtol=1e-13)).score
         difference = WEIGHTS @ scores.reshape(4, size) / step
@@ -102,7 +100,7 @@ def test_all_layouts_within_accepted_bounds_can_stand(seed):
         middle = 0.5 * (low + high)
         try:
             ground = de.Ground(profile=shape * [1.0, middle])
-            scene = replace(FREE, ground=ground, spacing=(0.004, 0.044))
+            scene = FREE.replace(ground=ground, spacing=(0.004, 0.044))
             low = middle
         except ValueError:
             high = middle
@@ -115,17 +113,13 @@ def test_all_layouts_within_accepted_bounds_can_stand(seed):
 
 
 def test_waves_stop_where_placement_noise_makes_dominoes_lean():
-    wild = replace(FREE, objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
+    wild = FREE.replace(objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
     gaps, thick = random_sizes(2)
-    placed = replace(
-        placed_batch(wild.batch(gaps, thick), errors(wild.settings, gaps.shape[1])), ground=UNEVEN
-    )
+    placed = placed_batch(wild.batch(gaps, thick), errors(wild.settings, gaps.shape[1]))
+    placed = replace(placed, ground=UNEVEN)
     arrays = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
     assert footing.impassable(*arrays).any()
     assert np.isfinite(wild.evaluate(wild.batch(gaps, thick)).score).all()
-
-
-TEXT = FREE.to_toml()
 
 
 def test_tables_that_exclude_uneven_ground():
@@ -137,12 +131,11 @@ def test_tables_that_exclude_uneven_ground():
         ({"spacing": (0.008, 0.0479)}, "too wide for the hollow"),
     ):
         with pytest.raises(ValueError, match=words):
-            replace(FREE, **changes)
-    assert replace(FREE, length=0.2, ground=de.Ground(slope=2.0)).length == 0.2
+            FREE.replace(**changes)
+    assert FREE.replace(length=0.2, ground=de.Ground(slope=2.0)).length == 0.2
 
 
-def test_files_keep_the_ground_and_layouts_stand_on_it(tmp_path):
-    assert parse_scene(TEXT, "small", "small.toml") == FREE
+def test_layouts_of_files_stand_on_the_ground_of_the_scene(tmp_path):
     gaps, thick = random_sizes(1)
     layout = FREE.layout(gaps[0], thick[0])
     flat = de.Layout(layout.spacing, layout.thickness)
@@ -151,4 +144,4 @@ def test_files_keep_the_ground_and_layouts_stand_on_it(tmp_path):
         assert read_layout(tmp_path / name, FREE) == layout
     assert FREE.violations(layout) == []
     assert "on its ground; use the scene's" in FREE.violations(flat)[0]
-    assert "must be 0" in replace(FREE, ground=None).violations(layout)[0]
+    assert "must be 0" in FREE.replace(ground=None).violations(layout)[0]

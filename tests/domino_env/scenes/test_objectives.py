@@ -1,24 +1,20 @@
 """Objectives, limits, stock, lists and growth."""
 
 import math
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.robust import LEAST_GAP, Placement, errors, placed
-from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.scene import Scene
+from domino_env.scenes.objectives.robust import LEAST_GAP, errors, placed
 
 
-def some(name: str, **changes: object) -> Scene:
-    return replace(de.load_scene(name), **changes)
+def some(name: str, **changes: object) -> de.Scene:
+    return de.load_scene(name).replace(**changes)
 
 
-def gaps_of(scene: Scene, spacings: int, seed: int = 0) -> np.ndarray:
+def gaps_of(scene: de.Scene, spacings: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(*scene.spacing, (spacings, scene.count - 1))
 
 
@@ -38,7 +34,7 @@ def test_a_layout_meets_its_own_arrival_times():
     plain = some("tempo", count=9)
     layout = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
     times = plain.simulate(layout).arrival_times
-    scene = replace(plain, settings=Tempo(times=tuple(times[1:])))
+    scene = plain.replace(settings=de.Tempo(times=tuple(times[1:])))
     assert scene.tempo.error(times[None])[0] == 0.0
     assert scene.score(layout) == 1.0
     late = times.copy()
@@ -65,14 +61,14 @@ def test_the_robust_score_is_the_quantile_computed_by_hand():
 
 
 def test_draws_that_stop_count_as_zero():
-    scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
+    scene = some("jitter", count=9, settings=de.Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
     drawn = placed(gaps, errors(scene.settings, 8))
     stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in drawn])
     assert 10 < stopped.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
-    few = replace(scene, settings=Placement(0.002, (stopped.sum() + 1) / 40, 40, seed=3))
+    few = scene.replace(settings=de.Placement(0.002, (stopped.sum() + 1) / 40, 40, seed=3))
     assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
@@ -109,10 +105,14 @@ def test_more_dominoes_toppled_score_more():
     assert scores[-1] == 20.0
 
 
+def growing() -> tuple[de.Scene, np.ndarray, np.ndarray]:
+    """Return a scene, growing heights and those of the dominoes before."""
+    heights = 0.048 * 1.3 ** np.arange(12)
+    return de.load_scene("magnify"), heights[1:], heights[:-1]
+
+
 def test_magnify_scores_the_height_of_the_last():
-    scene = de.load_scene("magnify")
-    tall = 0.048 * 1.3 ** np.arange(1, 12)
-    before = np.concatenate([[0.048], tall[:-1]])
+    scene, tall, before = growing()
     layout = scene.layout(0.6 * before, None, tall)
     assert scene.violations(layout) == []
     assert layout.thickness == pytest.approx(0.15 * layout.height)
@@ -122,10 +122,8 @@ def test_magnify_scores_the_height_of_the_last():
 
 
 def test_growing_heights_keep_their_rules():
-    scene = de.load_scene("magnify")
-    tall = 0.048 * 1.3 ** np.arange(1, 12)
-    before = np.concatenate([[0.048], tall[:-1]])
-    tall[4:] *= 1.3
+    scene, tall, before = growing()
+    tall = np.append(tall[:4], 1.3 * tall[4:])
     words = scene.violations(scene.layout(0.91 * before, 0.15 * tall * 1.01, tall))
     assert [w.split(" ")[0] for w in words] == ["growth[5]", "spacing[0]", "thickness[1]"]
     assert words[0].endswith("the scene allows 1.0 to 1.6")
@@ -159,7 +157,7 @@ def test_a_broken_limit_scores_between_failures_and_successes():
     random = np.random.default_rng(7)
     gaps = random.uniform(*plain.spacing, (400, 19))
     thick = random.uniform(*plain.thickness, (400, 19))
-    limited = replace(plain, limits=Limits(stall_margin=0.1, flush_loss=0.1))
+    limited = plain.replace(limits=de.Limits(stall_margin=0.1, flush_loss=0.1))
     before, after = (one.evaluate(one.batch(gaps, thick)).score for one in (plain, limited))
     waves = [
         plain.simulate(plain.layout(s, d), rtol=1e-6) for s, d in zip(gaps, thick, strict=True)
@@ -253,9 +251,9 @@ def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length():
 
 
 @pytest.mark.parametrize("name", ["sprint", "course", "tempo", "jitter", "magnify"])
-@pytest.mark.parametrize("limits", [None, Limits(0.3, 0.02)])
+@pytest.mark.parametrize("limits", [None, de.Limits(0.3, 0.02)])
 def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
-    scene = replace(de.load_scene(name), limits=limits)
+    scene = de.load_scene(name).replace(limits=limits)
     random = np.random.default_rng(3)
     low, high = scene.spacing
     gaps = random.uniform(low, low + 0.5 * (high - low), (6, scene.count - 1))

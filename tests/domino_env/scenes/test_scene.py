@@ -1,6 +1,5 @@
-"""Scenes: what ships, scores, uniform baselines and rules."""
+"""Scenes: scores, uniform baselines and rules."""
 
-import dataclasses
 import pickle
 import re
 from pathlib import Path
@@ -9,42 +8,11 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.io.reading import parse_scene
 
-NAMES = de.scene_names()
-SMALL = """
-[row]
-count = 8
-[spacing]
-min = 0.004
-max = 0.03
-[thickness]
-fixed = 0.0075
-[physics]
-friction = 0.25
-push = 8.0
-"""
-
-
-def small(**changes: object) -> de.Scene:
-    return dataclasses.replace(parse_scene(SMALL, "small", "small.toml"), **changes)
-
-
-def random_sizes(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return random gaps and thicknesses of dominoes 1 … N-1 within the bounds."""
-    random = np.random.default_rng(seed)
-    shape = (count, scene.count - 1)
-    return random.uniform(*scene.spacing, shape), random.uniform(*scene.thickness, shape)
-
-
-# what ships -------------------------------------------------------------------------------------
-
-
-def test_the_scenes_that_ship():
-    assert NAMES == [
-        "course", "downhill", "draw", "gentle", "hills", "ideal", "jitter", "magnify", "marathon",
-        "sprint", "sprint-thickness", "stock", "table", "tempo", "tempo-noise", "uphill",
-    ]  # fmt: skip
+SMALL = de.Scene(
+    name="small", count=8, spacing=(0.004, 0.03), thickness=(0.0075, 0.0075),
+    physics=de.Physics(0.25, push=8.0),
+)  # fmt: skip
 
 
 # uniform baselines: values of two independent programs, to their digits ------------------------
@@ -76,14 +44,14 @@ def test_the_uniform_baseline(name, speed, digits, gap, thickness):
 
 
 def test_a_baseline_that_stops_explains_why():
-    baseline = small(physics=de.Physics(push=0.01)).uniform()
+    baseline = SMALL.replace(physics=de.Physics(push=0.01)).uniform()
     assert baseline.wave.outcome == de.Outcome.STALLED
     assert -1.0 <= baseline.score < 0.0
     assert "stalled" in baseline.wave.explanation
 
 
 def test_a_scene_without_design_variables_has_a_baseline():
-    scene = small(spacing=(0.016, 0.016))
+    scene = SMALL.replace(spacing=(0.016, 0.016))
     assert not scene.free_spacing
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
 
@@ -93,7 +61,8 @@ def test_a_scene_without_design_variables_has_a_baseline():
 
 def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     scene = de.load_scene("gentle")
-    spacing, thickness = random_sizes(scene, 300, seed=2)
+    rng, shape = np.random.default_rng(2), (300, scene.count - 1)
+    spacing, thickness = rng.uniform(*scene.spacing, shape), rng.uniform(*scene.thickness, shape)
     scores = scene.evaluate(scene.batch(spacing, thickness, rtol=1e-10)).score
     for i in (*np.flatnonzero(scores > 0.0)[:5], *np.flatnonzero(scores < 0.0)[:15]):
         layout = scene.layout(spacing[i], thickness[i])
@@ -105,25 +74,26 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
 
 
 def test_a_layout_that_breaks_the_rules_has_no_score():
-    scene = small()
     with pytest.raises(ValueError, match=r"scene 'small': spacing\[0\] = 0\.035 m"):
-        scene.score(scene.layout(0.035))
+        SMALL.score(SMALL.layout(0.035))
 
 
 @pytest.mark.parametrize(("call", "words"), [
-    (lambda: small(spacing=0.02), "scene 'small': spacing = 0.02: give two bounds, such as"),
-    (lambda: small(spacing=(0.01, 0.02, 0.03)), "spacing = (0.01, 0.02, 0.03): give two"),
-    (lambda: small(physics=3), "physics is a int: give a Physics"),
-    (lambda: small(placement_deviation=0.5), "deviation = 0.5 m is more than the largest gap"),
-    (lambda: small(objective="men_speed"), "objective = 'men_speed': did you mean 'mean_speed'?"),
-    (lambda: small().score_placed(small().layout(0.02), "a"), "give a whole number, at least 0"),
-    (lambda: small().score_placed(small().layout(0.02), [-1]), "seeds[0] = -1: give a whole"),
+    (lambda: SMALL.replace(spacing=0.02), "scene 'small': spacing = 0.02: give two bounds, such"),
+    (lambda: SMALL.replace(spacing=(0.01, 0.02, 0.03)), "spacing = (0.01, 0.02, 0.03): give two"),
+    (lambda: SMALL.replace(physics=3), "physics is a int: give a Physics"),
+    (lambda: SMALL.replace(placement_deviation=0.5),
+     "deviation = 0.5 m is more than the largest gap"),
+    (lambda: SMALL.replace(objective="men_speed"),
+     "objective = 'men_speed': did you mean 'mean_speed'?"),
+    (lambda: SMALL.score_placed(SMALL.layout(0.02), "a"), "give a whole number, at least 0"),
+    (lambda: SMALL.score_placed(SMALL.layout(0.02), [-1]), "seeds[0] = -1: give a whole"),
     (lambda: de.load_scene(Path(__file__).parent), "a folder without a scene.toml: name the file"),
     (lambda: de.Ground(slope=1.0).layout([0.01], [0.007] * 3), "thickness has shape (3,): give"),
     (lambda: de.Ground(profile=[]), "profile = []: give a list of 2 to 10000 entries, each a list "
      "of 2 entries"),
-    (lambda: small().layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
-    (lambda: small().score(None), "layout is a NoneType: give a Layout"),
+    (lambda: SMALL.layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
+    (lambda: SMALL.score(None), "layout is a NoneType: give a Layout"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
 ])  # fmt: skip
 def test_arguments_that_are_no_sizes_are_named(call, words):
@@ -132,7 +102,7 @@ def test_arguments_that_are_no_sizes_are_named(call, words):
 
 
 def test_every_violation_has_its_sentence():
-    scene = small(length=0.14, thickness=(0.006, 0.008))
+    scene = SMALL.replace(length=0.14, thickness=(0.006, 0.008))
     assert scene.violations(de.Layout([0.01], 0.0075)) == [
         "the layout has 2 dominoes, and the scene 8"
     ]
@@ -147,19 +117,14 @@ def test_every_violation_has_its_sentence():
 
 
 def test_the_scene_completes_a_layout():
-    scene = small(first_thickness=0.009)
+    scene = SMALL.replace(first_thickness=0.009)
     layout = scene.layout(0.016)
     assert layout.thickness.tolist() == [0.009] + [0.0075] * 7
     with pytest.raises(ValueError, match="thickness is missing: scene 'small'"):
-        small(thickness=(0.005, 0.01)).layout(0.016)
+        SMALL.replace(thickness=(0.005, 0.01)).layout(0.016)
 
 
 def test_a_pickled_scene_keeps_its_baseline():
-    scene = small()
-    baseline = scene.uniform()
-    copy = pickle.loads(pickle.dumps(scene))
-    assert copy.uniform().score == baseline.score
+    copy = pickle.loads(pickle.dumps(SMALL))
+    assert copy.uniform().score == SMALL.uniform().score
     assert not copy.uniform().layout.spacing.flags.writeable
-
-
-# files ------------------------------------------------------------------------------------------
