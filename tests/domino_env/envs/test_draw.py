@@ -8,7 +8,6 @@ import domino_env as de
 from agents.rollout import EVALUATION_SEEDS
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector
-from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.uniform_layouts import PLANNING_ORDERS
 
 COUNT = 12
@@ -96,16 +95,6 @@ def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_as_they_come():
     gaps = *np.linspace(*SCENE.spacing, 40), gap - 1e-4, gap + 1e-4
     assert max(map(mean, gaps)) <= uniform.score * (1.0 + 1e-6)
     assert DominoChain(SCENE).reference_speed == uniform.score
-
-
-def test_hands_are_read_and_checked():
-    assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE
-    assert SCENE.hand == 3
-    assert de.load_scene("stock").hand == 0
-    with pytest.raises(ValueError, match="hand = 0: give a whole number from 1"):
-        SCENE.replace(stock=STOCK.replace(hand=0))
-    with pytest.raises(ValueError, match=r"stock\.hand and physics\.floor_friction exclude"):
-        SCENE.replace(floor_friction=0.5)
 
 
 def test_rollouts_and_the_baseline_are_means_over_the_same_orders():

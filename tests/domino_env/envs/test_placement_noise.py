@@ -7,7 +7,6 @@ from agents.rollout import EVALUATION_SEEDS, build
 from agents.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Layout, load_scene
 from domino_env.envs.vector import RTOL
-from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.objectives.robust import LEAST_GAP
 
 SCENE = load_scene("sprint").replace(count=12, placement_deviation=0.002)
@@ -56,16 +55,6 @@ def test_layouts_are_compared_by_means_over_the_same_errors():
     assert scripted.score == mean < steady.score(scripted.layout)
     with pytest.raises(ValueError, match="greedy tries each action in a copy"):
         ScriptedPolicy("greedy").build(SCENE)
-
-
-def test_rules_that_exclude_placement_noise_are_named():
-    with pytest.raises(ValueError, match=r"\[robust\] exclude each other"):
-        load_scene("jitter").replace(placement_deviation=0.001)
-    with pytest.raises(ValueError, match=r"row\.length exclude each other"):
-        load_scene("course").replace(placement_deviation=0.001)
-    with pytest.raises(ValueError, match=r"placement\.deviation = -1"):
-        SCENE.replace(placement_deviation=-1.0)
-    assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE
 
 
 def test_a_controller_keeps_the_schedule_that_a_plan_misses():

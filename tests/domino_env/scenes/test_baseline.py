@@ -46,12 +46,6 @@ def test_a_changed_scene_has_no_stored_baseline():
         assert not shipped(scene.replace(**changed))
 
 
-def test_equal_scenes_share_their_baseline():
-    one, equal = (de.load_scene("sprint").replace(count=9, name="own") for _ in range(2))
-    assert one is not equal
-    assert one.uniform() is equal.uniform()
-
-
 LONG = {
     "speed": {},
     "length": {"length": 3.2, "thickness": (0.005, 0.010)},

@@ -65,12 +65,10 @@ def layout(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("ending", "begins"), [("gif", b"GIF8"), ("mp4", b"ftyp")])
-def test_the_command_writes_the_file(layout, ending, begins):
+def test_the_command_writes_the_file(layout, ending, begins, output_of):
     pytest.importorskip("imageio_ffmpeg" if ending == "mp4" else "PIL")
     out = layout.with_name(f"out.{ending}")
-    assert (
-        main(["render", str(layout), f"--{ending}", str(out), "--rate", "5", "--width", "400"]) == 0
-    )
+    output_of("render", layout, f"--{ending}", out, "--rate", 5, "--width", 400)
     assert begins in out.read_bytes()[:16]
     assert sorted(layout.parent.iterdir()) == sorted([out, layout])
 

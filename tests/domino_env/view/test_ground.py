@@ -9,9 +9,7 @@ from domino_env.physics.motion import outlines, stack_leans
 from domino_env.view.drawing import PAPER, Scale, strip
 from domino_env.view.ground import ground_line, places_along, relief
 
-PHYSICS = de.Physics(0.2, push=14.0)
 LAYOUT = uneven_layout(3, 12)
-FLAT = de.Layout(np.linspace(0.006, 0.03, 11), np.linspace(0.005, 0.011, 12))
 
 
 def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout:
@@ -50,9 +48,8 @@ def test_every_picture_stands_on_its_ground(layout):
     """Nothing is drawn below the line, and the line is there."""
     tall = float(layout.height.max())
     scale = Scale.fitting(layout.length, tall, 600, 150, relief(layout))
-    image = strip(
-        layout, stack_leans(layout, np.array([layout.count - 1]), layout.tilt[-1:])[0], 0, scale, ""
-    )
+    (leans,) = stack_leans(layout, np.array([layout.count - 1]), layout.tilt[-1:])
+    image = strip(layout, leans, 0, scale, "")
     drawn = (np.asarray(image) != PAPER).any(axis=2)
     lowest = drawn.shape[0] - 1 - np.argmax(drawn[::-1], axis=0)
     line = ground_line(layout)

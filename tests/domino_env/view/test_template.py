@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from domino_env.view.template import LEAST_MARGIN, MARGIN, PAPERS, _advice, strips, write_template
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
@@ -29,10 +28,8 @@ def test_strips_have_all_dominoes_and_do_not_touch(paper):
 def test_footprints_are_drawn_at_one_to_one(tmp_path):
     write_template(LAYOUT, tmp_path / "row.pdf")
     text = (tmp_path / "row.pdf").read_bytes().decode("latin-1")
-    boxes = re.findall(
-        r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS", text
-    )
-    corners = np.array(boxes, dtype=float) * POINT
+    box = r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS"
+    corners = np.array(re.findall(box, text), dtype=float) * POINT
     assert len(corners) >= 60
     np.testing.assert_allclose(corners[:, 2] - corners[:, 0], 0.0075, atol=2e-6)
     np.testing.assert_allclose(corners[:, 3] - corners[:, 1], LAYOUT.width, atol=2e-6)
@@ -63,15 +60,15 @@ def test_narrower_margins_save_a_sheet(count):
         assert strip.end - strip.begin == pytest.approx(wide - 2 * strip.margin)
 
 
-def test_a_template_has_title_push_and_time_of_its_scene(tmp_path):
+def test_a_template_has_title_push_and_time_of_its_scene(tmp_path, output_of):
     scene = de.load_scene("sprint")
     wave = scene.uniform().wave
     scene.uniform().layout.to_csv(tmp_path / "row.csv")
     (tmp_path / "row.scene.toml").write_text(scene.to_toml(), "utf-8")
-    assert main(["template", str(tmp_path / "row.csv")]) == 0
+    output_of("template", tmp_path / "row.csv")
     data = (tmp_path / "row.pdf").read_bytes()
     assert b"/Title (sprint: Forty standard dominoes, as fast as they go)" in data
-    (sentence,) = _advice(strips(wave.layout), wave.layout, scene.physics)[-1:]
+    sentence = _advice(strips(wave.layout), wave.layout, scene.physics)[-1]
     assert "8 rad/s (0.38 m/s at the top edge)" in sentence
     assert f"after {wave.arrival_times[-1]:.3f} s" in sentence
     stops = _advice(strips(wave.layout), wave.layout, de.Physics(push=2.0))[-1]
@@ -81,6 +78,5 @@ def test_a_template_has_title_push_and_time_of_its_scene(tmp_path):
 def test_unknown_paper_and_giants_are_refused():
     with pytest.raises(ValueError, match="choose one of a4, letter"):
         strips(LAYOUT, "b5")
-    giant = de.Layout([0.1], 0.1, height=1.0, width=0.5)
     with pytest.raises(ValueError, match="wider than a4"):
-        strips(giant)
+        strips(de.Layout([0.1], 0.1, height=1.0, width=0.5))
