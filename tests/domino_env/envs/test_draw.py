@@ -22,14 +22,16 @@ def counts(thickness):
 
 
 def parts(env, observation):
-    """Return how many pieces of each kind are in hand and in the box."""
-    box = STOCK.without(SCENE.first_thickness).count
+    """Return how many pieces of each kind are in hand (all where there is none) and in the box."""
     shown = env.observation_layout
-    return observation[shown["hand"]] * STOCK.hand, observation[shown["stock"]] * box
+    box = observation[shown["stock"]] * STOCK.without(SCENE.first_thickness).count
+    return (observation[shown["hand"]] * STOCK.hand, box) if "hand" in shown else (box, 0.0)
 
 
-def test_hand_box_and_chain_hold_the_stock_after_every_step():
-    env, rng = DominoChain(SCENE), np.random.default_rng(0)
+@pytest.mark.parametrize("size", [STOCK.hand, None])
+def test_hand_box_and_chain_hold_the_stock_and_the_nearest_piece_is_taken(size):
+    env = DominoChain(SCENE.replace(stock=STOCK.replace(hand=size)))
+    rng = np.random.default_rng(0)
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
         order = np.random.default_rng(seed).permutation(STOCK.without(*FIRST).dominoes)
@@ -37,7 +39,7 @@ def test_hand_box_and_chain_hold_the_stock_after_every_step():
             hand, box = parts(env, observation)
             placed = env.snapshot().layout.thickness
             assert hand + box + counts(placed) == pytest.approx(STOCK.count, abs=1e-5)
-            drawn = order[: n + STOCK.hand]
+            drawn = order[: n + size] if size else order
             assert hand + counts(placed[1:]) == pytest.approx(counts(drawn), abs=1e-5)
             action = rng.uniform(-1.0, 1.0, 2) * (1.0, n % 2)  # 0: thin and thick are equally near
             wished = KINDS[0] + 0.5 * (action[1] + 1.0) * (KINDS[-1] - KINDS[0])
@@ -79,6 +81,8 @@ def test_a_given_layout_is_taken_out_before_the_rest_is_permuted():
         assert hand[0] == box[0] == 0.0  # all four thin ones stand
         rest = np.random.default_rng(seed).permutation(STOCK.without(*start.thickness).dominoes)
         assert hand == pytest.approx(counts(rest[: STOCK.hand]), abs=1e-6)
+    with pytest.raises(ValueError, match=r"6 dominoes are 0\.0075 m thick: the stock has 5"):
+        env.reset(options={"layout": de.Layout(np.full(5, 0.02), 0.0075)})
 
 
 def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_as_they_come():

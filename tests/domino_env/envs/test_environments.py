@@ -257,25 +257,6 @@ def test_a_length_is_met_by_the_nearest_layout():
         assert gaps.sum() == pytest.approx(total, abs=1e-12)
 
 
-def test_a_stock_empties_and_the_nearest_left_is_taken():
-    env = DominoChain(demanding()["box"])
-    observation, _ = env.reset()
-    stock = env.observation_layout["stock"]
-    np.testing.assert_array_equal(observation[stock], 1.0)  # thin to thick; the first is taken out
-    taken = []
-    for _ in range(8):
-        observation, *_ = env.step([0.5, 1.0])
-        taken.append(env.snapshot().layout.thickness[-1])
-        left = [4 - taken.count(0.005), 1 - taken.count(0.0075), 3 - taken.count(0.01)]
-        np.testing.assert_allclose(observation[stock], np.array(left) / (4, 1, 3))
-    assert taken == [0.01] * 3 + [0.0075] + [0.005] * 4
-    start = de.Layout([0.02] * 3, [0.0075, 0.005, 0.01, 0.005])
-    observation, _ = env.reset(options={"layout": start})
-    np.testing.assert_allclose(observation[stock], [0.5, 1.0, 2 / 3])
-    with pytest.raises(ValueError, match=r"4 dominoes are 0\.0075 m thick: the stock has 2"):
-        env.reset(options={"layout": de.Layout([0.02] * 3, 0.0075)})
-
-
 # reset --------------------------------------------------------------------------------------------
 
 
