@@ -1,6 +1,6 @@
-"""Benchmark: learning algorithms, scripted policies and searches, over scenes and seeds.
+"""Benchmark of learning algorithms, scripted policies and searches, over scenes and seeds.
 
-All times are processor time [s], all steps dominoes placed.
+All times are processor times [s]. A step places one domino.
 """
 
 from __future__ import annotations
@@ -43,36 +43,37 @@ from optimize.searching import compile_for
 
 Target = Scene | SceneDistribution
 SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied")
-BASELINES = ("ramp", "cma", "auto")  # need no learning
+BASELINES = ("ramp", "cma", "auto")  # scripted policy and searches without learning
 SEEDS = 10
-FIRST_SEED = 100  # hyperparameters were chosen with smaller ones
-ENVIRONMENT = "DominoChain-v1"  # pins reward, observation and scenes
+FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
+ENVIRONMENT = "DominoChain-v1"  # its version fixes rewards, observations and scenes
 TRAININGS = Path("runs/benchmark")  # one folder for each training
-SEARCH_PART = 0.04  # time limit of each search in a test set over that of a single scene
-POINTS = 60  # points of the trace of many searches
+SEARCH_TIME_RATIO = 0.04  # time limit of a search in a test set over that in a single scene
+POINTS = 60  # number of points of the trace of many searches
 STOPPED = -1.0  # gain of a layout whose wave stops
 
 
 @dataclass(frozen=True)
 class BenchmarkTask(Task):
-    """One run of a benchmark.
+    """Run of a benchmark.
 
-    `method` is an algorithm of `domino train` or from outside, a scripted policy, or a method of a
-    search; `seconds` limit a search only. Evaluations of its result are dominoes placed. With a
-    scene distribution, scores are median gains in the test set, and there is no layout.
+    `method` is an algorithm of `domino train`, a third-party algorithm, a scripted policy or a
+    search method; `seconds` limits only searches. The evaluations of the result are numbers of
+    dominoes placed. With a scene distribution, scores are median gains in the test set, and there
+    is no layout.
 
     Attributes
     ----------
     steps
-        Largest number of dominoes that a training places; None for that of its hyperparameters.
+        Largest number of dominoes that a training places; None for that of the hyperparameters.
     """
 
     steps: int | None = None
 
     @property
     def target(self) -> Target:
-        """The scene or scene distribution."""
-        return problem_of_text(self.scene)
+        """Scene or scene distribution of the run."""
+        return target_of_text(self.scene)
 
     @property
     def scene_name(self) -> str:
@@ -81,7 +82,7 @@ class BenchmarkTask(Task):
 
     @property
     def hyperparameters(self) -> Hyperparameters:
-        """Hyperparameters of a training, with its steps."""
+        """Hyperparameters of a training, including its number of steps."""
         sampled = isinstance(self.target, SceneDistribution)
         defaults = default_hyperparameters(self.method, episode_of(self.target), sampled=sampled)
         steps = defaults.steps if self.steps is None else min(defaults.steps, self.steps)
@@ -89,29 +90,29 @@ class BenchmarkTask(Task):
 
     @property
     def key(self) -> str:
-        """Digest of all that decides the result; of a training, the hyperparameters too."""
-        decisive: list[object] = [ENVIRONMENT, self.scene, self.method, self.seed]
+        """Digest of everything that determines the result, such as the hyperparameters."""
+        determinants: list[object] = [ENVIRONMENT, self.scene, self.method, self.seed]
         if self.method in ALGORITHMS:
-            decisive += [asdict(self.hyperparameters)]
+            determinants += [asdict(self.hyperparameters)]
         elif load_fit(self.method) is not None:
-            decisive += [self.steps]
+            determinants += [self.steps]
         elif self.method not in SCRIPTED:
-            decisive += [self.seconds]
-        return digest(decisive)
+            determinants += [self.seconds]
+        return digest(determinants)
 
     @property
     def folder(self) -> Path:
-        """Folder of a training; other hyperparameters have another folder."""
+        """Folder of a training, whose name depends on `key`."""
         return TRAININGS / f"{self.scene_name}-{self.method}-{self.seed}-{self.key[:6]}"
 
     def run(self, clock: Callable[[], float] = time.process_time) -> TaskResult:
-        """Train and evaluate, build, or search; a training that was stopped is continued."""
+        """Train, build or search, and evaluate; continue a stopped training."""
         target = self.target
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
-        compile_for(scenes[0], gradients=True, episodes=True)  # before any clock
+        compile_for(scenes[0], gradients=True, episodes=True)  # before time is measured
         evaluation: Rollout | Floats
         if learns(self.method):
-            policy, trace, work = self._learned()
+            policy, trace, work = self._train()
             if isinstance(target, Scene):
                 evaluation = policy.build(target)
             else:
@@ -134,13 +135,14 @@ class BenchmarkTask(Task):
         trace = [(placed * n, falls, t, score) for n, falls, t, score in result.trace]
         return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])
 
-    def _learned(self) -> tuple[ScenePolicy, list[Step], Mapping[str, int]]:
-        """Train, and return the policy, its learning curve and the work of the training."""
+    def _train(self) -> tuple[ScenePolicy, list[Step], Mapping[str, int]]:
+        """Train; return the policy, its learning curve and counts of simulations and updates."""
         if self.method not in ALGORITHMS:
             return fitted(self.method, self.target, self.steps, self.seed)
         folder = self.folder
         if not ((folder / SUMMARY).exists() and summary_of(folder).finished):
-            import_module("torch._dynamo")  # before the clock, not by the first optimiser
+            # before time is measured, as the first optimiser would import it
+            import_module("torch._dynamo")
             run = train(
                 self.target, self.method, None, self.seed, folder,
                 resume=(folder / CONFIG).exists(), hyperparameters=self.hyperparameters,
@@ -154,9 +156,9 @@ class BenchmarkTask(Task):
     def _evaluated(
         self, evaluation: Rollout | Floats, trace: list[Step], work: Mapping[str, int]
     ) -> TaskResult:
-        """Return the result of a policy by its layout, or its gains in all scenes of a test set.
+        """Return the result of a policy from its layout, or from its gains in a test set.
 
-        Its score replaces that at the end of the trace.
+        The score of the result replaces the last score of the trace.
         """
         if isinstance(evaluation, Rollout):
             score, uniform = evaluation.score, evaluation.uniform.score
@@ -168,18 +170,17 @@ class BenchmarkTask(Task):
         return self.result_of(trace, score, uniform, gain, wave, **work)
 
     def software(self) -> dict[str, str]:
-        """Return versions, the commit and the processor."""
+        """Return versions of packages, the commit and the processor."""
         return super().software() | machine()
 
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
         """Search in each scene of a test set.
 
-        The trace is that of the median gain, as if all searches ran at the same time with equal
-        shares of it.
+        The trace has the median gain after equal times in all searches, by the sum of these times.
         """
-        each = None if self.seconds is None else SEARCH_PART * self.seconds
+        limit = None if self.seconds is None else SEARCH_TIME_RATIO * self.seconds
         results = [
-            Task(scene.to_toml(), self.method, self.seed, None, each).run(clock=time.process_time)
+            Task(scene.to_toml(), self.method, self.seed, None, limit).run(clock=time.process_time)
             for scene in scenes
         ]
         traces = [np.array(result.trace) for result in results]
@@ -208,26 +209,26 @@ def benchmark_tasks(
     steps: int | None = None,
     seconds: float | None = None,
 ) -> list[BenchmarkTask]:
-    """Return the runs of a benchmark, in order: all of one seed before the next seed.
+    """Return the runs of a benchmark, ordered by seed, scene and algorithm.
 
     Parameters
     ----------
     scenes
         Scenes, scene distributions that have a test set, or their names.
     algorithms
-        Learning algorithms, also from outside (`agents.outside`), scripted policies, and methods of
-        a search.
+        Learning algorithms, also third-party ones (`agents.outside`), scripted policies and search
+        methods.
     seeds
-        Number of seeds, from `FIRST_SEED`; a scripted policy runs once.
+        Number of seeds, of which the first is `FIRST_SEED`; a scripted policy runs once.
     steps
-        Largest number of dominoes that a training places; None: that of its hyperparameters.
+        Largest number of dominoes that a training places; None for that of the hyperparameters.
     seconds
-        Processor time of a search [s]; None: until it ends by itself.
+        Largest processor time of a search [s]; None for no limit.
 
     Raises
     ------
     ValueError
-        For a name that is unknown or given twice, for empty lists and numbers out of range.
+        For unknown or repeated names, empty lists, or numbers out of range.
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
@@ -236,29 +237,30 @@ def benchmark_tasks(
     for name in algorithms:
         if name not in SCRIPTED and not learns(name):
             registry.load(name)
-    loaded = [load_any(scene) if isinstance(scene, str) else scene for scene in scenes]
+    targets = [load_any(scene) if isinstance(scene, str) else scene for scene in scenes]
     return [
-        BenchmarkTask(problem.to_toml(), name, seed, None, seconds, {}, steps)
+        BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
-        for problem in loaded
+        for target in targets
         for name in algorithms
         if seed == FIRST_SEED or name not in SCRIPTED
     ]
 
 
 def learns(name: str) -> bool:
-    """Return whether a name is that of a learning algorithm, ours or from outside."""
+    """Return True for the name of a learning algorithm, also of a third-party one."""
     return name in ALGORITHMS or load_fit(name) is not None
 
 
 def learning_curve(folder: Path) -> list[Step]:
-    """Read the learning curve of a training, as the trace of a search.
+    """Read the learning curve of a training in the form of the trace of a search.
 
     Returns
     -------
     list of tuple
-        (dominoes placed, intervals simulated, seconds, score of the best policy so far, on the test
-        set where scenes are sampled), at every change and at the end.
+        (dominoes placed, intervals simulated, seconds, score of the best policy so far) at every
+        change of the score and at the end. If scenes are sampled, the score is that in the test
+        set.
     """
     with (folder / PROGRESS).open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
@@ -272,22 +274,22 @@ def learning_curve(folder: Path) -> list[Step]:
 
 
 @lru_cache(8)
-def problem_of_text(text: str) -> Target:
-    """Return the scene or scene distribution of a TOML text."""
+def target_of_text(text: str) -> Target:
+    """Read a scene or scene distribution from TOML text."""
     document = document_of_text(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else scene_of(text)
 
 
 @lru_cache(8)
-def hash_of(target: Target) -> str:
-    """Return a hash of the environment's name, a scene or scene distribution, and its test set."""
+def target_hash(target: Target) -> str:
+    """Return a hash of the environment's name, of a target and of its test set."""
     tests = load_test_set(target.name) if isinstance(target, SceneDistribution) else []
     return digest([ENVIRONMENT, target.to_toml(), *(scene.to_toml() for scene in tests)])[:12]
 
 
 @lru_cache(1)
 def machine() -> dict[str, str]:
-    """Return versions of the packages for learning, the commit and the processor, by name."""
+    """Return the versions of packages for learning, the commit and the processor by name."""
     names = {}
     for name in ("torch", "stable-baselines3", "sb3-contrib"):
         with suppress(PackageNotFoundError):
@@ -303,13 +305,13 @@ def machine() -> dict[str, str]:
     return names
 
 
-def known_in(result: TaskResult) -> float:
-    """Return the best known score, or median gain in a test set, of a result's problem."""
-    problem = problem_of_text(result.scene)
-    if isinstance(problem, Scene):
+def best_known_score(result: TaskResult) -> float:
+    """Return the best known score, or median gain in a test set, for the target of a result."""
+    target = target_of_text(result.scene)
+    if isinstance(target, Scene):
         return known_score(result)
-    tests = load_test_set(problem.name)
-    scores = searched_scores(problem.name, len(tests))
+    tests = load_test_set(target.name)
+    scores = searched_scores(target.name, len(tests))
     if scores is None:
         return -np.inf
     searched = np.flatnonzero(np.isfinite(scores))
@@ -317,4 +319,5 @@ def known_in(result: TaskResult) -> float:
 
 
 def _gain(gain: float | None) -> float:
+    """Return a gain, or `STOPPED` for a wave that stops."""
     return STOPPED if gain is None else max(float(gain), STOPPED)

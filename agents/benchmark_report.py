@@ -1,4 +1,4 @@
-"""Report of a benchmark: a table of all runs, from which all else is made; a page, pictures."""
+"""Report of a benchmark: a table of all runs, and a page and pictures made from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agents.benchmark import Target, hash_of, known_in, learns, problem_of_text
+from agents.benchmark import Target, best_known_score, learns, target_hash, target_of_text
 from agents.scripted import SCRIPTED
 from domino_env import Scene
 from domino_env.core.files import naming, write_text
@@ -36,24 +36,24 @@ FILES = (
     "benchmark.md", "benchmark.csv", "benchmark-reached.png", "benchmark-seconds.png",
     "benchmark-steps.png",
 )  # fmt: skip
-MOMENTS = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
+TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
 COLUMNS = (
     "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", "steps",
     "simulations", "gradients", "updates", "processor_seconds", "seconds_past_uniform", "key",
     "scene_hash", "versions", "trace",
 )  # fmt: skip
-TRACE_POINTS = 60  # points of a trace in the table
+TRACE_POINTS = 60  # number of points of a trace in the table
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 SAMPLED = (
     "Every episode of a training has a new scene. Scores, also in the curves, are median gains "
-    "over the uniform baselines in the test set; that of searches with 2,500 evaluations each, {}, "
-    "counts as best known. A search searches each of these scenes, and its time is that of all "
-    "together."
+    "over the uniform baselines in the test set. The best known score, {}, is that of searches "
+    "with 2,500 evaluations per scene. A search method searches in each scene of the test set; its "
+    "time is the sum over these scenes."
 )
 
 
 def write(experiment: Experiment, folder: Path, command: str) -> None:
-    """Write all FILES; other files in the folder stay.
+    """Write `FILES`; leave other files in the folder unchanged.
 
     Parameters
     ----------
@@ -62,17 +62,17 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     folder
         Folder of the files.
     command
-        Command that repeats it, for the page.
+        Command that repeats the benchmark, which the page quotes.
     """
     from optimize.experiments.pictures import draw_intervals, draw_over_clock
 
-    experiment = replace(experiment, results=tuple(map(_shortened, experiment.results)))
+    experiment = replace(experiment, results=tuple(map(_shorten, experiment.results)))
     lines = (
         (
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
             round(float(experiment.normalised(r, r.score)), 5), r.evaluations, r.simulations,
             r.gradients, r.updates, r.seconds, experiment.seconds_past_uniform(r), r.key,
-            hash_of(problem_of_text(r.scene)), json.dumps(r.versions),
+            target_hash(target_of_text(r.scene)), json.dumps(r.versions),
             json.dumps([(steps, seconds, score) for steps, _, seconds, score in r.trace]),
         )
         for r in experiment.results
@@ -80,13 +80,13 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     write_csv(folder / FILES[1], COLUMNS, lines)
     write_text(folder / FILES[0], page(experiment, command))
     draw_intervals(experiment, folder / FILES[2])
-    solid = [name for name in experiment.methods if learns(name)]
-    draw_over_clock(experiment, "seconds", folder / FILES[3], solid)
-    draw_over_clock(experiment, "evaluations", folder / FILES[4], solid)
+    learning = [name for name in experiment.methods if learns(name)]
+    draw_over_clock(experiment, "seconds", folder / FILES[3], learning)
+    draw_over_clock(experiment, "evaluations", folder / FILES[4], learning)
 
 
-def _shortened(result: TaskResult) -> TaskResult:
-    """Return a result as the table of runs has it, with fewer points and digits."""
+def _shorten(result: TaskResult) -> TaskResult:
+    """Return a result with the points and digits that the table of runs has."""
     trace = result.trace
     indices = np.unique(np.linspace(0, len(trace) - 1, TRACE_POINTS).round().astype(int))
     points = [trace[i] for i in indices]
@@ -97,19 +97,19 @@ def _shortened(result: TaskResult) -> TaskResult:
 
 
 def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
-    """Read the results in a table of runs, but none of scenes that have changed.
+    """Read the results in a table of runs, except those of scenes that have changed.
 
     Parameters
     ----------
     path
-        The file; a missing one has no results.
+        The file; if it does not exist, there are no results.
     targets
-        Scenes and distributions in addition to the shipped ones.
+        Scenes and scene distributions that are not shipped.
 
     Raises
     ------
     ValueError
-        If the file is no table of runs.
+        If the file is not a table of runs of this version.
     """
     if not path.exists():
         return []
@@ -119,19 +119,19 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
         lines = csv.DictReader(file)
         if tuple(lines.fieldnames or ()) != COLUMNS:
             raise ValueError(
-                "it is no table of runs of this version: move it, or use another folder"
+                "not a table of runs of this version: move it, or use another folder (--out)"
             )
         for line in lines:
             name = line["scene"]
             if name not in known:
                 known[name] = load_any(name)
-            if line["scene_hash"] == hash_of(known[name]):
+            if line["scene_hash"] == target_hash(known[name]):
                 results.append(_result(line, known[name].to_toml()))
     return results
 
 
 def _result(line: Mapping[str, str], scene: str) -> TaskResult:
-    """Return the result of a line of the table of runs."""
+    """Return the result in a line of the table of runs."""
     score, uniform = float(line["score"]), float(line["uniform"])
     trace = [(n, 0, seconds, value) for n, seconds, value in json.loads(line["trace"])]
     return TaskResult(
@@ -145,50 +145,50 @@ def _result(line: Mapping[str, str], scene: str) -> TaskResult:
     )  # fmt: skip
 
 
-def merged(table: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
-    """Return an experiment with the runs of a table too, where it has no such run of its own."""
+def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
+    """Return an experiment with stored runs added; its own runs replace equal ones."""
     experiment = experiment or Experiment((), (), {})
-    runs = {(r.scene_name, r.method, r.seed): r for r in (*table, *experiment.results)}
+    runs = {(r.scene_name, r.method, r.seed): r for r in (*stored, *experiment.results)}
     results = tuple(runs.values())
     if not results:
         raise ValueError("no run has a result yet: leave out --page")
-    best = best_of_problems(results, known_in, fixed=True)
+    best = best_of_problems(results, best_known_score, fixed=True)
     return replace(experiment, results=results, best=best)
 
 
 def page(experiment: Experiment, command: str) -> str:
     """Return the page in Markdown."""
-    sections = [_of_scene(experiment, scene) for scene in experiment.problems]
+    sections = [_scene_section(experiment, scene) for scene in experiment.problems]
     lines = [*chain(*sections)][1:] + failures_section(experiment)
-    made = Counter(
+    environments = Counter(
         ", ".join(f"{name} {value}" for name, value in r.versions.items())
         for r in experiment.results
     )
     problems = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
-    hashes = [(f"`{r.problem}`", hash_of(problem_of_text(r.scene))) for r in problems]
+    hashes = [(f"`{r.problem}`", target_hash(target_of_text(r.scene))) for r in problems]
     return PAGE.read_text("utf-8").format(
         overview="\n\n".join(_overview(experiment)),
-        work="\n".join(work(experiment)),
-        improvement="\n".join(_improvement(experiment)),
+        work="\n".join(_work_table(experiment)),
+        improvement="\n".join(_improvement_table(experiment)),
         scenes="\n".join(lines),
         command=command,
         runs=len(experiment.results),
         minutes=sum(r.seconds for r in experiment.results) / 60.0,
         hashes="\n".join(markdown_table(("scene", "hash"), hashes)),
-        made="\n".join(f"- {number} runs: {words}" for words, number in made.items()),
+        made="\n".join(f"- {number} runs: {words}" for words, number in environments.items()),
         least=LEAST_RUNS,
     )
 
 
 def _overview(experiment: Experiment) -> list[str]:
-    """Return a table for all algorithms with the same scenes and numbers of runs, with a title."""
+    """Return a table with a title for each group of algorithms with equal scenes and seeds."""
     groups: dict[tuple[str, int], list[str]] = {}
     for name in experiment.ranked(()):
         counts = Counter(r.problem for r in experiment.runs(name))
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
         larger = [key for key in groups if key[0] == scenes and key[1] > seeds]
-        if larger:  # scripted policies have no seeds: they join the largest group of their scenes
+        if larger:  # scripted policies have one run: add them to the largest group of these scenes
             groups[max(larger, key=lambda key: key[1])] += groups.pop((scenes, seeds))
     return [
         f"{scenes}, {seeds} run{'s' * (seeds > 1)} on each:\n\n"
@@ -200,7 +200,7 @@ def _overview(experiment: Experiment) -> list[str]:
 def table(
     experiment: Experiment, names: Iterable[str] | None = None, scene: str | None = None
 ) -> list[str]:
-    """Return the table of algorithms, learning ones first, the best of each first.
+    """Return a table of algorithms, sorted by score, with learning algorithms first.
 
     Parameters
     ----------
@@ -209,10 +209,10 @@ def table(
     names
         Names of the algorithms; None for all.
     scene
-        Name of a scene, whose table has scores too; None for all scenes.
+        Name of a scene, whose scores are added to the table; None for all scenes.
     """
     columns = ["algorithm", "runs", "interquartile mean", "median", "optimality gap"]
-    columns += [f"after {moment:g} s" for moment in MOMENTS]
+    columns += [f"after {time:g} s" for time in TIMES]
     columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
     included = set(experiment.methods if names is None else names)
     lines = []
@@ -221,23 +221,23 @@ def table(
             continue
         runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
         past = sum(r.score > r.uniform_score for r in runs)
-        early = [experiment.score_after(name, moment, scene) for moment in MOMENTS]
+        early = [experiment.score_after(name, time, scene) for time in TIMES]
         line = [
-            f"`{name}`", len(runs), _in_words(interquartile_mean(scores)),
+            f"`{name}`", len(runs), _estimate_text(interquartile_mean(scores)),
             f"{float(median_of_problems(scores)):.1%}",
-            _in_words(estimate(optimality_gap, scores)),
+            _estimate_text(estimate(optimality_gap, scores)),
             *(f"{score:.1%}" if np.isfinite(score) else "–" for score in early),
-            f"{past} of {len(runs)}", _seconds(float(np.median([r.seconds for r in runs]))),
+            f"{past} of {len(runs)}", _seconds_text(float(np.median([r.seconds for r in runs]))),
         ]  # fmt: skip
         if scene is not None:
-            form = _form(runs[0])
-            line.append(f"{form(min(r.score for r in runs))}, {form(max(r.score for r in runs))}")
+            text = _score_format(runs[0])
+            line.append(f"{text(min(r.score for r in runs))}, {text(max(r.score for r in runs))}")
         lines.append(line)
     return list(markdown_table(columns, lines))
 
 
-def work(experiment: Experiment) -> list[str]:
-    """Return a table of the work of a run of each algorithm, the median over its runs."""
+def _work_table(experiment: Experiment) -> list[str]:
+    """Return a table of the medians of steps, simulations, updates and times of each algorithm."""
     names = ("algorithm", "steps", "simulations", "gradients", "updates", "processor time")
     lines = []
     for name in experiment.methods:
@@ -245,46 +245,49 @@ def work(experiment: Experiment) -> list[str]:
         counts = ((r.evaluations, r.simulations, r.gradients, r.updates) for r in runs)
         medians = np.median(list(counts), axis=0)
         seconds = float(np.median([r.seconds for r in runs]))
-        lines.append((f"`{name}`", *(f"{number:,.0f}" for number in medians), _seconds(seconds)))
+        lines.append(
+            (f"`{name}`", *(f"{number:,.0f}" for number in medians), _seconds_text(seconds))
+        )
     return list(markdown_table(names, lines))
 
 
-def _improvement(experiment: Experiment) -> list[str]:
-    """Return a table of the probability that the algorithm of a line is better than another."""
+def _improvement_table(experiment: Experiment) -> list[str]:
+    """Return a table of probabilities that the algorithm of a line beats that of a column."""
     names = experiment.ranked(())
     lines = []
     for first in names:
         results = (
             None if first == second else experiment.improvement(first, second) for second in names
         )
-        lines.append((f"`{first}`", *("" if r is None else _in_words(r, 0) for r in results)))
+        lines.append((f"`{first}`", *("" if r is None else _estimate_text(r, 0) for r in results)))
     return list(markdown_table(("", *(f"`{name}`" for name in names)), lines))
 
 
-def _in_words(result: Estimate, digits: int = 1) -> str:
-    """Return an estimate with its interval, if it has one."""
-    words = f"{float(result.value):.{digits}%}"
+def _estimate_text(result: Estimate, digits: int = 1) -> str:
+    """Format an estimate with its interval, if it has one."""
+    value = f"{float(result.value):.{digits}%}"
     if result.interval is None:
-        return words
+        return value
     low, high = map(float, result.interval)
-    return f"{words} ({100.0 * low:.{digits}f} to {100.0 * high:.{digits}f})"
+    return f"{value} ({100.0 * low:.{digits}f} to {100.0 * high:.{digits}f})"
 
 
-def _seconds(seconds: float) -> str:
+def _seconds_text(seconds: float) -> str:
+    """Format a time with its unit."""
     return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
 
 
-def _of_scene(experiment: Experiment, scene: str) -> list[str]:
-    """Return text and table of one scene as lines of Markdown."""
+def _scene_section(experiment: Experiment, scene: str) -> list[str]:
+    """Return the section of a scene as lines of Markdown."""
     result = next(r for r in experiment.results if r.problem == scene)
-    best = _form(result)(experiment.best[scene])
-    about = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
-    if not isinstance(problem_of_text(result.scene), Scene):
-        about = SAMPLED.format(best)
-    return ["", f"## {scene}", "", about, "", *table(experiment, None, scene)]
+    best = _score_format(result)(experiment.best[scene])
+    text = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
+    if not isinstance(target_of_text(result.scene), Scene):
+        text = SAMPLED.format(best)
+    return ["", f"## {scene}", "", text, "", *table(experiment, None, scene)]
 
 
-def _form(result: TaskResult) -> Callable[[float], str]:
-    """Return the format of the scores of a result: gains where scenes are sampled."""
-    fixed = isinstance(problem_of_text(result.scene), Scene)
+def _score_format(result: TaskResult) -> Callable[[float], str]:
+    """Return the function that formats scores of a result, as gains if scenes are sampled."""
+    fixed = isinstance(target_of_text(result.scene), Scene)
     return "{:.5f}".format if fixed else "{:+.2%}".format

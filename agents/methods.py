@@ -105,14 +105,14 @@ class _Learning:
         self.learner.model._current_progress_remaining = 1.0 - self.evaluator.progress
 
     def between_updates(self) -> None:
-        """Evaluate regularly, and follow the schedules."""
+        """Evaluate if due, and update the standard deviation of the actions."""
         if (
             self.evaluator.progress >= self.next_evaluation
             and self.evaluator.remaining > self.num_envs
         ):
             self._evaluate()
             self.next_evaluation += 1.0 / EVALUATIONS
-        self.learner.adapt(self.evaluator.progress)
+        self.learner.update_deviation(self.evaluator.progress)
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that are complete; stop where too few evaluations remain."""

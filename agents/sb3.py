@@ -1,4 +1,4 @@
-"""Learners: algorithms of Stable-Baselines3 and sb3-contrib with the schedules of a training.
+"""Algorithms of Stable-Baselines3 and sb3-contrib, with schedules for the exploration.
 
 References
 ----------
@@ -38,26 +38,26 @@ from domino_env.core.files import naming, write_bytes
 from domino_env.envs.spaces import SCALES
 
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
-NEAR_END = SCALES.index(4.0)  # index in "near_end" of exp(-(dominoes to come) / 4)
+NEAR_END = SCALES.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
 
 
 class Learner:
-    """A learner with its environment; it leaves torch with one thread.
+    """Algorithm of Stable-Baselines3 or sb3-contrib, with its environments.
 
-    More threads slow such small networks down.
+    It limits torch to one thread, as more threads slow such small networks down.
 
     Parameters
     ----------
     target
-        The scene, or the distribution that scenes are sampled from.
+        The scene or scene distribution.
     algorithm
         One of `CLASSES`.
     hyperparameters
         Hyperparameters of the algorithm.
     seed
-        Seed of all its randomness.
+        Seed of all randomness.
     num_scenes
-        As of `agents.train`.
+        See `agents.train`.
     """
 
     def __init__(
@@ -79,30 +79,30 @@ class Learner:
 
     @property
     def steps(self) -> int:
-        """Dominoes placed so far."""
+        """Number of dominoes placed so far."""
         return int(self.model.num_timesteps)
 
     @property
     def updates(self) -> int:
-        """Updates of the policy so far."""
-        number = int(getattr(self.model, "_n_updates", 0))
-        if isinstance(self.model, PPO):  # SB3 counts passes over a rollout
-            number *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
-        return number
+        """Number of updates of the policy so far."""
+        count = int(getattr(self.model, "_n_updates", 0))
+        if isinstance(self.model, PPO):  # which counts passes over a rollout, not minibatches
+            count *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
+        return count
 
     def learn(
         self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]
     ) -> None:
-        """Take more steps.
+        """Place more dominoes, and update the policy.
 
         Parameters
         ----------
         steps
-            Dominoes to place.
+            Number of dominoes to place.
         between_updates
-            Called before each rollout.
+            Function that is called before each rollout.
         after_step
-            Called with the infos of all environments after each of their steps.
+            Function that is called after each step with the infos of all environments.
         """
 
         class Callback(BaseCallback):
@@ -117,28 +117,28 @@ class Learner:
             warnings.simplefilter("ignore", UserWarning)
             self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
 
-    def adapt(self, done: float) -> None:
+    def update_deviation(self, progress: float) -> None:
         """Set the standard deviation of the actions by its schedule.
 
         Parameters
         ----------
-        done
-            Part of the training that is done, 0 to 1.
+        progress
+            Completed fraction of the training, 0 to 1.
         """
         if isinstance(self.model.policy, ScheduledPolicy):
-            self.model.policy.deviation = self.hyperparameters.deviation(done)
+            self.model.policy.deviation = self.hyperparameters.deviation(progress)
 
     def policy(self) -> Policy:
-        """Return the present policy without noise."""
+        """Return the current policy, without noise."""
         return actor_of(weights(self.model.policy)).act
 
     def save(self, path: Path) -> None:
-        """Write the weights of the policy as plain arrays."""
+        """Write the weights of the policy as an .npz file."""
         arrays = weights(self.model.policy)
         write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
     def write_checkpoint(self, path: Path, curve: Sequence[tuple[float, ...]]) -> None:
-        """Write weights, optimiser, counters, and the learning curve."""
+        """Write weights, optimiser, counters, transitions and the learning curve."""
         state = {
             "parameters": self.model.get_parameters(),
             "steps": self.model.num_timesteps,
@@ -149,13 +149,15 @@ class Learner:
         if isinstance(self.model, OffPolicyAlgorithm):
             buffer: Any = self.model.replay_buffer
             filled = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
-            state["transitions"] = {name: torch.from_numpy(part) for name, part in filled.items()}
+            state["transitions"] = {
+                name: torch.from_numpy(values) for name, values in filled.items()
+            }
             state["next_transition"] = int(buffer.pos)
         write_bytes(path, lambda file: torch.save(state, file))
 
     @property
     def _variables(self) -> list[str]:
-        """Names of trained tensors that are not parameters, such as an entropy coefficient."""
+        """Names of trained tensors outside the networks, such as the entropy coefficient."""
         return list(self.model._get_torch_save_params()[1])
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -171,25 +173,25 @@ class Learner:
                 values = state["transitions"][name].numpy()
                 getattr(buffer, name)[: len(values)] = values
             buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
-        if hasattr(self.model, "weights"):  # ARS loads its policy from them
+        if hasattr(self.model, "weights"):  # ARS computes its candidates from a copy
             parameters = self.model.policy.parameters()
             self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """Read a checkpoint of plain numbers and tensors; no pickled code is run.
+    """Read a checkpoint of numbers and tensors without running pickled code.
 
     Raises
     ------
     ValueError
-        If the file is damaged or no checkpoint.
+        If the file is damaged or not a checkpoint.
     """
     with naming(path):
         try:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
-        except Exception:  # unpickling raises errors of any kind, which advise to run the code
+        except Exception:  # of any kind; its message recommends to run pickled code
             raise ValueError(
-                "not a checkpoint, or damaged: resume from a copy, or train anew"
+                "not a checkpoint, or damaged: resume from a copy, or train without --resume"
             ) from None
     return state
 
@@ -197,13 +199,13 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 def model_of(
     algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
 ) -> BaseAlgorithm:
-    """Make an algorithm of Stable-Baselines3; arguments as of `Learner`."""
+    """Create an algorithm of Stable-Baselines3; see `Learner` for the arguments."""
     torch.set_num_threads(1)
     options = dict(hyperparameters.options)
     first, last = hyperparameters.learning_rate, hyperparameters.last_rate
 
     def rate(remaining: float) -> float:
-        # the last rollout may exceed the steps asked for, where the rate would become negative
+        # `remaining` is negative if the last rollout exceeds the number of steps
         return first * (last + (1.0 - last) * max(remaining, 0.0))
 
     net = [hyperparameters.width] * hyperparameters.depth
@@ -217,13 +219,14 @@ def model_of(
                 np.zeros(size), np.full(size, options["action_noise"])
             )
     elif algorithm == "ars":
-        spread = options.get("delta_std", 0.05)
-        options["delta_std"] = lambda remaining: spread * rate(remaining) / first
+        deviation = options.get("delta_std", 0.05)
+        options["delta_std"] = lambda remaining: deviation * rate(remaining) / first
     else:
         policy_class = ScheduledPolicy
         policy_options = {"net_arch": net, "activation_fn": torch.nn.Tanh}
     if algorithm == "apg":
-        policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # gradients become small in the end
+        # gradients become small late in the training
+        policy_options["optimizer_kwargs"] = {"eps": 1e-8}
     model = CLASSES[algorithm](
         policy_class, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed,
         device="cpu", verbose=0, **options,
@@ -239,7 +242,7 @@ def model_of(
 def save_zip(
     path: Path, env: VecEnv, algorithm: str, hyperparameters: Hyperparameters, arrays: Any
 ) -> None:
-    """Write an archive that Stable-Baselines3 or sb3-contrib loads without this package.
+    """Write an archive that Stable-Baselines3 or sb3-contrib can load without this package.
 
     Parameters
     ----------
@@ -248,18 +251,18 @@ def save_zip(
     env
         The environment.
     algorithm, hyperparameters
-        Those of the training. Of "apg" the archive is one of PPO.
+        Those of the training. The archive of "apg" is one of PPO.
     arrays
         Weights of the policy by name.
     """
     widths = [hyperparameters.width] * hyperparameters.depth
-    kind, options = "MlpPolicy", dict[str, Any](net_arch=widths)
+    policy_class, options = "MlpPolicy", dict[str, Any](net_arch=widths)
     if algorithm == "ars":
-        kind, options = "LinearPolicy", {}
+        policy_class, options = "LinearPolicy", {}
     elif algorithm in ("apg", "ppo"):
         options |= {"activation_fn": torch.nn.Tanh}
     classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
-    model = classes[algorithm](kind, env, policy_kwargs=options, device="cpu")
+    model = classes[algorithm](policy_class, env, policy_kwargs=options, device="cpu")
     state = {name: torch.from_numpy(array) for name, array in arrays.items()}
     if "log_std" in state:
         deviation = math.log(hyperparameters.last_deviation)
@@ -269,39 +272,40 @@ def save_zip(
 
 
 def weights(policy: torch.nn.Module) -> dict[str, Any]:
-    """Return the weights of a policy as plain arrays, by name."""
+    """Return the weights of a policy as NumPy arrays by name."""
     return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
 
 
 class ScheduledPolicy(ActorCriticPolicy):
-    """Normal actions whose standard deviation follows a schedule.
+    """Policy with normal actions whose standard deviation follows a schedule.
 
-    It is larger near the end of the chain, where the best layouts have a few tight gaps and thick
-    dominoes: which of them are best shows only once the rest of the layout is good, and must not
-    be decided before. A term of the loss returns means from outside the box, because all samples
-    beyond a bound are clipped to it, so that their rewards have no gradient.
+    The standard deviation is larger near the end of the chain. There the best layouts have a few
+    tight gaps and thick dominoes, which can be optimised only when the rest of the layout is good.
+    An additional loss reduces means outside [-1, 1]: all samples beyond a bound are clipped to it,
+    so their rewards have no gradient.
 
     Attributes
     ----------
     deviation
-        Standard deviation of the actions, far from the end.
+        Standard deviation of the actions far from the end of the chain.
     end_factor
-        Standard deviation at the end over `deviation`; the standard deviation stays at most 1.
+        Ratio of the standard deviation at the end to `deviation`. The standard deviation is at most
+        1.
     penalty
-        Factor of the additional loss, half the mean squared excess of the means over [-1, 1].
+        Factor of the additional loss, half the mean squared distance of the means from [-1, 1].
     near_end
-        Index of the entry exp(-(dominoes to come) / 4) in an observation.
+        Index of the entry exp(-(dominoes to place) / 4) in an observation.
     """
 
     deviation, end_factor, penalty, near_end = 1.0, 1.0, 0.0, 0
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
-        """Keep the nearness of the end; see `ActorCriticPolicy`."""
+        """Store the entry `near_end`; see `ActorCriticPolicy`."""
         self._near_end = obs[:, [self.near_end]]
         return super().extract_features(obs, features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
-        """Keep the nearness of the end: the base class does not call `extract_features` here."""
+        """Store the entry `near_end`, as the base class does not call `extract_features` here."""
         self._near_end = obs[:, [self.near_end]]
         return super().get_distribution(obs)
 
@@ -317,22 +321,22 @@ class ScheduledPolicy(ActorCriticPolicy):
 
 
 class VectorARS(ARS):
-    """ARS of sb3-contrib whose linear candidates are evaluated together in B environments."""
+    """ARS of sb3-contrib that evaluates linear candidates in a batch of environments."""
 
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
-        """Build a layout with each candidate; the (P,) returns of their episodes."""
+        """Build a layout with each candidate, and return the (P,) returns of the episodes."""
         callback.on_rollout_start()
         self.ep_info_buffer = deque()
         env: Any = self.env
-        parts = torch.split(candidate_weights, env.num_envs)
-        returns = torch.cat([self._returns(env, part, callback) for part in parts])
+        batches = torch.split(candidate_weights, env.num_envs)
+        returns = torch.cat([self._returns(env, batch, callback) for batch in batches])
         callback.on_rollout_end()
         return returns
 
     def _returns(self, env: Any, weights: torch.Tensor, callback: Any) -> torch.Tensor:
-        """Return the returns (P,) of P candidates; the last one fills the other environments."""
+        """Return the returns (P,) of P candidates; remaining environments repeat the last one."""
         num_envs, number = env.num_envs, len(weights)
         filled = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
         observations = torch.from_numpy(env.reset())
@@ -341,13 +345,13 @@ class VectorARS(ARS):
         returns = torch.zeros(num_envs)
         while running[:number].any():
             actions = torch.bmm(matrices, observations[:, :, None])[:, :, 0].clamp(-1.0, 1.0)
-            after, rewards, ended, infos = env.step(actions.numpy())
+            next_observations, rewards, ended, infos = env.step(actions.numpy())
             returns += torch.from_numpy(rewards) * running
             running &= ~torch.from_numpy(ended)
             self.num_timesteps += num_envs
             callback.update_locals({"infos": infos})
             callback.on_step()
-            observations = torch.from_numpy(after)
+            observations = torch.from_numpy(next_observations)
         return returns[:number]
 
 

@@ -398,14 +398,14 @@ class Training:
         return learner
 
     def between_updates(self) -> None:
-        """Evaluate and write a checkpoint if due, and update the exploration of the learner."""
+        """Evaluate and write a checkpoint if due, and update the standard deviation."""
         steps = self.learner.steps
         if steps >= self.next_evaluation:
             self.evaluate()
             self.checkpoint()
             self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(steps - self.bar.n)
-        self.learner.adapt(min(steps / self.total, 1.0))
+        self.learner.update_deviation(min(steps / self.total, 1.0))
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that were built with exploration noise."""

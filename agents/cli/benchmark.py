@@ -1,15 +1,16 @@
 """Train algorithms on scenes with many seeds, compare them with searches, and write a page.
 
-An algorithm is one of `domino train`, one of yours, `package.module:fit` with a function
-fit(make_env, steps, seed) that returns an object with `predict`, a scripted policy (ramp) or a
-search method (cma, auto).
-Every run is stored at once and each training has a folder in runs/benchmark: the same command runs
-what is missing, continues trainings that were stopped, and writes the page anew. Runs in the table
-benchmark.csv of the output folder are not run again and remain on the page. Ctrl-C ends it with the
-page of what is complete. Times are processor times.
+An algorithm is one of those of `domino train`, a scripted policy (ramp), a search method (cma,
+auto) or a third-party algorithm: `package.module:fit` with a function fit(make_env, steps, seed)
+that returns an object with `predict`.
 
-The default scenes are sprint, course, sprint-thickness, ideal and varied; in varied every episode
-is a new scene, and scores are those of the scenes of its test set.
+Every result is stored when its run ends, and each training has a folder in runs/benchmark. The same
+command executes missing runs, continues stopped trainings and rewrites the page. Runs in the table
+benchmark.csv of the output folder are not repeated and remain on the page. After Ctrl-C the page
+with all complete runs is written. Times are processor times.
+
+The default scenes are sprint, course, sprint-thickness, ideal and varied. In varied every episode
+has a new scene, and scores are those in its test set.
 """
 
 from __future__ import annotations
@@ -30,28 +31,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino benchmark`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name or .toml file (see above)")
     parser.add_argument(
-        "--algorithms", type=names_in, metavar="NAME,...", help="algorithms (all and the baselines)"
+        "--algorithms",
+        type=names_in,
+        metavar="NAME,...",
+        help="algorithms (all of domino train, and ramp, cma, auto)",
     )
     parser.add_argument(
         "--seeds", type=NATURAL, metavar="N", default=10,
-        help="number of seeds, from 100 (10)",
+        help="number of seeds, of which the first is 100 (10)",
     )  # fmt: skip
-    parser.add_argument("--steps", type=NATURAL, metavar="N", help="actions of a training at most")
     parser.add_argument(
-        "--seconds", type=SECONDS, metavar="S", help="processor time of a search at most [s]"
+        "--steps", type=NATURAL, metavar="N", help="largest number of dominoes per training"
+    )
+    parser.add_argument(
+        "--seconds", type=SECONDS, metavar="S", help="largest processor time of a search [s]"
     )
     add_out_option(parser, DEFAULT_FOLDER)
     parser.add_argument(
-        "--page", action="store_true", help="write the page of the runs in the table, run nothing"
+        "--page", action="store_true", help="write the page from the table without running anything"
     )
     add_study_options(parser, "benchmark")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run what is missing, write the page, print its summary."""
+    """Execute missing runs, write the page and print its table."""
     from agents.algorithms import ALGORITHMS, require_learning
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, problem_of_text
-    from agents.benchmark_report import FILES, merged, read_runs, table, write
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, target_of_text
+    from agents.benchmark_report import FILES, merge_runs, read_runs, table, write
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
@@ -61,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
     )
     folder = Path(arguments.out)
-    before = read_runs(folder / FILES[1], {problem_of_text(task.scene) for task in tasks})
+    previous = read_runs(folder / FILES[1], {target_of_text(task.scene) for task in tasks})
     if arguments.page:
-        experiment = merged(before)
+        experiment = merge_runs(previous)
     else:
         if {*chosen} & {*ALGORITHMS}:
             require_learning()
@@ -71,11 +77,11 @@ def run(arguments: argparse.Namespace) -> int:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
             stored = study.done()
-            for result in before:
+            for result in previous:
                 if result.key not in stored:
                     study.add(result)
             experiment = run_experiment(tasks, executor, study, name="benchmark", progress=None)
-            experiment = merged(before, experiment)
+            experiment = merge_runs(previous, experiment)
     write(experiment, folder, _command(arguments))
     print("\n".join(table(experiment)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")

@@ -1,9 +1,9 @@
-"""Features of a scene, and the observations of the designer's networks.
+"""Features of a scene, and observations of the designer's networks.
 
-The speed of a layout with given gaps and thicknesses depends on the features only. The unit of
-length is the height h of a domino and that of time √(h/g), so a scene and its enlargement (lengths
-× k, push / √k) have the same features. Density and width cancel where all dominoes are equally
-high.
+The speed of a layout with given gaps and thicknesses depends only on the features. The unit of
+length is the height h of a domino and the unit of time √(h/g), so scenes that differ only in scale
+(lengths × k, push / √k) have the same features. Density and width cancel if all dominoes have the
+same height.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ FEATURES = (
     "friction", "push", "count", "spacing min", "spacing max", "first_thickness", "thickness min",
     "thickness max", "pitch",
 )  # fmt: skip
-"""Names of the features; the last is the length per pair of dominoes, 0 without a given length."""
+"""Names of the features; "pitch" is the mean pitch, 0 if the scene gives no length."""
 
-TIGHT = 13  # numbers of tight gaps at the end: 0 … 12
-SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # [dominoes] over which the ends of a layout are observed
-LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])  # scaled to -1, as HIGH to 1
-HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])
-BY_LOGARITHM = np.array([False, True, True, True, True, False, False, True])
-SCENE = len(LOW) + 3  # entries that describe the scene
-SIZE = SCENE + 5 + 2 * len(SCALES)  # entries of an observation
+TIGHT = 13  # candidate numbers of tight gaps at the end of the chain: 0 … 12
+# [dominoes] decay lengths of the entries for the ends of the chain
+SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)
+LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])  # values that `scaled` maps to -1
+HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])  # values mapped to 1
+LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
+SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
+SIZE = SCENE_SIZE + 5 + 2 * len(SCALES)  # number of entries of an observation
 
 
 def features_of(scene: Scene) -> Floats:
@@ -47,34 +48,36 @@ _distribution = lru_cache(load_distribution)
 
 
 def outside(scene: Scene) -> tuple[str, ...]:
-    """Return the features of a scene that are outside the ranges of the training, in words.
+    """Describe the features of a scene that are outside the ranges of the training.
 
-    The ranges are those of "varied", "varied-thickness" and "varied-course", at any size.
+    The ranges are those of "varied", "varied-thickness" or "varied-course", in units of the height.
     """
-    free, course = scene.free_thickness, scene.length is not None
-    if free and course:
-        return ("free thickness over a given length",)
-    nearest = _distribution("varied-thickness" if free else "varied-course" if course else "varied")
+    free, has_length = scene.free_thickness, scene.length is not None
+    if free and has_length:
+        return ("free thickness with a given length",)
+    name = "varied-thickness" if free else "varied-course" if has_length else "varied"
+    trained = _distribution(name)
     values = dict(zip(FEATURES, features_of(scene), strict=True))
     values["length"] = values["pitch"] * (scene.count - 1)
     if not free:
         values["thickness fixed"] = values["thickness min"]
     return tuple(
         f"{name} {values[name]:.4g} is outside {bounds.min:.4g} to {bounds.max:.4g}"
-        for name, bounds in zip(nearest.features, nearest.ranges.values(), strict=True)
+        for name, bounds in zip(trained.features, trained.ranges.values(), strict=True)
         if not bounds.min * (1.0 - 1e-9) <= values[name] <= bounds.max * (1.0 + 1e-9)
     )
 
 
 def require_kind(scene: Scene) -> None:
-    """Raise ValueError for a scene of another kind than those of the training."""
-    floor, lists = scene.floor_friction is not None, (scene.stock, scene.thickness_values)
+    """Raise ValueError for a scene whose rules or objective the training does not cover."""
+    floor = scene.floor_friction is not None
+    restrictions = (scene.stock, scene.thickness_values, scene.growth)
     reasons = {
         "its dominoes stand on a floor": floor,
         f"its objective is {scene.objective}": not (floor or scene.criterion.is_mean_speed),
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,
-        "its dominoes are from a stock or list, or grow": (*lists, scene.growth) != (None,) * 3,
+        "its dominoes are from a stock or list, or grow": restrictions != (None,) * 3,
         "its gaps are listed or tied to each other": (
             (scene.spacing_values, scene.largest_change) != (None, None)
         ),
@@ -90,8 +93,8 @@ def require_kind(scene: Scene) -> None:
         )
 
 
-def tight_of(count: int) -> int:
-    """Return how many numbers of tight gaps `count` dominoes allow: at most half are tight."""
+def tight_candidates(count: int) -> int:
+    """Count the candidate numbers of tight gaps in a chain; at most half the gaps are tight."""
     return min(TIGHT, count // 2)
 
 
@@ -106,37 +109,51 @@ def scaled(features: Floats) -> Floats:
     Returns
     -------
     NDArray
-        (…, SCENE): friction, push, count, bounds of the gap, first thickness, least thickness,
-        largest over least; 1 with a given length, its pitch from -1 to 1 between the smallest and
-        the largest that the bounds allow, and the logarithm of the mean gap between the thinnest
-        dominoes (all three 0 without a given length).
+        (…, SCENE_SIZE): friction, push, count, bounds of the gap, first thickness, least thickness,
+        largest over least thickness; then, 0 without a given length: 1, the mean pitch scaled to
+        [-1, 1] by its bounds, and 1 plus the logarithm of the mean gap if all dominoes are as thin
+        as allowed.
     """
     values = np.asarray(features, dtype=np.float64)
     least, largest, thin, thick, pitch = (values[..., i] for i in (3, 4, 6, 7, 8))
     plain = np.concatenate([values[..., :7], (thick / thin)[..., None]], axis=-1)
-    low, high = (np.where(BY_LOGARITHM, np.log(np.maximum(x, 1e-3)), x) for x in (LOW, HIGH))
-    plain = np.where(BY_LOGARITHM, np.log(np.maximum(plain, 1e-9)), plain)
+    low, high = (np.where(LOGARITHMIC, np.log(np.maximum(x, 1e-3)), x) for x in (LOW, HIGH))
+    plain = np.where(LOGARITHMIC, np.log(np.maximum(plain, 1e-9)), plain)
     given = pitch > 0.0
-    place = (pitch - least - thin) / (largest + thick - least - thin)
+    relative = (pitch - least - thin) / (largest + thick - least - thin)
     mean = np.log(np.where(given, np.maximum(pitch - thin, least), 1.0))
-    course = [given, np.where(given, 2.0 * place - 1.0, 0.0), np.where(given, mean + 1.0, 0.0)]
-    described = [2.0 * (plain - low) / (high - low) - 1.0, np.stack(course, axis=-1)]
-    return np.concatenate(described, axis=-1)
+    lengths = given, np.where(given, 2.0 * relative - 1.0, 0.0), np.where(given, mean + 1.0, 0.0)
+    entries = [2.0 * (plain - low) / (high - low) - 1.0, np.stack(lengths, axis=-1)]
+    return np.concatenate(entries, axis=-1)
 
 
 def observations(features: Floats, tight: Floats) -> Floats:
-    """Return the observations at each gap for K numbers of tight gaps, (K (N-1), SIZE)."""
+    """Return the observations of the network for gaps and thicknesses.
+
+    Parameters
+    ----------
+    features
+        (9,) features of a scene with N dominoes, see `FEATURES`.
+    tight
+        (K,) numbers of tight gaps.
+
+    Returns
+    -------
+    NDArray
+        (K (N-1), SIZE) observations: for each number of tight gaps, one per gap.
+    """
     pairs = int(features[2]) - 1
     k = np.asarray(tight, dtype=np.float64)
-    at = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
-    left = np.maximum(pairs - 1 - k[:, None] - at, 0.0)  # gaps before the tight ones begin
-    parts = np.empty((len(k), pairs, SIZE))
-    parts[..., :SCENE] = scaled(features)
-    c = SCENE
-    parts[..., c] = 2.0 * at / (pairs - 1) - 1.0
-    parts[..., c + 1], parts[..., c + 2] = np.log1p(at) / 2.0 - 1.0, np.log1p(left) / 2.0 - 1.0
-    parts[..., c + 3], parts[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
+    index = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
+    left = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps before the tight ones begin
+    entries = np.empty((len(k), pairs, SIZE))
+    entries[..., :SCENE_SIZE] = scaled(features)
+    c = SCENE_SIZE
+    entries[..., c] = 2.0 * index / (pairs - 1) - 1.0
+    entries[..., c + 1] = np.log1p(index) / 2.0 - 1.0
+    entries[..., c + 2] = np.log1p(left) / 2.0 - 1.0
+    entries[..., c + 3], entries[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
     for j, scale in enumerate(SCALES):
-        parts[..., c + 5 + 2 * j] = np.exp(-at / scale)
-        parts[..., c + 6 + 2 * j] = np.exp(-left / scale)
-    return parts.reshape(-1, SIZE)
+        entries[..., c + 5 + 2 * j] = np.exp(-index / scale)
+        entries[..., c + 6 + 2 * j] = np.exp(-left / scale)
+    return entries.reshape(-1, SIZE)

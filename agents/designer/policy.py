@@ -21,7 +21,7 @@ from threadpoolctl import ThreadpoolController
 
 from agents.designer.decoding import decoded
 from agents.designer.features import (
-    SCENE,
+    SCENE_SIZE,
     SIZE,
     TIGHT,
     features_of,
@@ -29,7 +29,7 @@ from agents.designer.features import (
     outside,
     require_kind,
     scaled,
-    tight_of,
+    tight_candidates,
 )
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
@@ -110,7 +110,9 @@ class Designer:
         tries
             How many numbers of tight gaps are simulated; 1 for the preferred one, not simulated.
         """
-        values = _outputs(self.tight, scaled(features_of(scene))[None])[0, : tight_of(scene.count)]
+        values = _outputs(self.tight, scaled(features_of(scene))[None])[
+            0, : tight_candidates(scene.count)
+        ]
         tight = np.argsort(-values, kind="stable")[:tries].astype(np.float64)
         outputs = _outputs(self.layout, observations(features_of(scene), tight))
         outputs = outputs.reshape(len(tight), scene.count - 1, 2)
@@ -170,7 +172,7 @@ class Designer:
         path = folder / POLICY
         return cls(
             read_network(path, lambda arrays: _part(arrays, "layout"), SIZE, 2),
-            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE, TIGHT),
+            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE_SIZE, TIGHT),
         )
 
 

@@ -10,7 +10,7 @@ from env_scenes import scaled
 import domino_env as de
 from agents import design, evaluate
 from agents.designer.decoding import decoded
-from agents.designer.features import tight_of
+from agents.designer.features import tight_candidates
 from agents.evaluation import evaluate_scenes, scenes_of
 from domino_env.cli.main import main
 
@@ -31,7 +31,7 @@ def test_features_outside_the_training_are_reported(sprint):
     assert long.outside == ("count 100 is outside 15 to 80",)
     assert long.score > 0.0
     both = replace(de.load_scene("sprint-thickness"), length=0.8)
-    assert design(both).outside == ("free thickness over a given length",)
+    assert design(both).outside == ("free thickness with a given length",)
     assert both.violations(design(both).layout) == []
 
 
@@ -61,7 +61,7 @@ def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kin
         made = design(scene)
         assert scene.violations(made.layout) == []
         assert made.score == scene.score(made.layout)
-        assert made.tight_gaps < tight_of(scene.count)
+        assert made.tight_gaps < tight_candidates(scene.count)
 
 
 @pytest.mark.parametrize("pitch", [1.02, 1.5, 3.0, 4.9])
