@@ -105,11 +105,11 @@ def steady_wave(
     >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
     array([0.958, 0.894, 0.841])
     """
-    chain = _sizes(pitch, thickness, height, density)
-    shape = np.broadcast(*chain).shape
+    sizes = _checked(physics, slope, rtol, (pitch, thickness, height, density))
+    shape = np.broadcast(*sizes).shape
+    chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
     waves = [
-        vars(steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)).values()
-        for p, d, h, rho in (np.broadcast(*chain) if shape else [chain])
+        vars(_steady(*chain, physics, slope, rtol)).values() for chain in chains.swapaxes(0, 1)
     ]
     if not shape:
         return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
@@ -149,15 +149,16 @@ def steady_pattern(
     ValueError
         For chains that cannot stand.
     """
-    require_physics(physics)
-    require("rtol", rtol, 0.0, LOOSEST)
-    require("slope", slope, unit="rad")
-    pitches, thick, tall, rho = (
-        np.array(part)
-        for part in np.broadcast_arrays(
-            *map(np.atleast_1d, _sizes(pitch, thickness, height, density))
-        )
-    )
+    sizes = _checked(physics, slope, rtol, (pitch, thickness, height, density))
+    pattern = map(np.array, np.broadcast_arrays(*map(np.atleast_1d, sizes)))
+    return _steady(*pattern, physics, slope, rtol)
+
+
+def _steady(
+    pitches: Floats, thick: Floats, tall: Floats, rho: Floats,
+    physics: Physics, slope: float, rtol: float,
+) -> SteadyWave:  # fmt: skip
+    """Return the steady wave of a pattern, all sizes of shape (P,)."""
     gaps = pitches - np.roll(thick, -1)
     rise = -np.sin(slope) * pitches
     Layout(  # checks a period and the first domino of the next
@@ -201,10 +202,15 @@ def steady_pattern(
     return SteadyWave(True, "the chain has a steady wave", speed, frequency, *each)
 
 
-def _sizes(*given: ArrayLike) -> tuple[Floats, ...]:
+def _checked(
+    physics: Physics, slope: float, rtol: float, chain: tuple[ArrayLike, ...]
+) -> tuple[Floats, ...]:
     """Return pitch, thickness, height and density as arrays; raise for what is no chain."""
+    require_physics(physics)
+    require("rtol", rtol, 0.0, LOOSEST)
+    require("slope", slope, unit="rad")
     names = ("pitch", "thickness", "height", "density")
-    sizes = tuple(map(numbers, names, given))
+    sizes = tuple(map(numbers, names, chain))
     for name, values in zip(names, sizes, strict=True):
         require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
     if 0 in (shape := np.broadcast(*sizes).shape):
