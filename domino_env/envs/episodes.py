@@ -193,5 +193,6 @@ def objects(values: Iterable[Any]) -> NDArray[Any]:
     """Return an array of objects of any type."""
     listed = list(values)
     array = np.empty(len(listed), object)
-    array[:] = listed
+    for i, value in enumerate(listed):  # a slice would ask every object whether it is an array
+        array[i] = value
     return array

@@ -150,8 +150,8 @@ def steady_pattern(
         For chains that cannot stand.
     """
     sizes = _checked(physics, slope, rtol, (pitch, thickness, height, density))
-    pattern = map(np.array, np.broadcast_arrays(*map(np.atleast_1d, sizes)))
-    return _steady(*pattern, physics, slope, rtol)
+    pitches, thick, tall, rho = map(np.array, np.broadcast_arrays(*map(np.atleast_1d, sizes)))
+    return _steady(pitches, thick, tall, rho, physics, slope, rtol)
 
 
 def _steady(
