@@ -109,7 +109,8 @@ def steady_wave(
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
     waves = [
-        vars(_steady(*chain, physics, slope, rtol)).values() for chain in chains.swapaxes(0, 1)
+        vars(_steady(p, d, h, rho, physics, slope, rtol)).values()
+        for p, d, h, rho in chains.swapaxes(0, 1)
     ]
     if not shape:
         return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
