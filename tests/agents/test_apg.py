@@ -47,7 +47,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
         if name == "draw":  # it wishes for one thickness
             policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
-            monkeypatch.setattr(reacting, "numbers", lambda: numbers)
+            monkeypatch.setattr(reacting, "shipped_references", lambda: numbers)
     learner.env.seed(TRAINING_SEEDS)
     if follows(scene):
         mask = torch.from_numpy(model._mask)

@@ -58,7 +58,7 @@ def test_a_layout_whose_wave_stops_is_completed():
 
 def test_scripted_policies_are_evaluated_by_name(capsys):
     assert evaluate("uniform", SMALL).score == SMALL.uniform().score
-    with pytest.raises(ValueError, match="name one to build for"):
+    with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate("uniform")
     with pytest.raises(ValueError, match="no best known layout of scene 'small' ships"):
         evaluate("plan", SMALL)

@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
-from optimize.experiments import best_known
+from optimize.experiments import best_known, runner
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.report import (
     COMPARISON_FILES,
@@ -312,7 +313,9 @@ def test_names_of_studies(folder, capsys, monkeypatch):
 # progress ---------------------------------------------------------------------------------------
 
 
-def test_the_progress_line_shows_the_tasks(scenes, capsys):
+def test_the_progress_line_shows_the_tasks(scenes, capsys, monkeypatch):
+    every_update = partial(runner.progress_bar, mininterval=0.0, miniters=1)
+    monkeypatch.setattr(runner, "progress_bar", every_update)
     tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
     run_experiment(tasks)
     assert capsys.readouterr() == ("", "")
