@@ -96,7 +96,7 @@ def test_a_larger_budget_continues_a_finished_search(bits, problems, monkeypatch
 def test_a_process_that_is_killed_resumes_to_the_same_bits(bits, problems, tmp_path):
     scene = problems["both"]
     (tmp_path / "both.toml").write_text(scene.to_toml())
-    words = ["optimize", tmp_path / "both.toml", "--method", "random", "--budget", 40_000]
+    words = ["optimize", tmp_path / "both.toml", "--method", "random", "--budget", 4_000_000]
     command = [sys.executable, "-m", "domino_env", *words, "--out", tmp_path / "run"]
     process = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL)
     journal = tmp_path / "run" / f"{JOURNAL}-wal"
