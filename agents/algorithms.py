@@ -21,13 +21,19 @@ truncated mixture of continuous distributional quantile critics. arXiv:2005.0426
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
-from domino_env.core.checks import require, require_choice, require_extra
+from msgspec import Meta, field
+
+from agents.rollout import evaluation_seeds
+from domino_env import Scene, SceneDistribution
+from domino_env.core.checks import require_choice, require_extra
+from domino_env.core.models import Value
+from domino_env.scenes.io.ranges import COUNT
 
 OFF_POLICY = ("sac", "td3", "tqc")
 ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
+TYPICAL_EPISODE = 32  # steps of an episode where scenes have different numbers of dominoes
 REQUIRED = ("torch", "stable_baselines3", "sb3_contrib")
 
 
@@ -36,8 +42,11 @@ def require_learning() -> None:
     require_extra("learning", "rl", *REQUIRED)
 
 
-@dataclass(frozen=True)
-class Hyperparameters:
+Number = Annotated[int, Meta(ge=1)]
+Positive = Annotated[float, Meta(gt=0.0)]
+
+
+class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     """Hyperparameters of a training.
 
     Attributes
@@ -64,28 +73,19 @@ class Hyperparameters:
         a standard deviation.
     """
 
-    num_envs: int
-    steps: int
-    width: int = 64
-    depth: int = 2
-    learning_rate: float = 1e-3
+    num_envs: Number
+    steps: Number
+    width: Number = 64
+    depth: Number = 2
+    learning_rate: Positive = 1e-3
     last_rate: float = 0.05
-    first_deviation: float = 1.0
-    middle_deviation: float = 0.03
-    last_deviation: float = 0.01
-    middle: float = 0.6
-    end_factor: float = 8.0
+    first_deviation: Positive = 1.0
+    middle_deviation: Positive = 0.03
+    last_deviation: Positive = 0.01
+    middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a part of the steps")] = 0.6
+    end_factor: Positive = 8.0
     penalty: float = 1.0
     options: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("num_envs", "steps", "width"):
-            require(name, getattr(self, name), 1, whole=True)
-        for name in (
-            "first_deviation", "middle_deviation", "last_deviation", "end_factor", "learning_rate",
-        ):  # fmt: skip
-            require(name, getattr(self, name), above=0.0)
-        require("middle", self.middle, above=0.0, below=1.0, hint="a part of the steps")
 
     def deviation(self, done: float) -> float:
         """Return the standard deviation of the actions after a part of the steps, 0 to 1."""
@@ -97,22 +97,18 @@ class Hyperparameters:
         return float(begin * (end / begin) ** part)
 
 
-def default_hyperparameters(
-    algorithm: str, episode: int, *, sampled: bool = False, scheduled: bool = False
-) -> Hyperparameters:
+def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -> Hyperparameters:
     """Return the default hyperparameters of an algorithm.
+
+    If episodes are random, APG takes more environments and updates. If hits have a schedule too,
+    which the smallest change of all gaps misses, it takes small steps and little noise.
 
     Parameters
     ----------
     algorithm
         One of `ALGORITHMS`.
-    episode
-        Steps of an episode.
-    sampled
-        Whether episodes are random; APG then takes more environments and more updates.
-    scheduled
-        Whether hits have a schedule too, which the smallest change of all gaps misses; APG then
-        takes small steps and little noise.
+    target
+        The scene or scene distribution.
 
     Raises
     ------
@@ -120,71 +116,44 @@ def default_hyperparameters(
         For an unknown algorithm.
     """
     require_choice("algorithm", algorithm, ALGORITHMS)
+    scene = target if isinstance(target, Scene) else target.first
+    varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
+    episode = TYPICAL_EPISODE if varies else scene.count - 1
     if algorithm == "ppo":
         length = 2 * episode if episode <= 120 else episode
         return Hyperparameters(
-            num_envs=256,
-            steps=15_000_000,
-            last_rate=0.1,
-            middle_deviation=0.1,
-            last_deviation=0.015,
-            middle=0.25,
+            num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
+            middle_deviation=0.1, last_deviation=0.015,
             options={
-                "n_steps": length,
-                "batch_size": max(256 * length // 4, 256),
-                "n_epochs": 8,
+                "n_steps": length, "batch_size": max(256 * length // 4, 256), "n_epochs": 8,
                 "gamma": 1.0,
             },
-        )
+        )  # fmt: skip
     if algorithm == "apg":
         fixed = Hyperparameters(
-            num_envs=16,
-            steps=400 * 16 * episode,
-            learning_rate=2e-2,
-            last_rate=0.02,
-            first_deviation=0.5,
-            middle_deviation=0.08,
-            last_deviation=0.003,
-            middle=0.5,
-            penalty=0.1,
-        )
-        if not sampled:
+            num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
+            first_deviation=0.5, middle_deviation=0.08, last_deviation=0.003, penalty=0.1,
+        )  # fmt: skip
+        if scene is target and len(evaluation_seeds(scene)) == 1:
             return fixed
-        if scheduled:
-            return replace(
-                fixed,
-                num_envs=8,
-                steps=300 * 8 * episode,
-                width=128,
-                learning_rate=3e-4,
-                first_deviation=0.004,
-                middle_deviation=0.003,
-                last_deviation=0.002,
-            )
-        return replace(
-            fixed,
-            num_envs=32,
-            steps=1500 * 32 * episode,
-            width=128,
-            first_deviation=0.2,
-            middle_deviation=0.05,
-            last_deviation=0.01,
-        )
+        if scene is target and scene.as_placed.tempo is not None:
+            return fixed.replace(
+                num_envs=8, steps=300 * 8 * episode, width=128, learning_rate=3e-4,
+                first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,
+            )  # fmt: skip
+        return fixed.replace(
+            num_envs=32, steps=1500 * 32 * episode, width=128,
+            first_deviation=0.2, middle_deviation=0.05, last_deviation=0.01,
+        )  # fmt: skip
     if algorithm in OFF_POLICY:
         noise = {"action_noise": 0.1} if algorithm == "td3" else {}
         return Hyperparameters(
-            num_envs=16,
-            steps=30_000,
-            learning_rate=1e-3 if algorithm == "td3" else 3e-4,
-            last_rate=1.0,
-            options={"train_freq": 1, "gradient_steps": -1} | noise,
-        )
+            num_envs=16, steps=30_000, learning_rate=1e-3 if algorithm == "td3" else 3e-4,
+            last_rate=1.0, options={"train_freq": 1, "gradient_steps": -1} | noise,
+        )  # fmt: skip
     # ARS: the best of three trials of a search on `sprint`, rounded; the other two came within
     # 0.00004.  Best layout built in 8 s of processor time: 0.8204, 0.8204, 0.8201
     return Hyperparameters(
-        num_envs=64,
-        steps=4_000_000,
-        learning_rate=0.2,
-        last_rate=0.02,
+        num_envs=64, steps=4_000_000, learning_rate=0.2, last_rate=0.02,
         options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
-    )
+    )  # fmt: skip

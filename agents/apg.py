@@ -3,9 +3,9 @@
 The derivative of the score with respect to the layout is exact (`Scene.evaluate`), so the gradient
 of the expected return needs no critic and no likelihood ratio. Layouts are built with noise, which
 smooths the score over nearby layouts and decreases on a schedule; the gradient of each score is
-propagated back through the placing of dominoes and through the network. The policy observes only
-its position in the chain, and the features of the scene where scenes are sampled: the weights of
-all other entries of an observation stay zero. So it cannot react to disturbances.
+propagated back through the placing of dominoes and through the network. The policy observes its
+position in the chain, the features of sampled scenes, and the random entries of `follows`: the
+weights of all other entries of an observation stay zero.
 
 References
 ----------
@@ -16,6 +16,7 @@ simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,8 @@ import torch
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.reacting import RTOL, Episodes, antithetic_noise, follows
-from domino_env import Scene
+from domino_env import Scene, load_scene
+from domino_env.core.files import as_text
 from domino_env.envs.spaces import closeness
 
 
@@ -33,7 +35,7 @@ class APG(OnPolicyAlgorithm):
     Parameters
     ----------
     policy, env, learning_rate
-        As of `stable_baselines3.PPO`; the environment is an `agents.DominoVecEnv`, in which each
+        See `stable_baselines3.PPO`; the environment is an `agents.DominoVecEnv`, in which each
         update builds one layout per environment.
     max_grad_norm
         Largest norm of the gradient with respect to the weights.
@@ -121,13 +123,13 @@ class APG(OnPolicyAlgorithm):
         self._n_updates += 1
 
 
-def torch_score(scene: Scene, rtol: float = RTOL) -> Callable[..., torch.Tensor]:
+def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., torch.Tensor]:
     """Return the score of a scene as a function of tensors, with its exact gradient.
 
     Parameters
     ----------
     scene
-        The scene.
+        A scene, its name, or the path of its file.
     rtol
         Relative error allowed in the arrival times.
 
@@ -140,21 +142,26 @@ def torch_score(scene: Scene, rtol: float = RTOL) -> Callable[..., torch.Tensor]
 
     Examples
     --------
-    >>> import torch, domino_env
+    >>> import torch
     >>> from agents import torch_score
-    >>> score = torch_score(domino_env.load_scene("sprint"))
+    >>> score = torch_score("sprint")
     >>> spacing = torch.full((2, 39), 0.018, requires_grad=True)
     >>> score(spacing).sum().backward()
     >>> spacing.grad.shape
     torch.Size([2, 39])
     """
+    target = scene if isinstance(scene, Scene) else load_scene(scene)
 
     def score(
         spacing: torch.Tensor,
         thickness: torch.Tensor | None = None,
         height: torch.Tensor | None = None,
     ) -> torch.Tensor:
-        scores: torch.Tensor = _Score.apply(scene, rtol, spacing, thickness, height)[0]  # type: ignore[no-untyped-call]
+        sizes = {"spacing": spacing, "thickness": thickness, "height": height}
+        for name, size in sizes.items():
+            if not isinstance(size, torch.Tensor | None):
+                raise ValueError(f"{name} = {as_text(size)}: give a tensor (B, {target.count - 1})")
+        scores: torch.Tensor = _Score.apply(target, rtol, *sizes.values())[0]  # type: ignore[no-untyped-call]
         return scores
 
     return score
@@ -186,9 +193,9 @@ class _Score(torch.autograd.Function):
         return scores, reach
 
     @staticmethod
-    def backward(ctx: Any, bars: torch.Tensor, _: torch.Tensor) -> Any:
+    def backward(ctx: Any, derivatives: torch.Tensor, _: torch.Tensor) -> Any:
         """Multiply by the gradients (B, N-1)."""
-        gradients = (None if g is None else bars[:, None] * g for g in ctx.gradients)
+        gradients = (None if g is None else derivatives[:, None] * g for g in ctx.gradients)
         return None, None, *gradients
 
 
@@ -202,9 +209,9 @@ class _Placing(torch.autograd.Function):
         return tuple(map(torch.from_numpy, vector.place_all(ctx.actions)))
 
     @staticmethod
-    def backward(ctx: Any, *bars: torch.Tensor) -> Any:
+    def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
         """Propagate gradients back, but none of a descent that moves an action further outwards."""
-        gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(bars, dim=-1).numpy())
+        gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
         gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
 

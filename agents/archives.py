@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
-from agents.network import NoMLPError, Policy, actor_of
+from agents.network import Policy, UnsupportedPolicyError, build_actor
 from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
@@ -58,7 +58,9 @@ def load_archive(
     try:
         statistics = _statistics_beside(path)
         if statistics is not None and not trust:
-            raise NoMLPError(f"its observations were normalised by {statistics}, a pickle")
+            raise UnsupportedPolicyError(
+                f"its observations were normalised by {statistics}, a pickle"
+            )
         policy, size = _unpickled(path) if trust else _rebuilt(path)
         if statistics is not None:
             policy = _normalised(policy, statistics)
@@ -71,7 +73,7 @@ def load_archive(
         )  # fmt: skip
         reason = (
             str(error)
-            if isinstance(error, NoMLPError)
+            if isinstance(error, UnsupportedPolicyError)
             else "damaged, or no archive of Stable-Baselines3"
         )
         raise ValueError(f"{path}: {reason}{advice}") from None
@@ -92,9 +94,9 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
     options = data.get("policy_kwargs") or {}
     module = str(data["policy_class"].get("__module__"))
     if not module.startswith(MODULES) or any(name in options for name in UNSUPPORTED_OPTIONS):
-        raise NoMLPError(f"its policy is no plain multilayer perceptron ({module})")
+        raise UnsupportedPolicyError(f"its policy is no plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
-    network = actor_of(arrays, activation.group(1) if activation else None)
+    network = build_actor(arrays, activation.group(1) if activation else None)
     size = network.layers[0][0].shape[1]
     network.require(size, len(network.layers[-1][1]))
     return network.act, size
@@ -140,7 +142,7 @@ def _normalised(policy: Policy, statistics: Path) -> Policy:
     with statistics.open("rb") as file:
         wrapper = pickle.load(file)
     if not isinstance(wrapper, VecNormalize):
-        raise NoMLPError(f"{statistics} has no statistics of VecNormalize")
+        raise UnsupportedPolicyError(f"{statistics} has no statistics of VecNormalize")
 
     def act(observation: Singles) -> NDArray[Any]:
         return policy(np.asarray(wrapper.normalize_obs(observation), dtype=np.float32))

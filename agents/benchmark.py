@@ -12,7 +12,7 @@ import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -22,14 +22,15 @@ import msgspec
 import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
-from agents.evaluation import gains_of, searched_scores
-from agents.outside import fitted, load_fit
-from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, summary_of
+from agents.evaluation import evaluate_gains, read_searched
+from agents.outside import load_fit, train_outside
+from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, read_summary
 from agents.rollout import Rollout
 from agents.scripted import SCRIPTED, ScriptedPolicy
-from agents.training import episode_of, train
+from agents.training import train
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require
+from domino_env.core.models import plain
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
@@ -73,7 +74,7 @@ class BenchmarkTask(Task):
     @property
     def target(self) -> Target:
         """Scene or scene distribution of the run."""
-        return target_of_text(self.scene)
+        return read_target(self.scene)
 
     @property
     def scene_name(self) -> str:
@@ -83,17 +84,15 @@ class BenchmarkTask(Task):
     @property
     def hyperparameters(self) -> Hyperparameters:
         """Hyperparameters of a training, including its number of steps."""
-        sampled = isinstance(self.target, SceneDistribution)
-        defaults = default_hyperparameters(self.method, episode_of(self.target), sampled=sampled)
-        steps = defaults.steps if self.steps is None else min(defaults.steps, self.steps)
-        return replace(defaults, steps=steps)
+        defaults = default_hyperparameters(self.method, self.target)
+        return defaults.replace(steps=min(defaults.steps, self.steps or defaults.steps))
 
     @property
     def key(self) -> str:
         """Digest of everything that determines the result, such as the hyperparameters."""
         determinants: list[object] = [ENVIRONMENT, self.scene, self.method, self.seed]
         if self.method in ALGORITHMS:
-            determinants += [asdict(self.hyperparameters)]
+            determinants += [plain(self.hyperparameters)]
         elif load_fit(self.method) is not None:
             determinants += [self.steps]
         elif self.method not in SCRIPTED:
@@ -111,12 +110,12 @@ class BenchmarkTask(Task):
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
         compile_for(scenes[0], gradients=True, episodes=True)  # before time is measured
         evaluation: Rollout | Floats
-        if learns(self.method):
+        if is_learner(self.method):
             policy, trace, work = self._train()
             if isinstance(target, Scene):
                 evaluation = policy.build(target)
             else:
-                evaluation = gains_of(policy.policy, target, scenes)
+                evaluation = evaluate_gains(policy.policy, target, scenes)
             return self._evaluated(evaluation, trace, work)
         if self.method in SCRIPTED:
             began, scripted = clock(), ScriptedPolicy(self.method)
@@ -138,9 +137,9 @@ class BenchmarkTask(Task):
     def _train(self) -> tuple[ScenePolicy, list[Step], Mapping[str, int]]:
         """Train; return the policy, its learning curve and counts of simulations and updates."""
         if self.method not in ALGORITHMS:
-            return fitted(self.method, self.target, self.steps, self.seed)
+            return train_outside(self.method, self.target, self.steps, self.seed)
         folder = self.folder
-        if not ((folder / SUMMARY).exists() and summary_of(folder).finished):
+        if not ((folder / SUMMARY).exists() and read_summary(folder).finished):
             # before time is measured, as the first optimiser would import it
             import_module("torch._dynamo")
             run = train(
@@ -149,7 +148,7 @@ class BenchmarkTask(Task):
             )  # fmt: skip
             if run.interrupted:
                 raise KeyboardInterrupt
-        summary = summary_of(folder)
+        summary = read_summary(folder)
         work = {name: getattr(summary, name) for name in ("simulations", "gradients", "updates")}
         return ScenePolicy.load(folder), learning_curve(folder), work
 
@@ -167,7 +166,7 @@ class BenchmarkTask(Task):
             score = gain = float(np.median(evaluation))
             uniform, wave = 0.0, None
         trace[-1] = (*trace[-1][:3], score)
-        return self.result_of(trace, score, uniform, gain, wave, **work)
+        return self.make_result(trace, score, uniform, gain, wave, **work)
 
     def software(self) -> dict[str, str]:
         """Return versions of packages, the commit and the processor."""
@@ -199,7 +198,7 @@ class BenchmarkTask(Task):
             name: sum(getattr(result, name) for result in results)
             for name in ("simulations", "gradients")
         }
-        return self.result_of(steps, score, 0.0, score, None, **counts)
+        return self.make_result(steps, score, 0.0, score, None, **counts)
 
 
 def benchmark_tasks(
@@ -233,11 +232,11 @@ def benchmark_tasks(
     require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
         if number is not None:
-            require(name, number, above=0)
+            require(name, number, above=0, whole=name != "seconds")
     for name in algorithms:
-        if name not in SCRIPTED and not learns(name):
+        if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
-    targets = [load_any(scene) if isinstance(scene, str) else scene for scene in scenes]
+    targets = [scene if isinstance(scene, Target) else load_any(scene) for scene in scenes]
     return [
         BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
@@ -247,7 +246,7 @@ def benchmark_tasks(
     ]
 
 
-def learns(name: str) -> bool:
+def is_learner(name: str) -> bool:
     """Return True for the name of a learning algorithm, also of a third-party one."""
     return name in ALGORITHMS or load_fit(name) is not None
 
@@ -274,7 +273,7 @@ def learning_curve(folder: Path) -> list[Step]:
 
 
 @lru_cache(8)
-def target_of_text(text: str) -> Target:
+def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
     document = document_of_text(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else scene_of(text)
@@ -307,11 +306,11 @@ def machine() -> dict[str, str]:
 
 def best_known_score(result: TaskResult) -> float:
     """Return the best known score, or median gain in a test set, for the target of a result."""
-    target = target_of_text(result.scene)
+    target = read_target(result.scene)
     if isinstance(target, Scene):
         return known_score(result)
     tests = load_test_set(target.name)
-    scores = searched_scores(target.name, len(tests))
+    scores = read_searched(target.name, len(tests))
     if scores is None:
         return -np.inf
     searched = np.flatnonzero(np.isfinite(scores))

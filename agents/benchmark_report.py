@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -13,10 +13,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agents.benchmark import Target, best_known_score, learns, target_hash, target_of_text
+from agents.benchmark import Target, best_known_score, is_learner, read_target, target_hash
 from agents.scripted import SCRIPTED
-from domino_env import Scene
-from domino_env.core.files import naming, write_text
+from domino_env.core.files import errors_with_path, write_text
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.uniform import gain
@@ -32,10 +31,9 @@ from optimize.experiments.experiment import Experiment, best_of_problems
 from optimize.experiments.report import failures_section
 from optimize.experiments.task import TaskResult
 
-FILES = (
-    "benchmark.md", "benchmark.csv", "benchmark-reached.png", "benchmark-seconds.png",
-    "benchmark-steps.png",
-)  # fmt: skip
+RUNS, REPORT, INTERVALS = "benchmark.csv", "benchmark.md", "benchmark-reached.png"
+OVER_CLOCK = {"seconds": "benchmark-seconds.png", "evaluations": "benchmark-steps.png"}
+FILES = REPORT, RUNS, INTERVALS, *OVER_CLOCK.values()
 TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
 COLUMNS = (
     "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", "steps",
@@ -72,17 +70,17 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
             round(float(experiment.normalised(r, r.score)), 5), r.evaluations, r.simulations,
             r.gradients, r.updates, r.seconds, experiment.seconds_past_uniform(r), r.key,
-            target_hash(target_of_text(r.scene)), json.dumps(r.versions),
+            target_hash(read_target(r.scene)), json.dumps(r.versions),
             json.dumps([(steps, seconds, score) for steps, _, seconds, score in r.trace]),
         )
         for r in experiment.results
     )  # fmt: skip
-    write_csv(folder / FILES[1], COLUMNS, lines)
-    write_text(folder / FILES[0], page(experiment, command))
-    draw_intervals(experiment, folder / FILES[2])
-    learning = [name for name in experiment.methods if learns(name)]
-    draw_over_clock(experiment, "seconds", folder / FILES[3], learning)
-    draw_over_clock(experiment, "evaluations", folder / FILES[4], learning)
+    write_csv(folder / RUNS, COLUMNS, lines)
+    write_text(folder / REPORT, page(experiment, command))
+    draw_intervals(experiment, folder / INTERVALS)
+    learning = [name for name in experiment.methods if is_learner(name)]
+    for clock, picture in OVER_CLOCK.items():
+        draw_over_clock(experiment, clock, folder / picture, learning)
 
 
 def _shorten(result: TaskResult) -> TaskResult:
@@ -115,7 +113,7 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
         return []
     known = {target.name: target for target in targets}
     results = list[TaskResult]()
-    with path.open(newline="", encoding="utf-8") as file, naming(path):
+    with path.open(newline="", encoding="utf-8") as file, errors_with_path(path):
         lines = csv.DictReader(file)
         if tuple(lines.fieldnames or ()) != COLUMNS:
             raise ValueError(
@@ -165,7 +163,7 @@ def page(experiment: Experiment, command: str) -> str:
         for r in experiment.results
     )
     problems = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
-    hashes = [(f"`{r.problem}`", target_hash(target_of_text(r.scene))) for r in problems]
+    hashes = [(f"`{r.problem}`", target_hash(read_target(r.scene))) for r in problems]
     return PAGE.read_text("utf-8").format(
         overview="\n\n".join(_overview(experiment)),
         work="\n".join(_work_table(experiment)),
@@ -216,7 +214,7 @@ def table(
     columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
     included = set(experiment.methods if names is None else names)
     lines = []
-    for name in experiment.ranked([m for m in experiment.methods if learns(m)], scene):
+    for name in experiment.ranked([m for m in experiment.methods if is_learner(m)], scene):
         if name not in included:
             continue
         runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
@@ -230,8 +228,8 @@ def table(
             f"{past} of {len(runs)}", _seconds_text(float(np.median([r.seconds for r in runs]))),
         ]  # fmt: skip
         if scene is not None:
-            text = _score_format(runs[0])
-            line.append(f"{text(min(r.score for r in runs))}, {text(max(r.score for r in runs))}")
+            worst, best = (choose(r.score for r in runs) for choose in (min, max))
+            line.append(f"{_score_text(runs[0], worst)}, {_score_text(runs[0], best)}")
         lines.append(line)
     return list(markdown_table(columns, lines))
 
@@ -280,14 +278,13 @@ def _seconds_text(seconds: float) -> str:
 def _scene_section(experiment: Experiment, scene: str) -> list[str]:
     """Return the section of a scene as lines of Markdown."""
     result = next(r for r in experiment.results if r.problem == scene)
-    best = _score_format(result)(experiment.best[scene])
+    best = _score_text(result, experiment.best[scene])
     text = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
-    if not isinstance(target_of_text(result.scene), Scene):
+    if not result.uniform_score:
         text = SAMPLED.format(best)
     return ["", f"## {scene}", "", text, "", *table(experiment, None, scene)]
 
 
-def _score_format(result: TaskResult) -> Callable[[float], str]:
-    """Return the function that formats scores of a result, as gains if scenes are sampled."""
-    fixed = isinstance(target_of_text(result.scene), Scene)
-    return "{:.5f}".format if fixed else "{:+.2%}".format
+def _score_text(result: TaskResult, score: float) -> str:
+    """Format a score on the problem of a result, as a gain if scenes are sampled."""
+    return f"{score:.5f}" if result.uniform_score else f"{score:+.2%}"

@@ -21,7 +21,7 @@ import numpy as np
 
 from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.checks import require, require_extra
-from domino_env.core.files import require_unused, write_text
+from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import load_distribution
@@ -90,6 +90,7 @@ def make_dataset(
     require("noise", noise, 0.0, 1.0)
     require_extra("a dataset", "minari", "pyarrow", "minari")
     root, source = Path(folder), load_distribution(distribution)
+    require_writable(root)
     require_unused(root, (CARD, EPISODES))
     root.mkdir(parents=True, exist_ok=True)
     sampled = [
@@ -113,7 +114,8 @@ def make_dataset(
     layouts = [result.layout for result in results]
     returns = write_episodes(partial, source, sampled, layouts, seed, noise, code_link)
     partial.rename(root / EPISODES)
-    write_text(root / CARD, _card(source, results, returns, seed, budget, noise))
+    options = {"scenes": scenes, "seed": seed, "budget": budget, "noise": noise}
+    write_text(root / CARD, _card(source, results, returns, options))
     return root / CARD
 
 
@@ -121,28 +123,25 @@ def _card(
     source: SceneDistribution,
     results: Sequence[TaskResult],
     returns: dict[str, float],
-    seed: int,
-    budget: int,
-    noise: float,
+    options: dict[str, float],
 ) -> str:
     """Return the description of the dataset in Markdown."""
     gains = np.array([result.score / result.uniform_score - 1.0 for result in results])
     layouts = {
         "uniform": "the uniform baseline",
-        "noisy": f"the searched layout, normal noise of {noise:g} on each action (from -1 to 1)",
+        "noisy": f"the searched layout, normal noise of {options['noise']:g} on each action "
+        "(from -1 to 1)",
         "searched": "the searched layout",
     }
     lines = [
         (f"`{source.name}/{quality}-v0`", layouts[quality], f"{mean:.2f}")
         for quality, mean in returns.items()
     ]
-    command = (
-        f"domino dataset FOLDER --distribution {source.name} --scenes {len(results)} --seed {seed} "
-        f"--budget {budget} --noise {noise:g}"
-    )
+    words = (f" --{name} {value}" for name, value in options.items())
+    command = f"domino dataset FOLDER --distribution {source.name}{''.join(words)}"
     return CARD_PAGE.read_text("utf-8").format(
         number=len(results), name=source.name, title=source.title,
-        features=", ".join(source.features), budget=budget, median=np.median(gains),
+        features=", ".join(source.features), budget=options["budget"], median=np.median(gains),
         tenth=np.quantile(gains, 0.1), command=command,
         table="\n".join(markdown_table(("episodes", "layout", "mean return"), lines)),
         versions=", ".join(f"{name} {number}" for name, number in versions().items()),

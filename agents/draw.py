@@ -4,9 +4,9 @@
   position, the thickness of the placed piece and that of the piece before it; 25 coefficients;
 - open loop: a fixed sequence of gaps and desired thicknesses.
 
-`docs/draw_references.py` fits both to the orders of `PLANNING_SEEDS` of the scene "draw" and writes
-`draw.json` beside this file. The file also has the mean score of layouts optimised with the order
-known in advance ("hindsight").
+`docs/draw_references.py` fits both to the orders of `SELECTION_SEEDS` of the scene "draw" and
+writes `draw.json` beside this file. The file also has the mean score of layouts optimised with the
+order known in advance ("hindsight").
 """
 
 from __future__ import annotations

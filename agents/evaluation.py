@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agents.archives import load_archive
-from agents.designer.features import FEATURES, features_of
+from agents.designer.features import FEATURES, scene_features
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
-from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, summary_of
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, read_summary, shipped
 from agents.rollout import Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_choice
 from domino_env.core.progress import progress_bar
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.core.types import Floats
@@ -71,11 +71,12 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     0.8284
     """
     policy = load_policy(run, trust=trust)
-    if isinstance(policy, ScenePolicy) and scene is None:
-        return policy.build()
-    if scene is None:
+    target = scene if isinstance(scene, Scene | None) else load_scene(scene)
+    if isinstance(policy, ScenePolicy):
+        return policy.build(target)
+    if target is None:
         raise ValueError(f"policy '{run}' has no scene of its own: give one (--scene)")
-    return policy.build(scene if isinstance(scene, Scene) else load_scene(scene))
+    return policy.build(target)
 
 
 def load_policy(
@@ -99,7 +100,10 @@ def load_policy(
     """
     if str(run) in SCRIPTED:
         return ScriptedPolicy(str(run))
-    folder = folder_of(run)
+    folder = find_folder(run)
+    if not folder.exists():
+        others = "the folder of a training", "an archive (.zip)"
+        require_choice("policy", str(run), (*SCRIPTED, DESIGNER, *shipped(), *others))
     if folder.suffix == ".zip":
         return load_archive(folder, trust, distribution)
     if folder == POLICIES / DESIGNER:
@@ -122,11 +126,8 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     ValueError
         If `run` names no policy.
     """
-    try:
-        policy = load_policy(run)
-    except ValueError as error:
-        raise ValueError(f"method 'agent:{run}': {error}") from None
-    summary = summary_of(folder_of(run))
+    policy = load_policy(run)
+    summary = read_summary(find_folder(run))
 
     def method(evaluator: Evaluator, rng: np.random.Generator) -> None:
         evaluator.add_seconds(summary.seconds)
@@ -136,7 +137,9 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     return method
 
 
-def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[Scene]) -> Floats:
+def evaluate_gains(
+    policy: Policy, distribution: SceneDistribution, scenes: Sequence[Scene]
+) -> Floats:
     """Return the gains of the layouts that a policy builds in a batch of scenes.
 
     Parameters
@@ -157,7 +160,7 @@ def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[S
     return np.array(last_infos(policy, env, "gain", options={"scene": list(scenes)}))
 
 
-def searched_scores(name: str, number: int) -> Floats | None:
+def read_searched(name: str, number: int) -> Floats | None:
     """Return the scores of `search(scene, budget=2500, seed=1)` in the first scenes of a test set.
 
     Parameters
@@ -237,15 +240,15 @@ class ScenesEvaluation:
 
     def save(self, path: Path) -> None:
         """Write a CSV file with the features, scores and times [s] of each scene."""
-        columns = dict(zip(FEATURES, np.array([*map(features_of, self.scenes)]).T, strict=True))
+        columns = dict(zip(FEATURES, np.array([*map(scene_features, self.scenes)]).T, strict=True))
         columns |= {"uniform": self.uniform, **self.scores}
         columns |= {f"{name} seconds": values for name, values in self.seconds.items()}
         lines = ([f"{x:.10g}" for x in line] for line in zip(*columns.values(), strict=True))
         write_csv(path, [name.replace(" ", "_") for name in columns], lines)
 
 
-def scenes_of(
-    name: str | Path | SceneDistribution, number: int, seed: int | None = None
+def choose_scenes(
+    name: str | Path | SceneDistribution, number: int | None = None, seed: int | None = None
 ) -> list[Scene]:
     """Return scenes for an evaluation, from a shipped test set or sampled.
 
@@ -254,7 +257,7 @@ def scenes_of(
     name
         A scene distribution, the name of a shipped one, or the path of its file.
     number
-        Number of scenes; at most 200 with a test set, whose first scenes are returned.
+        Number of scenes, the first ones of a test set of 200; None for all of them.
     seed
         Seed of the sampled scenes; None for the test set.
 
@@ -264,19 +267,20 @@ def scenes_of(
         For numbers out of range, for distributions without a test set if `seed` is None, and for
         the reasons of `load_distribution`.
     """
-    require("scenes", number, 1, whole=True)
+    if number is not None or seed is not None:
+        require("scenes", number, 1, whole=True)
     distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
     if seed is not None:
         require("seed", seed, 0, whole=True)
         rng = np.random.default_rng(seed)
-        return [distribution.sample(rng) for _ in range(number)]
+        return [distribution.sample(rng) for _ in range(number or 0)]
     name = distribution.name
     if name not in distribution_names() or load_distribution(name) != distribution:
         raise ValueError(
             f"distribution '{name}' has no test set: give a seed for sampled scenes (--seed)"
         )
     tests = load_test_set(name)
-    if number > len(tests):
+    if number is not None and number > len(tests):
         raise ValueError(
             f"scenes = {number}: the test set of {name} has {len(tests)} scenes: give "
             "at most so many, or a seed for sampled scenes (--seed)"
@@ -310,6 +314,7 @@ def evaluate_scenes(
     ScenesEvaluation
         Scores and processor times in each scene.
     """
+    require("number of scenes", len(scenes), 1)
     builder = policy or shipped_designer()
     scorers: dict[str, Callable[[Scene], float]] = {
         "policy": lambda scene: builder.build(scene).score

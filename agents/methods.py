@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import warnings
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -28,7 +27,7 @@ from agents.algorithms import Hyperparameters, default_hyperparameters, require_
 
 require_learning()
 
-from agents.rollout import build, completed  # noqa: E402
+from agents.rollout import build, complete_layout  # noqa: E402
 from agents.sb3 import Learner  # noqa: E402
 from domino_env.core.types import Floats, Ints  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
@@ -55,7 +54,7 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
         Source of all randomness.
     """
     scene = evaluator.problem.scene
-    hyperparameters = _within(default_hyperparameters(algorithm, scene.count - 1), evaluator)
+    hyperparameters = _within(default_hyperparameters(algorithm, scene), evaluator)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
@@ -73,7 +72,7 @@ def _within(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
     if "n_delta" in options:  # ARS evaluates each in two environments
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
-    return replace(defaults, num_envs=num_envs, options=options)
+    return defaults.replace(num_envs=num_envs, options=options)
 
 
 apg = partial(learn, "apg")
@@ -137,7 +136,7 @@ class _Learning:
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
         def design(i: int) -> Floats:
-            return self.problem.design(completed(layouts[i], self.problem.scene))
+            return self.problem.design(complete_layout(layouts[i], self.problem.scene))
 
         self.evaluator.record(Scores(scores, reach, falls), design)
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.files import naming, read_bytes
-from domino_env.core.results import brief
+from domino_env.core.files import errors_with_path, read_bytes
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Singles
 
 Policy = Callable[[Singles], NDArray[Any]]
@@ -29,7 +29,7 @@ def _relu(values: Singles) -> Singles:
 ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
 
 
-class NoMLPError(ValueError):
+class UnsupportedPolicyError(ValueError):
     """Reason for which a policy is no plain multilayer perceptron."""
 
 
@@ -64,7 +64,7 @@ class Network:
     activation: ArrayFunction = np.tanh
     squashed: bool = False
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     def __call__(self, observations: Singles) -> Singles:
         """Return the outputs (…, outputs) for observations (…, inputs)."""
@@ -124,7 +124,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     OSError
         If it cannot be read.
     """
-    with naming(path):
+    with errors_with_path(path):
         file = io.BytesIO(read_bytes(path))  # NumPy does not close a file that is no archive
         try:
             with np.load(file, allow_pickle=False) as archive:
@@ -144,14 +144,14 @@ def read_network(
         If the file holds the weights of another policy, or none.
     """
     arrays = read_arrays(path)
-    with naming(path):
+    with errors_with_path(path):
         try:
             return make(arrays).require(inputs, outputs)
         except (ValueError, KeyError) as error:
             raise ValueError(f"it does not hold the weights of such a policy: {error}") from None
 
 
-def actor_of(arrays: Mapping[str, Any], activation: str | None = None) -> Network:
+def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Network:
     """Return the network of mean actions of a policy of Stable-Baselines3 or sb3-contrib.
 
     Parameters
@@ -163,17 +163,21 @@ def actor_of(arrays: Mapping[str, Any], activation: str | None = None) -> Networ
 
     Raises
     ------
-    NoMLPError
+    UnsupportedPolicyError
         If it is no multilayer perceptron.
     """
     arrays = {name: value for name, value in arrays.items() if not UNUSED.match(name)}
     layers = {name.rpartition(".")[0] for name in arrays}
     kinds = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
     if not kinds:
-        raise NoMLPError(f"its policy is no plain multilayer perceptron ({', '.join(arrays)})")
+        raise UnsupportedPolicyError(
+            f"its policy is no plain multilayer perceptron ({', '.join(arrays)})"
+        )
     function = activation or kinds[0].activation
     if function not in ACTIVATIONS:
-        raise NoMLPError(f"its activation function is {function}, only Tanh and ReLU are known")
+        raise UnsupportedPolicyError(
+            f"its activation function is {function}, only Tanh and ReLU are known"
+        )
     names = _names(layers, kinds[0])
     biased = any(name.endswith("bias") for name in arrays)
     for name in [] if biased else names:  # linear policies of ARS have no biases

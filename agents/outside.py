@@ -52,7 +52,7 @@ def load_fit(name: str) -> Fit | None:
         For a function that cannot be imported.
     """
     module, colon, _ = name.partition(":")
-    if not colon or module in (*registry.METHODS, *registry.of_others()):
+    if not colon or module in (*registry.METHODS, *registry.installed_methods()):
         return None
     function = cast("Fit", registry.import_own(name))
     for number in (3, 2):
@@ -65,7 +65,7 @@ def load_fit(name: str) -> Fit | None:
     )
 
 
-def fitted(
+def train_outside(
     name: str, target: Scene | SceneDistribution, steps: int | None, seed: int
 ) -> tuple[ScenePolicy, list[Step], dict[str, int]]:
     """Train with an algorithm from outside.

@@ -14,16 +14,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from agents.network import Policy, actor_of, read_network
+from agents.algorithms import Hyperparameters
+from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.files import naming, read_json
-from domino_env.core.models import Document, model_of
+from domino_env.core.files import as_text, errors_with_path, read_json
+from domino_env.core.models import Document, read_model
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import load_any
@@ -40,6 +41,16 @@ POLICIES = Path(__file__).with_name("policies")
 DESIGNER = "designer"  # the scene-conditioned policy
 
 
+class ConfigDocument(Document):
+    """Arguments of a training: config.json."""
+
+    algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
+    seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
+    steps: Annotated[int, Meta(ge=1)]
+    hyperparameters: Hyperparameters
+    num_scenes: Annotated[int, Meta(ge=1)] | None = None
+
+
 class SummaryDocument(Document):
     """Parts of summary.json and policy.json that are read again."""
 
@@ -48,9 +59,6 @@ class SummaryDocument(Document):
     simulations: Annotated[int, Meta(ge=0)] = 0
     gradients: Annotated[int, Meta(ge=0)] = 0
     updates: Annotated[int, Meta(ge=0)] = 0
-    reference_over_uniform: Annotated[
-        float, Meta(gt=0, le=1000, description="reference speed over that of the uniform baseline")
-    ] = 1.0
 
 
 def shipped() -> list[str]:
@@ -58,11 +66,13 @@ def shipped() -> list[str]:
     return sorted(folder.parent.name for folder in POLICIES.glob(f"*/{SCENE}"))
 
 
-def folder_of(run: str | Path) -> Path:
+def find_folder(run: str | Path) -> Path:
     """Return the folder of a training, or of the shipped policy under a name.
 
     A folder of the same name is given as a Path, or as "./name".
     """
+    if not isinstance(run, str | Path):
+        raise TypeError(f"run = {as_text(run)}: give the name of a policy, or a folder or file")
     if run not in (*shipped(), DESIGNER):
         return Path(run)
     if Path(run).exists():
@@ -70,12 +80,24 @@ def folder_of(run: str | Path) -> Path:
     return POLICIES / run
 
 
-def summary_of(folder: Path, names: tuple[str, ...] = (SUMMARY, BEST)) -> SummaryDocument:
-    """Read the first of some files in the folder of a training; defaults where there is none."""
-    for path in (folder / name for name in names):
+def read_config(folder: Path) -> ConfigDocument:
+    """Read the arguments of a training; raise ValueError for a folder without one."""
+    path = folder / CONFIG
+    if not path.exists():
+        raise ValueError(
+            f"{folder} holds no training to resume: leave out --resume, and give another folder if "
+            "this one holds other files of a run"
+        )
+    with errors_with_path(path):
+        return read_model(ConfigDocument, read_json(path))
+
+
+def read_summary(folder: Path) -> SummaryDocument:
+    """Read the summary of a training, else that of its best policy; defaults if there is none."""
+    for path in (folder / SUMMARY, folder / BEST):
         if path.exists():
-            with naming(path):
-                return model_of(SummaryDocument, read_json(path))
+            with errors_with_path(path):
+                return read_model(SummaryDocument, read_json(path))
     return SummaryDocument()
 
 
@@ -93,15 +115,12 @@ class ScenePolicy:
         Number of entries of an observation.
     scene
         The scene or the distribution that it was trained on; None where it is not known.
-    reference
-        Reference speed of its rewards, over that of the uniform baseline.
     """
 
     source: Path
     policy: Policy
     size: int
     scene: Scene | SceneDistribution | None = None
-    reference: float = 1.0
 
     @classmethod
     def load(cls, folder: Path) -> ScenePolicy:
@@ -113,16 +132,12 @@ class ScenePolicy:
             If the folder holds no such policy.
         """
         if not ((folder / SCENE).exists() and (folder / POLICY).exists()):
-            raise ValueError(
-                f"{folder} holds no policy: name the folder of a finished training, or a "
-                f"shipped policy: {', '.join(shipped())}"
-            )
+            raise ValueError(f"{folder} holds no policy: name the folder of a finished training")
         scene = load_any(folder / SCENE)
         env = DominoChain(scene)
         (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape  # type: ignore[misc]
-        actor = read_network(folder / POLICY, actor_of, inputs, outputs)
-        reference = summary_of(folder, (BEST,)).reference_over_uniform
-        return cls(folder, actor.act, inputs, scene, reference)
+        actor = read_network(folder / POLICY, build_actor, inputs, outputs)
+        return cls(folder, actor.act, inputs, scene)
 
     def predict(
         self,
@@ -162,20 +177,13 @@ class ScenePolicy:
         ValueError
             If the size differs, and if no scene is known.
         """
-        if isinstance(self.scene, SceneDistribution):
-            if scene is None:
-                raise ValueError(
-                    f"{self.source} was trained on sampled scenes: name one to build for (--scene)"
-                )
-            return build(self.policy, scene, distribution=self.scene)
         target = scene or self.scene
-        if target is None:
-            raise ValueError(f"{self.source} names no scene: name one to build for (--scene)")
+        if not isinstance(target, Scene):
+            raise ValueError(f"policy '{self.source}' has no scene of its own: give one (--scene)")
+        if isinstance(self.scene, SceneDistribution):
+            return build(self.policy, target, distribution=self.scene)
         require_size(target, self.size)
-        if self.reference == 1.0:
-            return build(self.policy, target)
-        speed = self.reference * target.uniform().wave.mean_speed
-        return build(self.policy, target, speed or None)
+        return build(self.policy, target)
 
 
 def require_size(target: Scene | SceneDistribution, size: int) -> None:

@@ -21,16 +21,16 @@ from domino_env import (
 )
 from domino_env.core.types import Floats
 from domino_env.scenes.uniform import gain
-from domino_env.view.notebook import MadeForScene
+from domino_env.view.notebook import SceneResult
 from optimize.searching import compile_for
 
-PLANNING_SEEDS = range(64)  # seeds by which plans and policies are chosen
+SELECTION_SEEDS = range(64)  # seeds by which plans and policies are chosen
 EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
 TRAINING_SEEDS = 10**6  # environments of training k begin at (k + 1) times this seed
 
 
 @dataclass(frozen=True, eq=False)
-class Rollout(MadeForScene):
+class Rollout(SceneResult):
     """A layout that a policy built, beside the uniform baseline.
 
     Attributes
@@ -65,14 +65,12 @@ class Rollout(MadeForScene):
         """Score over that of the uniform baseline, minus 1; None where one of the waves stops."""
         return gain(self.score, self.uniform.score)
 
-    def __repr__(self) -> str:
-        return f"Rollout({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
+    __repr__ = SceneResult.__repr__
 
 
 def build(
     policy: Policy,
     scene: Scene,
-    reference_speed: float | None = None,
     *,
     distribution: SceneDistribution | None = None,
     seeds: range | None = None,
@@ -88,8 +86,6 @@ def build(
         Maps an observation to an action.
     scene
         The scene to build for.
-    reference_speed
-        Reference speed of the rewards [m/s]; None for that of the uniform baseline.
     distribution
         The scene distribution that the policy was trained on, if any: the policy then observes the
         features of the scene.
@@ -103,34 +99,32 @@ def build(
     """
     uniform, seeds = scene.uniform(), seeds or evaluation_seeds(scene)
     compile_for(scene, episodes=True)
-    env = DominoChain(distribution or scene, reference_speed=reference_speed)
+    env = DominoChain(distribution or scene)
     options = None if distribution is None else {"scene": scene}
     began = time.perf_counter()
     observation, _ = env.reset(seed=seeds[0], options=options)
     ended = False
     while not ended:
         observation, _, ended, _, info = env.step(policy(observation))
-    layout = completed(info["layout"], scene)
+    layout = complete_layout(info["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     score = scene.score(wave)
     if len(seeds) > 1:
-        score = float(scores_of(policy, scene, seeds, reference_speed).mean())
+        score = float(episode_scores(policy, scene, seeds).mean())
         uniform = uniform_as_placed(scene, seeds)
     return Rollout(scene, layout, wave, score, uniform, seconds)
 
 
-def scores_of(
-    policy: Policy, scene: Scene, seeds: Sequence[int], reference_speed: float | None = None
-) -> Floats:
+def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats:
     """Return the scores of a policy in episodes with some seeds, built side by side.
 
     Parameters
     ----------
     policy
         Maps observations (S, O) to actions (S, A).
-    scene, reference_speed
-        As of `build`.
+    scene
+        The scene.
     seeds
         S seeds.
 
@@ -139,9 +133,7 @@ def scores_of(
     ndarray
         (S,) scores.
     """
-    env = DominoChainVector(
-        len(seeds), scene, reference_speed=reference_speed, autoreset_mode="SameStep"
-    )
+    env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
     return np.array(last_infos(policy, env, "score", seed=list(seeds)))
 
 
@@ -196,7 +188,7 @@ def uniform_as_placed(scene: Scene, seeds: range | None = None) -> UniformBaseli
     return replace(baseline, score=float(scores.mean()))
 
 
-def completed(layout: Layout, scene: Scene) -> Layout:
+def complete_layout(layout: Layout, scene: Scene) -> Layout:
     """Return a layout completed to all dominoes with copies of the last one and its gap."""
     missing = scene.count - layout.count
     if missing == 0:

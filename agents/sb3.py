@@ -30,11 +30,12 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
-from agents.network import Policy, actor_of
+from agents.network import Policy, build_actor, read_arrays
+from agents.policy import POLICY, SCENE, read_config
 from agents.rollout import TRAINING_SEEDS, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
-from domino_env.core.files import naming, write_bytes
+from domino_env.core.files import errors_with_path, write_bytes
 from domino_env.envs.spaces import SCALES
 
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
@@ -72,7 +73,7 @@ class Learner:
         self.env = DominoVecEnv(target, hyperparameters.num_envs, num_scenes=num_scenes)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about uneven batches
-            self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)
+            self.model: Any = make_model(algorithm, hyperparameters, self.env, seed)
         self.model.set_logger(Logger(folder=None, output_formats=[]))
         if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
             self.env.seed(TRAINING_SEEDS * (1 + seed))
@@ -130,7 +131,7 @@ class Learner:
 
     def policy(self) -> Policy:
         """Return the current policy, without noise."""
-        return actor_of(weights(self.model.policy)).act
+        return build_actor(weights(self.model.policy)).act
 
     def save(self, path: Path) -> None:
         """Write the weights of the policy as an .npz file."""
@@ -186,7 +187,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     ValueError
         If the file is damaged or not a checkpoint.
     """
-    with naming(path):
+    with errors_with_path(path):
         try:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
         except Exception:  # of any kind; its message recommends to run pickled code
@@ -196,7 +197,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return state
 
 
-def model_of(
+def make_model(
     algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
 ) -> BaseAlgorithm:
     """Create an algorithm of Stable-Baselines3; see `Learner` for the arguments."""
@@ -208,22 +209,16 @@ def model_of(
         # `remaining` is negative if the last rollout exceeds the number of steps
         return first * (last + (1.0 - last) * max(remaining, 0.0))
 
-    net = [hyperparameters.width] * hyperparameters.depth
-    policy_class: Any = "LinearPolicy"
-    policy_options: dict[str, Any] = {}
-    if algorithm in OFF_POLICY:
-        policy_class, policy_options = "MlpPolicy", {"net_arch": net}
-        if "action_noise" in options:
-            size = env.action_space.shape or ()
-            options["action_noise"] = NormalActionNoise(
-                np.zeros(size), np.full(size, options["action_noise"])
-            )
-    elif algorithm == "ars":
+    policy_class, policy_options = _network(algorithm, hyperparameters)
+    if "action_noise" in options:
+        size = env.action_space.shape or ()
+        deviations = np.full(size, options["action_noise"])
+        options["action_noise"] = NormalActionNoise(np.zeros(size), deviations)
+    if algorithm == "ars":
         deviation = options.get("delta_std", 0.05)
         options["delta_std"] = lambda remaining: deviation * rate(remaining) / first
-    else:
+    if algorithm in ("apg", "ppo"):
         policy_class = ScheduledPolicy
-        policy_options = {"net_arch": net, "activation_fn": torch.nn.Tanh}
     if algorithm == "apg":
         # gradients become small late in the training
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}
@@ -239,36 +234,44 @@ def model_of(
     return model
 
 
-def save_zip(
-    path: Path, env: VecEnv, algorithm: str, hyperparameters: Hyperparameters, arrays: Any
-) -> None:
-    """Write an archive that Stable-Baselines3 or sb3-contrib can load without this package.
+def _network(algorithm: str, hyperparameters: Hyperparameters) -> tuple[Any, dict[str, Any]]:
+    """Return the class of a policy of Stable-Baselines3, and its arguments."""
+    if algorithm == "ars":
+        return "LinearPolicy", {}
+    options: dict[str, Any] = {"net_arch": [hyperparameters.width] * hyperparameters.depth}
+    if algorithm not in OFF_POLICY:
+        options["activation_fn"] = torch.nn.Tanh
+    return "MlpPolicy", options
+
+
+def save_zip(folder: Path, path: str | Path) -> None:
+    """Write the best policy of a training as an archive of Stable-Baselines3 or sb3-contrib.
+
+    It is loaded without this package; that of "apg" is one of PPO.
 
     Parameters
     ----------
+    folder
+        Folder of the training.
     path
         The .zip file.
-    env
-        The environment.
-    algorithm, hyperparameters
-        Those of the training. The archive of "apg" is one of PPO.
-    arrays
-        Weights of the policy by name.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds no training.
     """
-    widths = [hyperparameters.width] * hyperparameters.depth
-    policy_class, options = "MlpPolicy", dict[str, Any](net_arch=widths)
-    if algorithm == "ars":
-        policy_class, options = "LinearPolicy", {}
-    elif algorithm in ("apg", "ppo"):
-        options |= {"activation_fn": torch.nn.Tanh}
+    config, env = read_config(folder), DominoVecEnv(folder / SCENE)
+    policy_class, options = _network(config.algorithm, config.hyperparameters)
     classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
-    model = classes[algorithm](policy_class, env, policy_kwargs=options, device="cpu")
+    model = classes[config.algorithm](policy_class, env, policy_kwargs=options, device="cpu")
+    arrays = read_arrays(folder / POLICY)
     state = {name: torch.from_numpy(array) for name, array in arrays.items()}
     if "log_std" in state:
-        deviation = math.log(hyperparameters.last_deviation)
+        deviation = math.log(config.hyperparameters.last_deviation)
         state["log_std"] = torch.full_like(state["log_std"], deviation)
     model.policy.load_state_dict(state)
-    write_bytes(path, model.save)
+    write_bytes(Path(path), model.save)
 
 
 def weights(policy: torch.nn.Module) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
 from domino_env import DominoChain
 from domino_env.core.types import Floats, Ints, Singles
-from domino_env.scenes.objectives.robust import placed
+from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
@@ -180,7 +180,7 @@ def controller(scene: Scene) -> Rollout:
         root = find_root(lateness, ends, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
         simulations += int(root.nfev.sum())
         nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # where neither end is on time
-        gaps[:, n] = placed(np.where(root.success, root.x, nearest), errors[:, n])
+        gaps[:, n] = add_errors(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])
     return replace(

@@ -8,16 +8,14 @@ from __future__ import annotations
 import json
 import time
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec import Meta
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters, require_learning
-from agents.evaluation import gains_of, scenes_of
-from agents.network import read_arrays
+from agents.evaluation import choose_scenes, evaluate_gains
 from agents.policy import (
     BEST,
     CHECKPOINT,
@@ -28,24 +26,18 @@ from agents.policy import (
     SCENE,
     SUMMARY,
     ScenePolicy,
+    read_config,
 )
-from agents.rollout import PLANNING_SEEDS, Rollout, build, evaluation_seeds
+from agents.rollout import SELECTION_SEEDS, Rollout, build, evaluation_seeds
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
-from domino_env.core.files import (
-    naming,
-    read_json,
-    require_unused,
-    require_writable,
-    shown,
-    write_text,
-)
-from domino_env.core.models import Document, model_of
+from domino_env.core.files import as_text, require_unused, require_writable, write_text
+from domino_env.core.models import plain
 from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
+from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
-from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.pool import POOL, ScenePool
 from optimize.experiments.best_known import best_known
 from optimize.result import draw_scores
@@ -58,18 +50,6 @@ COLUMNS = (
 )  # fmt: skip
 EVALUATIONS = 200  # number of evaluations in a training, each with a checkpoint
 POOL_SCENES = 50  # number of training scenes in which evaluations score a policy
-TEST_SCENES = 200  # number of scenes in the test set of a shipped distribution
-TYPICAL_EPISODE = 32  # steps of an episode where scenes have different numbers of dominoes
-
-
-class ConfigDocument(Document):
-    """Arguments of a training: config.json."""
-
-    algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
-    seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
-    steps: Annotated[int, Meta(ge=1)]
-    hyperparameters: Hyperparameters
-    num_scenes: Annotated[int, Meta(ge=1)] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +110,7 @@ class Run:
         ValueError
             If scenes are sampled, as there is no single layout.
         """
-        from domino_env.view.figures import beside_uniform
+        from domino_env.view.figures import draw_with_uniform
 
         rollout = self.rollout
         if rollout is None:
@@ -138,10 +118,7 @@ class Run:
                 f"the training in {self.folder} has no single layout, as scenes were sampled from "
                 f"{self.scene}: see progress.csv, or evaluate the policy in one scene"
             )
-        return beside_uniform(
-            rollout.scene, rollout.layout, rollout.wave, rollout.score,
-            f"built by {self.algorithm}", self._draw_curve,
-        )  # fmt: skip
+        return draw_with_uniform(rollout, f"built by {self.algorithm}", self._draw_curve)
 
     def _draw_curve(self, axes: Any) -> None:
         """Draw the learning curve, with the uniform baseline and the best known score."""
@@ -223,72 +200,27 @@ def train(
     require_learning()
     if not isinstance(hyperparameters, Hyperparameters | None):
         raise ValueError(
-            f"hyperparameters = {shown(hyperparameters)}: give Hyperparameters of agents.algorithms"
+            f"hyperparameters = {as_text(hyperparameters)}: give agents.algorithms.Hyperparameters"
         )
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     home = Path(folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        config = _read_config(home)
+        config = read_config(home)
         target, hyperparameters = load_any(home / SCENE), config.hyperparameters
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
         num_scenes = config.num_scenes
     else:
         require_writable(home)
         require_unused(home, FILES)
-    sampled = isinstance(target, SceneDistribution) or len(evaluation_seeds(target)) > 1
-    scheduled = isinstance(target, Scene) and target.as_placed.tempo is not None
-    hyperparameters = hyperparameters or default_hyperparameters(
-        algorithm, episode_of(target), sampled=sampled, scheduled=scheduled
-    )
+    hyperparameters = hyperparameters or default_hyperparameters(algorithm, target)
     steps = steps or hyperparameters.steps
     training = Training(target, algorithm, hyperparameters, steps, seed, home, progress, num_scenes)
     return training.run(resume)
 
 
-def save_zip(folder: str | Path, path: str | Path) -> None:
-    """Write the best policy of a training as an archive of Stable-Baselines3.
-
-    Parameters
-    ----------
-    folder
-        Folder of the training.
-    path
-        The .zip file.
-
-    Raises
-    ------
-    ImportError
-        If the extra "rl" is missing.
-    ValueError
-        If the folder holds no training.
-    """
-    require_learning()
-    from agents import sb3
-    from agents.vec_env import DominoVecEnv
-
-    home = Path(folder)
-    config, env = _read_config(home), DominoVecEnv(home / SCENE)
-    arrays = read_arrays(home / POLICY)
-    sb3.save_zip(Path(path), env, config.algorithm, config.hyperparameters, arrays)
-
-
-def episode_of(target: Scene | SceneDistribution) -> int:
-    """Return the number of steps of a typical episode, for default hyperparameters."""
-    if isinstance(target, Scene):
-        return target.count - 1
-    return TYPICAL_EPISODE if COUNT in target.ranges else target.first.count - 1
-
-
-def _read_config(folder: Path) -> ConfigDocument:
-    """Read config.json in the folder of a training."""
-    path = folder / CONFIG
-    if not path.exists():
-        raise ValueError(
-            f"{folder} holds no training to resume: leave out --resume, and give another folder if "
-            "this one holds other files of a run"
-        )
-    with naming(path):
-        return model_of(ConfigDocument, read_json(path))
+def clocks() -> Floats:
+    """Return the wall-clock and processor time [s]."""
+    return np.array([time.perf_counter(), time.process_time()])
 
 
 @dataclass(eq=False)
@@ -319,17 +251,17 @@ class Training:
             last_first = range(len(pool))[: -POOL_SCENES - 1 : -1]
             self.scenes = [pool.scene(number) for number in last_first]
             with suppress(ValueError):  # the distribution has no test set
-                self.tests = scenes_of(self.target, TEST_SCENES)
+                self.tests = choose_scenes(self.target)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
         self.next_evaluation = 0
-        self.began = time.perf_counter(), time.process_time()
+        self.began = clocks()
         self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
 
     @property
-    def seconds(self) -> tuple[float, float]:
+    def seconds(self) -> Floats:
         """Wall-clock and processor time so far [s], with those before the training was resumed."""
-        return time.perf_counter() - self.began[0], time.process_time() - self.began[1]
+        return clocks() - self.began
 
     def run(self, resume: bool) -> Run:
         """Train from the beginning, or from the checkpoint in the folder.
@@ -343,7 +275,7 @@ class Training:
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,
-                hyperparameters=asdict(self.hyperparameters), num_scenes=self.num_scenes,
+                hyperparameters=plain(self.hyperparameters), num_scenes=self.num_scenes,
                 versions=versions(),
             )  # fmt: skip
         interrupted = False
@@ -380,17 +312,14 @@ class Training:
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
         try:
-            seed = (
-                self.seed + int(state["steps"])
-            ) % 2**32  # do not repeat the random numbers before it
-            learner = self._learner(seed)
+            # the random numbers before the checkpoint are not repeated
+            learner = self._learner((self.seed + int(state["steps"])) % 2**32)
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))
             self.best, self.test_score = last["best_score"], last["test_score"]
             self.simulations = int(last["simulations"])
-            now = time.perf_counter(), time.process_time()
-            self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
+            self.began = clocks() - np.array([last["seconds"], last["processor_seconds"]])
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
             raise ValueError(f"{path}: not a checkpoint of this training: {error}") from None
         self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
@@ -416,21 +345,19 @@ class Training:
         learner, (seconds, processor_seconds) = self.learner, self.seconds
         policy, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
-            seeds = PLANNING_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
+            seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
             rollout = build(policy, self.target, seeds=seeds)
             score = rollout.score
         else:
-            score = float(np.median(gains_of(policy, self.target, self.scenes)))
+            score = float(np.median(evaluate_gains(policy, self.target, self.scenes)))
         self.simulations += len(self.scenes) or 1
         if score > self.best:
             self.best = self.test_score = score
             learner.save(self.folder / POLICY)
             if isinstance(self.target, SceneDistribution) and self.tests:
-                paused = time.perf_counter(), time.process_time()
-                self.test_score = float(np.median(gains_of(policy, self.target, self.tests)))
-                spent = time.perf_counter() - paused[0], time.process_time() - paused[1]
-                # the time of the test set is not part of the training
-                self.began = self.began[0] + spent[0], self.began[1] + spent[1]
+                paused = clocks()
+                self.test_score = float(np.median(evaluate_gains(policy, self.target, self.tests)))
+                self.began += clocks() - paused  # the test set is not part of the training
             if rollout is not None:
                 self._write_json(
                     BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds

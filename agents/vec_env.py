@@ -109,7 +109,7 @@ class DominoVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute of the native environment, once for each environment."""
-        return [getattr(self.vector, attr_name)] * len(self._environments(indices))
+        return [getattr(self.vector, attr_name)] * self._count(indices)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of the native environment, for all environments."""
@@ -120,15 +120,15 @@ class DominoVecEnv(VecEnv):
     ) -> list[Any]:
         """Call a method of the native environment; its result, once for each environment."""
         result = getattr(self.vector, method_name)(*method_args, **method_kwargs)
-        return [result] * len(self._environments(indices))
+        return [result] * self._count(indices)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """Return whether episodes are reported as by a wrapper: only those of `Monitor` are."""
-        return [issubclass(wrapper_class, Monitor)] * len(self._environments(indices))
+        return [issubclass(wrapper_class, Monitor)] * self._count(indices)
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return a frame of each environment, with `render_mode="rgb_array"`."""
         return list(self.vector.render() or ())
 
-    def _environments(self, indices: int | Sequence[int] | None) -> list[int]:
-        return list(self._get_indices(indices))
+    def _count(self, indices: Any) -> int:
+        return len(list(self._get_indices(indices)))

@@ -7,7 +7,7 @@ It takes four minutes and fits three references:
 - hindsight: the order is known; exchanges and moves of pieces that the hand allows, and local
   searches over the gaps. It is the best known, and no bound.
 
-Rule and open loop are fitted to the orders of `PLANNING_SEEDS`.
+Rule and open loop are fitted to the orders of `SELECTION_SEEDS`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from agents.draw import KNOTS, PATH, open_loop, rule
 from agents.network import Policy
-from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, last_infos, scores_of
+from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, episode_scores, last_infos
 from domino_env import DominoChain, DominoChainVector, Scene, load_scene
 from domino_env.core.files import write_text
 from domino_env.core.types import Floats, Ints
@@ -45,9 +45,9 @@ def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATI
     )
 
     def mean_scores(candidates: Floats) -> Floats:
-        orders = len(PLANNING_SEEDS)
+        orders = len(SELECTION_SEEDS)
         policy = rule(scene, np.repeat(candidates, orders, axis=0))
-        scores = scores_of(policy, scene, [*PLANNING_SEEDS] * len(candidates))
+        scores = episode_scores(policy, scene, [*SELECTION_SEEDS] * len(candidates))
         means: Floats = scores.reshape(-1, orders).mean(axis=1)
         return means
 
@@ -72,7 +72,7 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
     rounds
         Largest number of rounds, each of which changes one wish.
     """
-    env, seeds = DominoChainVector(len(PLANNING_SEEDS), scene), [*PLANNING_SEEDS]
+    env, seeds = DominoChainVector(len(SELECTION_SEEDS), scene), [*SELECTION_SEEDS]
 
     def pieces(wishes: Floats) -> Floats:
         env.reset(seed=seeds)
@@ -231,7 +231,7 @@ def main() -> None:
     scene, rng = load_scene("draw"), np.random.default_rng(0)
     fitted = fit_rule(scene, rng)
     policy = rule(scene, fitted)
-    spacing, _ = _layouts_of(policy, scene, PLANNING_SEEDS)
+    spacing, _ = _layouts_of(policy, scene, SELECTION_SEEDS)
     low, high = scene.spacing
     gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
     env = DominoChain(scene)

@@ -2,68 +2,55 @@
 
 A page marks such a number by an HTML comment with its name directly behind it: 3.2 and
 ``<!--gain.sprint-->``. ``python docs/quoted_numbers.py`` writes all marked numbers of README.md and
-of the pages; a test fails where a page holds another one. ``--list`` prints names and values.
+of the pages; a test fails where a page holds another one.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-import sys
-import tomllib
 from pathlib import Path
 from statistics import mean
 
 import domino_env as de
-from domino_env.rigid.known import Verified, known_verification, read_verified
+from domino_env.rigid.known import known_verification, read_verified
 from domino_env.validation.source import shipped_sources
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parent
 MARK = re.compile(r"([^\s<>(|*`~]+)<!--([a-z][\w.-]*)-->")
-WORDS = (
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
-    "sixteen seventeen eighteen nineteen twenty"
-)
+MEASURED = {
+    # of one core, a simulation of forty free-standing dominoes (domino simulate --floor 0.5) [s]
+    "seconds.standing.least": "0.1",
+    "seconds.standing.most": "0.2",
+    # a first simulation on one core (rm -r the cache, then domino simulate) [s]
+    "seconds.compile.least": "10",
+    "seconds.compile.most": "25",
+}
 
 
 def numbers() -> dict[str, str]:
     """Return all numbers by name, as they are written."""
-    found = measured_numbers() | scene_numbers() | verification_numbers() | source_numbers()
-    found |= uncertainty_numbers()
     course = de.load_scene("course")
-    found["seconds.course.uniform"] = f"{course.uniform().wave.arrival_times[-1]:.3f}"
-    best = course.simulate(best_known()["course"].layout)
-    found["seconds.course.best"] = f"{best.arrival_times[-1]:.3f}"
-    return found
-
-
-def measured_numbers() -> dict[str, str]:
-    """Return the numbers of quoted_numbers.toml, with dotted names."""
-    found: dict[str, str] = {}
-
-    def collect(table: dict[str, object], prefix: str) -> None:
-        for key, value in table.items():
-            name = f"{prefix}{key}"
-            if isinstance(value, dict):
-                collect(value, f"{name}.")
-            else:
-                found[name] = str(value)
-
-    collect(tomllib.loads((DOCS / "quoted_numbers.toml").read_text("utf-8")), "")
-    return found
+    layouts = {"uniform": course.uniform().layout, "best": best_known()["course"].layout}
+    times = {
+        f"seconds.course.{name}": f"{course.simulate(layout).arrival_times[-1]:.3f}"
+        for name, layout in layouts.items()
+    }
+    computed = scene_numbers() | verification_numbers() | source_numbers() | uncertainty_numbers()
+    return MEASURED | times | computed
 
 
 def scene_numbers() -> dict[str, str]:
     """Return speeds and gains [%] of the scenes whose scores are speeds."""
-    found = {}
+    values = {}
     for name, record in best_known().items():
         scene = de.load_scene(name)
         baseline = scene.uniform()
         if scene.unit != "m/s":
             continue
         gain = 100.0 * (record.score / baseline.score - 1.0)
-        found |= {
+        values |= {
             f"gain.{name}": f"{gain:.1f}",
             f"gain2.{name}": f"{gain:.2f}",
             f"uniform.{name}": f"{baseline.score:.4f}",
@@ -71,41 +58,40 @@ def scene_numbers() -> dict[str, str]:
             f"best5.{name}": f"{record.score:.5f}",
             f"gap.{name}": f"{1e3 * baseline.layout.spacing[0]:.1f}",
         }
-        kept = known_verification(record.layout, scene.physics)
-        for check in kept.floors if kept else ():
-            if check.gain is not None and kept and kept.first == kept.count:
-                found[f"floor.{check.floor or 'none'}.{name}"] = f"{100.0 * check.gain:.1f}"
-                found[f"floor2.{check.floor or 'none'}.{name}"] = f"{100.0 * check.gain:.2f}"
-    return found
+        verified = known_verification(record.layout, scene.physics)
+        if verified is None or verified.first < verified.count:
+            continue
+        for check in verified.floors:
+            if check.floor is not None and check.gain is not None:
+                values[f"floor.{check.floor}.{name}"] = f"{100.0 * check.gain:.1f}"
+                values[f"floor2.{check.floor}.{name}"] = f"{100.0 * check.gain:.2f}"
+    return values
 
 
 def uncertainty_numbers() -> dict[str, str]:
     """Return means over the trainings of uncertainty.csv, and its references."""
-    found, lines = {}, dict[str, list[dict[str, str]]]()
+    values, lines = {}, dict[str, list[dict[str, str]]]()
     with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
         for line in csv.DictReader(file):
             lines.setdefault(f"{line['scene']}.{line['policy']}", []).append(line)
     for name, runs in lines.items():
         for key, digits in {"score": 4, "gain": 2, "hindsight_score": 2, "rms_ms": 2}.items():
             if runs[0][key]:
-                found[f"{name}.{key}"] = f"{mean(float(run[key]) for run in runs):.{digits}f}"
-    return found
+                values[f"{name}.{key}"] = f"{mean(float(run[key]) for run in runs):.{digits}f}"
+    return values
 
 
 def verification_numbers() -> dict[str, str]:
     """Return how far the model and the reference simulator agree on fixed pivots."""
-    kept = read_verified()
-
-    def agrees(one: Verified) -> bool:
-        return one.verdict.startswith("AGREES")
-
-    largest = max(one.checks[0].largest for one in kept.values() if agrees(one))
+    verified = read_verified().values()
+    agreeing = [entry for entry in verified if entry.verdict.startswith("AGREES")]
+    largest = max(entry.checks[0].largest for entry in agreeing)
     verdicts = re.findall(r"^\| `[\w-]+`, random .*\| (\w+)[^|]*\|$", _page("verified.md"), re.M)
     gentle = best_known()["gentle"].layout
     margin = de.simulate(gentle, de.load_scene("gentle").physics).stall_margin.min()
     return {
-        "known.agree": in_words(sum(map(agrees, kept.values()))),
-        "known.all": in_words(len(kept)),
+        "known.agree": str(len(agreeing)),
+        "known.all": str(len(verified)),
         "known.largest": f"{100.0 * largest:.3f}",
         "random.all": str(len(verdicts)),
         "random.differ": str(len(verdicts) - verdicts.count("agrees")),
@@ -125,18 +111,13 @@ def source_numbers() -> dict[str, str]:
         wave = de.steady_wave(chain.x, 0.0075, physics=physics)
         slower.append(100.0 * (1.0 - wave.speed / chain.x / chain.value))
     return {
-        "sources.explained": in_words(int(explained)),
-        "sources.all": in_words(int(total)),
+        "sources.explained": explained,
+        "sources.all": total,
         "chapman.friction": friction,
         "chapman.spread": spread,
         "chapman.least": f"{min(slower):.0f}",
         "chapman.most": f"{max(slower):.0f}",
     }
-
-
-def in_words(number: int) -> str:
-    """Return a small number as a word."""
-    return WORDS.split()[number] if number < len(WORDS.split()) else str(number)
 
 
 def with_numbers(text: str, values: dict[str, str]) -> str:
@@ -147,18 +128,7 @@ def with_numbers(text: str, values: dict[str, str]) -> str:
     KeyError
         For a name without a value.
     """
-
-    def written(mark: re.Match[str]) -> str:
-        value = values[mark[2]]
-        capital = mark[1][0].isupper()
-        return f"{value[0].upper() + value[1:] if capital else value}<!--{mark[2]}-->"
-
-    return MARK.sub(written, text)
-
-
-def pages() -> list[Path]:
-    """Return README.md and all pages."""
-    return [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md"))]
+    return MARK.sub(lambda mark: f"{values[mark[2]]}<!--{mark[2]}-->", text)
 
 
 def _page(name: str) -> str:
@@ -166,9 +136,6 @@ def _page(name: str) -> str:
 
 
 if __name__ == "__main__":
-    PRESENT = numbers()
-    if "--list" in sys.argv:
-        print("\n".join(f"{name} = {value}" for name, value in PRESENT.items()))
-    else:
-        for page in pages():
-            page.write_text(with_numbers(page.read_text("utf-8"), PRESENT), "utf-8")
+    VALUES = numbers()
+    for page in (DOCS.parent / "README.md", *DOCS.glob("*.md")):
+        page.write_text(with_numbers(page.read_text("utf-8"), VALUES), "utf-8")

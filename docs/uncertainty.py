@@ -14,20 +14,17 @@ import numpy as np
 
 from agents.draw import shipped_references
 from agents.policy import CONFIG, PROGRESS, ScenePolicy
-from agents.rollout import EVALUATION_SEEDS, scores_of
+from agents.rollout import EVALUATION_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
 from domino_env import Scene, load_scene
 from domino_env.core.files import read_json
 from domino_env.core.tables import write_csv
-from domino_env.scenes.objectives.robust import placed
+from domino_env.scenes.objectives.robust import add_errors
 from optimize.experiments.best_known import best_known
 
 PATH = Path(__file__).with_name("uncertainty.csv")
 COLUMNS = "scene", "policy", "seed", "steps", "score", "gain", "hindsight_score", "rms_ms"
-REFERENCES = {
-    "draw": ("uniform", "plan", "rule"),
-    "tempo-noise": ("uniform", "plan", "controller"),
-}
+REFERENCES = {"draw": ("uniform", "plan", "rule"), "tempo-noise": ("uniform", "plan", "controller")}
 
 
 def main() -> None:
@@ -42,7 +39,7 @@ def main() -> None:
         config, run = read_json(folder / CONFIG), ScenePolicy.load(folder)
         steps = (folder / PROGRESS).read_text("utf-8").splitlines()[-1].partition(",")[0]
         how = config["algorithm"], config["seed"], steps
-        score = scores_of(run.policy, run.scene, EVALUATION_SEEDS).mean()
+        score = episode_scores(run.policy, run.scene, EVALUATION_SEEDS).mean()
         lines.append((run.scene.name, *how, score))
     by = {line[:2]: line[4] for line in lines if line[2] == ""}
     written = []
@@ -63,7 +60,7 @@ def hindsight(scene: Scene) -> float:
     layout = best_known()["tempo"].layout  # which keeps the schedule without errors
     generators = map(np.random.default_rng, EVALUATION_SEEDS)
     errors = np.array([scene.placement_errors(generator) for generator in generators])
-    gaps = placed(np.clip(layout.spacing - errors, *scene.spacing), errors)
+    gaps = add_errors(np.clip(layout.spacing - errors, *scene.spacing), errors)
     thickness = np.tile(layout.thickness[1:], (len(gaps), 1))
     return float(scene.as_placed.evaluate(scene.batch(gaps, thickness)).score.mean())
 

@@ -21,10 +21,7 @@ __version__ = "0.4.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 register_drawings(
-    {
-        "layout": "domino_env.view.figures:plot_layout",
-        "wave": "domino_env.view.figures:plot_wave",
-    }
+    {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
 if "_domino_command" not in sys.modules:  # which needs none, and starts faster without
     from domino_env.envs import register

@@ -1,4 +1,4 @@
-"""`python -m domino_env` is the `domino` command."""
+"""The `domino` command, run by `python -m domino_env`."""
 
 import sys
 

@@ -21,7 +21,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
-from domino_env.core.colours import INK, KNOWN, OURS, SOFT
+from domino_env.core.colours import BEST_KNOWN, INK, RESULT, SOFT
 from domino_env.core.plot_style import new_figure, style, write_png
 from domino_env.view.animation import write_gif
 from optimize.experiments.best_known import best_known
@@ -65,8 +65,8 @@ def draw_curve(steps, returns):
     figure = new_figure(7.5, 3.2)
     axes = figure.add_subplot()
     style(axes, f"PPO with default hyperparameters on {SCENE}, one seed")
-    axes.plot(steps, returns, ".-", color=OURS)
-    for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", KNOWN)):
+    axes.plot(steps, returns, ".-", color=RESULT)
+    for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", BEST_KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
         axes.annotate(
             words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",

@@ -66,10 +66,12 @@ class DesignSpace:
     @property
     def linear(self) -> tuple[Floats, Floats] | None:
         """A (m, n) and b (m,) of A x ≤ b [m], the largest change of the gaps; None without one."""
-        rules = self._feasible.linear()
-        if rules is None:
+        if not self._feasible.coupled:
             return None
-        return rules[0] * (self.high - self.low), rules[1] - rules[0] @ self.low
+        ties = np.flatnonzero(np.isfinite(self._feasible.change))
+        rise = np.diff(np.eye(self.dimension), axis=0)[ties]
+        matrix, limit = np.concatenate([rise, -rise]), np.tile(self._feasible.change[ties], 2)
+        return matrix * (self.high - self.low), limit - matrix @ self.low
 
     @property
     def coupled(self) -> bool:
@@ -109,9 +111,9 @@ class DesignSpace:
         ValueError
             For another shape, or entries outside of [0, 1].
         """
-        return self.layout_of(self.values(self.checked(self.one(design))))
+        return self.layout_from(self.values(self.checked(self.as_batch(design))))
 
-    def layout_of(self, values: Floats) -> Layout:
+    def layout_from(self, values: Floats) -> Layout:
         """Return the layout of free values (1, n), without regard to the rules."""
         gaps, *sizes = self.split(values)
         thickness, height = (None if size is None else size[0] for size in sizes)
@@ -194,7 +196,7 @@ class DesignSpace:
         by_wanted = self._feasible.tangent(by_value, wanted, values, relaxed)
         return np.asarray(by_wanted * (self.high - self.low))
 
-    def one(self, design: Floats) -> Floats:
+    def as_batch(self, design: Floats) -> Floats:
         """Return one design vector (n,) as a batch (1, n).
 
         Raises

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from domino_env.core.files import counted
+from domino_env.core.files import amount
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.rigid.simulation import StoppedError
@@ -97,24 +97,18 @@ class Evaluator:
         executor: Executor | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.problem = problem
-        self.max_evaluations = max_evaluations
-        self.max_seconds = max_seconds
-        self.evaluations = 0
-        self.falls = 0
+        self.problem, self.tolerance = problem, tolerance
+        self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
+        self.evaluations = self.falls = self.effort = 0
         self.trace: list[Step] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self.status = ""
-        self.effort = 0
-        self.tolerance = tolerance
         self._efforts: list[int] = []  # at the improvements
         cost = min(max(0.5 * (problem.scene.count + problem.dimension), SHORT), LONG)
         cost *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
-        self.least_effort = LEAST_EFFORT / cost
-        self.most_effort = MOST_EFFORT / cost * TOLERANCE / (tolerance or TOLERANCE)
-        self._callback = callback
-        self._journal = journal
-        self._executor = executor
+        self.most_effort = MOST_EFFORT / cost * TOLERANCE / tolerance if tolerance else np.inf
+        self.least_effort = min(LEAST_EFFORT / cost, self.most_effort)
+        self._callback, self._journal, self._executor = callback, journal, executor
         self._piece = min(max(8, PIECE // problem.dominoes), MOST_DESIGNS)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
@@ -136,9 +130,7 @@ class Evaluator:
     @property
     def remaining(self) -> float:
         """Number of evaluations that remain; inf where only the clock ends the search."""
-        if self.max_evaluations is None:
-            return np.inf
-        return float(self.max_evaluations - self.evaluations)
+        return float(self.max_evaluations or np.inf) - self.evaluations
 
     @property
     def remaining_seconds(self) -> float | None:
@@ -148,14 +140,9 @@ class Evaluator:
     @property
     def progress(self) -> float:
         """Spent part, from 0 to 1, of the limit that is reached first."""
-        parts = [0.0]
-        if self.tolerance is not None:
-            parts.append(self.effort / self.most_effort)
-        if self.max_evaluations is not None:
-            parts.append(self.evaluations / self.max_evaluations)
-        if self.max_seconds is not None:
-            parts.append(self.seconds / self.max_seconds)
-        return min(max(parts), 1.0)
+        evaluations = self.evaluations / (self.max_evaluations or np.inf)
+        seconds = self.seconds / (self.max_seconds or np.inf)
+        return min(max(self.effort / self.most_effort, evaluations, seconds), 1.0)
 
     @property
     def stop_reason(self) -> str:
@@ -163,10 +150,10 @@ class Evaluator:
         if not self.finalists:  # even a limit of no time allows a first evaluation
             return ""
         if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
-            return f"limit of {counted(self.max_evaluations, 'layout')} reached"
+            return f"limit of {amount(self.max_evaluations, 'layout')} reached"
         if self.max_seconds is not None and self.seconds >= self.max_seconds:
             return f"limit of {self.max_seconds:g} s reached"
-        if self.tolerance is not None and self.effort >= min(self.least_effort, self.most_effort):
+        if self.tolerance is not None and self.effort >= self.least_effort:
             gain = self.late_gain
             if gain < self.tolerance or self.effort >= self.most_effort:
                 return (
@@ -260,7 +247,7 @@ class Evaluator:
         Parameters
         ----------
         designs, gradient, rtol, differences, relaxed
-            As of `Problem.evaluate`.
+            See `Problem.evaluate`.
 
         Returns
         -------
@@ -273,10 +260,8 @@ class Evaluator:
             Where fewer evaluations remain. As many as remain are simulated first.
         """
         designs = np.asarray(designs, dtype=np.float64)
-        if designs.ndim == 1:
-            return self.evaluate(
-                designs[None], gradient, rtol=rtol, differences=differences, relaxed=relaxed
-            ).of_one()
+        single = designs.ndim == 1
+        designs = designs[None] if single else designs
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
@@ -299,7 +284,9 @@ class Evaluator:
             except StoppedError:  # amid a simulation of seconds
                 raise BudgetSpent(self.stop_reason) from None
             start = end
-        return _joined(results)
+        arrays = zip(*map(_packed, results), strict=True)
+        scores = _unpacked([np.concatenate(parts) for parts in arrays])
+        return scores.squeeze() if single else scores
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
         """Compute how late each domino of a layout is hit: see `Problem.lateness`.
@@ -381,9 +368,7 @@ class Evaluator:
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
         """Return the answer of the journal, if there is one, and take over its time."""
-        if self._journal is None or not self._journal.replaying:
-            return None
-        entry = self._journal.find(self._journal.digest(kind, designs))
+        entry = None if self._journal is None else self._journal.find(kind, designs)
         if entry is None:
             return None
         seconds, arrays = entry
@@ -393,8 +378,7 @@ class Evaluator:
     def _keep(self, kind: str, designs: Floats, arrays: list[Floats]) -> None:
         """Write an answer into the journal, if there is one."""
         if self._journal is not None:
-            seconds = self.seconds - self._before
-            self._journal.keep(self._journal.digest(kind, designs), seconds, arrays)
+            self._journal.keep(kind, designs, self.seconds - self._before, arrays)
 
     def _count(self, scores: Scores) -> None:
         """Add the effort of simulated layouts."""
@@ -412,11 +396,6 @@ class Evaluator:
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
             self.finalists.append((score, best))
         self._callback(self)
-
-
-def _joined(parts: Sequence[Scores]) -> Scores:
-    """Concatenate the scores of one or more pieces."""
-    return _unpacked([np.concatenate(arrays) for arrays in zip(*map(_packed, parts), strict=True)])
 
 
 def _packed(scores: Scores) -> list[Floats]:

@@ -64,8 +64,15 @@ class Journal:
             if not resume:  # rather than of the file, which another search may have open
                 self._database.execute("DELETE FROM answers")
 
-    def digest(self, kind: str, designs: Floats) -> bytes:
-        """Return the digest of a request.
+    def _digest(self, kind: str, designs: Floats) -> bytes:
+        """Return the digest of a request."""
+        state = self._context.copy()
+        state.update(f"{kind} {designs.shape}".encode())
+        state.update(np.ascontiguousarray(designs).tobytes())
+        return state.digest()
+
+    def find(self, kind: str, designs: Floats) -> tuple[float, list[Floats]] | None:
+        """Return the seconds and the arrays of an answer; the first one missing ends the replay.
 
         Parameters
         ----------
@@ -73,14 +80,6 @@ class Journal:
             Kind of the request.
         designs
             (B, n) its design vectors.
-        """
-        state = self._context.copy()
-        state.update(f"{kind} {designs.shape}".encode())
-        state.update(np.ascontiguousarray(designs).tobytes())
-        return state.digest()
-
-    def find(self, request: bytes) -> tuple[float, list[Floats]] | None:
-        """Return the seconds and the arrays of an answer; the first one missing ends the replay.
 
         Raises
         ------
@@ -91,7 +90,7 @@ class Journal:
             return None
         query = "SELECT seconds, answer FROM answers WHERE request = ?"
         with self._errors_in_words():
-            entry = self._database.execute(query, [request]).fetchone()
+            entry = self._database.execute(query, [self._digest(kind, designs)]).fetchone()
             if entry is not None:
                 parts = msgpack.decode(entry[1], type=list[tuple[tuple[int, ...], bytes]])
                 arrays = [np.frombuffer(data).reshape(shape).copy() for shape, data in parts]
@@ -99,20 +98,20 @@ class Journal:
         self.replaying = False
         return None
 
-    def keep(self, request: bytes, seconds: float, arrays: list[Floats]) -> None:
+    def keep(self, kind: str, designs: Floats, seconds: float, arrays: list[Floats]) -> None:
         """Store an answer.
 
         Parameters
         ----------
-        request
-            Digest of the request.
+        kind, designs
+            See `find`.
         seconds
             Time of the search so far [s].
         arrays
             Answer.
         """
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
-        self._waiting.append((request, seconds, answer))
+        self._waiting.append((self._digest(kind, designs), seconds, answer))
         if seconds - self._saved > PAUSE:
             self._saved = seconds
             self._save()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.checks import numbers
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.scenes.io.reading import load_scene
@@ -46,14 +46,14 @@ class Scores:
     falls: Any
     gradient: Any = None
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     @property
     def without_gradient(self) -> Bools:
         """(B,) scores without an exact gradient: the wave stopped or broke a limit."""
         return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
-    def of_one(self) -> Scores:
+    def squeeze(self) -> Scores:
         """Drop the first axis of a batch of one."""
         gradient = None if self.gradient is None else self.gradient[0]
         return Scores(float(self.score[0]), float(self.reach[0]), int(self.falls[0]), gradient)
@@ -153,7 +153,7 @@ class Problem(DesignSpace):
             True to differentiate by values from a list or the stock as if they could move;
             otherwise these derivatives are 0.
         stop
-            As of `simulate_standing`, for scenes with a floor; None for no such end.
+            End of the motion in scenes with a floor, see `simulate_standing`; else None.
 
         Returns
         -------
@@ -168,25 +168,21 @@ class Problem(DesignSpace):
             Where `stop` returned True.
         """
         designs = numbers("designs", designs, None)
-        if designs.ndim == 1:
-            return self.evaluate(
-                self.one(designs), gradient,
-                rtol=rtol, differences=differences, relaxed=relaxed, stop=stop,
-            ).of_one()  # fmt: skip
-        designs = self.checked(designs)
+        single = designs.ndim == 1
+        designs = self.checked(self.as_batch(designs) if single else designs)
         values = self.values(designs)
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else rtol or self.rtol
         batch = replace(self.scene.batch(*sizes, rtol), stop=stop)
         result = self.scene.evaluate(batch, gradient=gradient)
-        if result.gradient is None:
-            return Scores(result.score, result.reach, result.falls)
-        gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)
-        scores = Scores(result.score, result.reach, result.falls, gradients)
-        gradients[scores.without_gradient] = 0.0
-        if differences:
-            self.fill_gradients(designs, scores, self.evaluate)
-        return scores
+        scores = Scores(result.score, result.reach, result.falls)
+        if result.gradient is not None:
+            gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)
+            gradients[scores.without_gradient] = 0.0
+            scores = replace(scores, gradient=gradients)
+            if differences:
+                self.fill_gradients(designs, scores, self.evaluate)
+        return scores.squeeze() if single else scores
 
     def fill_gradients(
         self, designs: Floats, scores: Scores, evaluate: Callable[..., Scores]
@@ -247,7 +243,7 @@ class Problem(DesignSpace):
         gradients = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
         if self.scene.ground is not None:
             gradients = [self.scene.ground.along_ground(g, wave.layout) for g in gradients]
-        designs = np.repeat(self.checked(self.one(design)), pairs, axis=0)
+        designs = np.repeat(self.checked(self.as_batch(design)), pairs, axis=0)
         by_sizes = ScoreGradient(
             np.array([g.spacing for g in gradients]),
             np.array([g.thickness[1:] for g in gradients]),

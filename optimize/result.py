@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import counted
+from domino_env.core.files import amount
 from domino_env.core.results import document, versions
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain
-from domino_env.view.notebook import MadeForScene
+from domino_env.view.notebook import SceneResult
 
 Trace = tuple[tuple[int, int, float, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class SearchResult(MadeForScene):
+class SearchResult(SceneResult):
     """Best layout of a search, simulated at a tight tolerance, and the uniform baseline.
 
     Attributes
@@ -76,35 +76,16 @@ class SearchResult(MadeForScene):
 
     def __repr__(self) -> str:
         score = self.scene.against_uniform(self.score, self.wave)
-        effort = f"{counted(self.evaluations, 'layout')} in {self.seconds:.2g} s"
+        effort = f"{amount(self.evaluations, 'layout')} in {self.seconds:.2g} s"
         search = f"{self.scene.name} by {self.method}, seed {self.seed}"
         return f"SearchResult({search}: {score}; {effort})"
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw both layouts, their differences and the search.
-
-        Parameters
-        ----------
-        ax
-            Matplotlib axes in which only the gaps of both layouts are drawn; None for a new figure
-            with all parts.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The figure. Notebooks show it; so does `pyplot.show` if pyplot is imported.
-        """
-        return self.figure(ax, register=True)
-
     def figure(self, ax: Any = None, *, register: bool = False) -> Any:
         """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""
-        from domino_env.view.figures import beside_uniform
+        from domino_env.view.figures import draw_with_uniform
 
-        label = f"found by {self.method}"
-        return beside_uniform(
-            self.scene, self.layout, self.wave, self.score, label, self._draw_trace, ax,
-            register=register,
-        )  # fmt: skip
+        name = f"found by {self.method}"
+        return draw_with_uniform(self, name, self._draw_trace, ax, register=register)
 
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time."""
@@ -120,24 +101,19 @@ class SearchResult(MadeForScene):
         search = document(self, "method seed score gain evaluations seconds interrupted ended")
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
         simulated = document(wave, f"{quantities} largest_flush_loss")
-        return (
-            {"scene": self.scene.name}
-            | search
-            | simulated
-            | {
-                "score_in_words": self.scene.in_words(self.score, wave),
-                "length": self.layout.length,
-                "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
-                "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
-                "uniform_mean_speed": uniform.wave.mean_speed,
-                "uniform_outcome": uniform.wave.outcome.name,
-                "uniform_score": uniform.score,
-                "uniform_spacing": float(uniform.layout.spacing[0]),
-                "uniform_thickness": float(uniform.layout.thickness[-1]),
-                "simulated_falls": self.falls,
-                "versions": versions(),
-            }
-        )
+        return {"scene": self.scene.name} | search | simulated | {
+            "score_in_words": self.scene.in_words(self.score, wave),
+            "length": self.layout.length,
+            "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
+            "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
+            "uniform_mean_speed": uniform.wave.mean_speed,
+            "uniform_outcome": uniform.wave.outcome.name,
+            "uniform_score": uniform.score,
+            "uniform_spacing": float(uniform.layout.spacing[0]),
+            "uniform_thickness": float(uniform.layout.thickness[-1]),
+            "simulated_falls": self.falls,
+            "versions": versions(),
+        }  # fmt: skip
 
 
 def draw_scores(
@@ -165,12 +141,12 @@ def draw_scores(
     process
         Name of the search or the training, part of the label of the time axis.
     """
-    from domino_env.core.colours import KNOWN, OURS, SKY, UNIFORM
+    from domino_env.core.colours import BEST_KNOWN, RESULT, SKY, UNIFORM
     from domino_env.core.plot_style import LEGEND, set_time_axis
 
-    for (label, value), colour in zip(lines.items(), (UNIFORM, KNOWN), strict=False):
+    for (label, value), colour in zip(lines.items(), (UNIFORM, BEST_KNOWN), strict=False):
         axes.axhline(value, color=colour, label=label)
-    for (label, scores), colour in zip(curves.items(), (OURS, SKY), strict=False):
+    for (label, scores), colour in zip(curves.items(), (RESULT, SKY), strict=False):
         axes.step(seconds, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
     if min(ends) > 0.0:  # leave out the low scores at the beginning

@@ -17,8 +17,14 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from domino_env.core.files import naming, read_json, require_unused, require_writable, write_text
-from domino_env.core.models import Document, model_of
+from domino_env.core.files import (
+    errors_with_path,
+    read_json,
+    require_unused,
+    require_writable,
+    write_text,
+)
+from domino_env.core.models import Document, read_model
 from domino_env.core.progress import notice
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
@@ -51,7 +57,7 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     folder
         The folder.
     scene, method, seed
-        As of `optimize.search`.
+        See `optimize.search`.
     resume
         Continue with the run in the folder, if there is one.
 
@@ -73,8 +79,8 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     path = folder / SUMMARY
     if not path.exists():
         return 0
-    with naming(path):
-        known = model_of(SummaryDocument, read_json(path))
+    with errors_with_path(path):
+        known = read_model(SummaryDocument, read_json(path))
     identity = (method, seed, versions(), scene)
     if (known.method, known.seed, known.versions, load_scene(folder / SCENE)) != identity:
         raise ValueError(

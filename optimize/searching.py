@@ -54,7 +54,7 @@ def search(
     tolerance: float | None = None,
     progress: bool | None = None,
     folder: str | Path | None = None,
-    callback: Callback | None = None,
+    callback: Callback = lambda _: None,
     executor: Executor | None = None,
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
@@ -94,7 +94,7 @@ def search(
     folder
         Folder to write the run to, see `optimize.run_folder`; None for nowhere.
     callback
-        Function that is called with the `Evaluator` after every batch.
+        Function that is called with the `Evaluator` after every batch; by default, nothing is.
     executor
         Executor that simulates batches of thousands of layouts, see `optimize.executors`; smaller
         ones are not sent. None for threads of this process. The result is bitwise the same.
@@ -128,9 +128,8 @@ def search(
     >>> round(result.score, 4), round(result.gain, 3)
     (0.8285, 0.032)
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    run, method = registry.load(method), registry.name_of(method)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    run, method = registry.load(method), registry.method_name(method)
     require("seed", seed, 0, whole=True)
     if budget is not None:
         require("budget", budget, 1, whole=True)
@@ -156,16 +155,10 @@ def search(
         compile_for(scene, gradients=True)
         began = clock()
         uniform = find_baseline(scene, seconds)
-        show = stack.enter_context(progress_line(scene, method, progress))
-
-        def after_batch(evaluator: Evaluator) -> None:
-            show(evaluator)
-            if callback is not None:
-                callback(evaluator)
-
+        callback = stack.enter_context(progress_line(scene, method, progress, callback))
         evaluator = Evaluator(
             problem, budget, seconds,
-            tolerance=tolerance, callback=after_batch, journal=journal, executor=executor,
+            tolerance=tolerance, callback=callback, journal=journal, executor=executor,
             clock=clock,
         )  # fmt: skip
         evaluator.add_seconds(spent + clock() - began)
@@ -197,20 +190,10 @@ def search(
     layout, wave, score = _best(scene, evaluator, uniform)
     end = (evaluator.evaluations, evaluator.falls, took, evaluator.best_score)
     result = SearchResult(
-        scene=scene,
-        method=method,
-        seed=seed,
-        layout=layout,
-        wave=wave,
-        score=score,
-        uniform=uniform,
-        trace=(*evaluator.trace, end),
-        evaluations=evaluator.evaluations,
-        falls=evaluator.falls,
-        seconds=took,
-        interrupted=interrupted,
-        ended=ended,
-    )
+        scene=scene, method=method, seed=seed, layout=layout, wave=wave, score=score,
+        uniform=uniform, trace=(*evaluator.trace, end), evaluations=evaluator.evaluations,
+        falls=evaluator.falls, seconds=took, interrupted=interrupted, ended=ended,
+    )  # fmt: skip
     try:
         if folder is not None:
             write_run(Path(folder), result, evaluations_before)
@@ -268,20 +251,19 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
 
 
 @contextmanager
-def progress_line(scene: Scene, method: str, shown: bool | None) -> Iterator[Callback]:
-    """Keep a line on the terminal, and yield the function that updates it.
+def progress_line(
+    scene: Scene, method: str, progress: bool | None, callback: Callback
+) -> Iterator[Callback]:
+    """Keep a line on the terminal, and yield the function that updates it and calls `callback`.
 
     Parameters
     ----------
-    scene, method
-        As of `search`.
-    shown
-        True for a line; None for one where standard error is a terminal, and elsewhere a new line
-        now and then.
+    scene, method, progress, callback
+        See `search`.
     """
     name, uniform = f"{scene.name}, {method}", scene.uniform().score
     options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
-    with progress_bar(shown, line=LINE, dynamic_ncols=True, **options) as line:
+    with progress_bar(progress, line=LINE, dynamic_ncols=True, **options) as line:
 
         def update(evaluator: Evaluator) -> None:
             score = evaluator.best_score
@@ -292,6 +274,7 @@ def progress_line(scene: Scene, method: str, shown: bool | None) -> Iterator[Cal
                 text = f"no layout completes yet, the best comes to {1.0 + score:.0%}"
             line.set_postfix_str(text, refresh=False)
             line.update(evaluator.progress - line.n)
+            callback(evaluator)
 
         yield update
 

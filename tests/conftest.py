@@ -41,7 +41,7 @@ def script() -> Callable[[str], ModuleType]:
 
 @pytest.fixture(scope="session")
 def pages(script: Callable[[str], ModuleType]) -> ModuleType:
-    """The module that makes pages when the site is built, and README's table."""
+    """The module that fills the tables of pages, and adds pages to the site."""
     return script("docs/pages.py")
 
 

@@ -172,15 +172,21 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
         de.Layout.read(tmp_path / "row.csv")
 
 
-def test_drawings_and_sounds_that_would_take_too_long_are_rejected():
-    long = de.Layout([0.02] * 5000, 0.0075)
-    with pytest.raises(ValueError, match="long: 5,001 dominoes: at most"):
-        next(frames([ComparedLayout("long", de.simulate(long, de.Physics()))]))
-    far = de.Layout([3e5], 1e5, height=1e6, width=0.02)
-    with pytest.raises(ValueError, match=r"a wave of .* s has .* samples"):
-        clicks(de.simulate(far, de.Physics(gravity=1e-3, push=1e-5)))
-    with pytest.raises(ValueError, match=r"a layout of .* m takes .* sheets of paper"):
-        strips(far)
+LONG, FAR = de.Layout([0.02] * 5000, 0.0075), de.Layout([3e5], 1e5, height=1e6, width=0.02)
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: next(frames([ComparedLayout("long", de.simulate(LONG, de.Physics()))])),
+     "long: 5,001 dominoes: at most"),
+    (lambda: clicks(de.simulate(FAR, de.Physics(gravity=1e-3, push=1e-5))), "a wave of .* samples"),
+    (lambda: listen(np.zeros(1000), 44100), "the recording is silent"),
+    (lambda: strips(FAR), "a layout of .* m takes .* sheets of paper"),
+    (lambda: strips(FAR, "b5"), "paper = 'b5': choose one of a4, letter"),
+    (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "wider than a4"),
+])  # fmt: skip
+def test_what_cannot_be_drawn_or_heard_is_rejected(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
 
 
 def test_names_on_a_page_are_only_names(tmp_path):

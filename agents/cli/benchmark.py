@@ -19,7 +19,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from domino_env.cli.options import NATURAL, SECONDS, add_out_option
+from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options, add_out_option
 from optimize.cli.options import add_study_options, exit_code, names_in
 from optimize.executors import open_executor
 
@@ -30,34 +30,24 @@ DEFAULT_FOLDER = "runs/benchmark"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino benchmark`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name or .toml file (see above)")
-    parser.add_argument(
-        "--algorithms",
-        type=names_in,
-        metavar="NAME,...",
-        help="algorithms (all of domino train, and ramp, cma, auto)",
-    )
-    parser.add_argument(
-        "--seeds", type=NATURAL, metavar="N", default=10,
-        help="number of seeds, of which the first is 100 (10)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--steps", type=NATURAL, metavar="N", help="largest number of dominoes per training"
-    )
-    parser.add_argument(
-        "--seconds", type=SECONDS, metavar="S", help="largest processor time of a search [s]"
+    algorithms = "algorithms (all of domino train, and ramp, cma, auto)"
+    add_options(
+        parser,
+        ("algorithms", names_in, "NAME,...", None, algorithms),
+        ("seeds", NATURAL, "N", 10, "number of seeds, of which the first is 100"),
+        ("steps", NATURAL, "N", None, "largest number of dominoes per training"),
+        ("seconds", SECONDS, "S", None, "largest processor time of a search [s]"),
     )
     add_out_option(parser, DEFAULT_FOLDER)
-    parser.add_argument(
-        "--page", action="store_true", help="write the page from the table without running anything"
-    )
+    add_flags(parser, page="write the page from the table without running anything")
     add_study_options(parser, "benchmark")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Execute missing runs, write the page and print its table."""
     from agents.algorithms import ALGORITHMS, require_learning
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, target_of_text
-    from agents.benchmark_report import FILES, merge_runs, read_runs, table, write
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, read_target
+    from agents.benchmark_report import FILES, RUNS, merge_runs, read_runs, table, write
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
@@ -67,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
     )
     folder = Path(arguments.out)
-    previous = read_runs(folder / FILES[1], {target_of_text(task.scene) for task in tasks})
+    previous = read_runs(folder / RUNS, {read_target(task.scene) for task in tasks})
     if arguments.page:
         experiment = merge_runs(previous)
     else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, SEED, folder, number
+from domino_env.cli.options import NATURAL, SEED, add_options, folder, number
 from optimize.executors import add_executor_options, open_executor
 
 SUMMARY = "write scenes with searched layouts and episodes"
@@ -18,23 +18,16 @@ SUMMARY = "write scenes with searched layouts and episodes"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino dataset`."""
     parser.add_argument("folder", type=folder, metavar="FOLDER", help="folder to write to")
-    parser.add_argument(
-        "--distribution", metavar="NAME", default="varied",
-        help="varied (default), varied-thickness, varied-course, or the path of a TOML file",
-    )  # fmt: skip
-    parser.add_argument(
-        "--scenes", type=NATURAL, metavar="N", default=5000, help="number of scenes (5000)"
-    )
-    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
-    parser.add_argument(
-        "--budget", type=NATURAL, metavar="N", default=600, help="evaluations of each search (600)"
-    )
-    parser.add_argument(
-        "--noise", type=number(low=0.0), metavar="SD", default=0.1,
-        help="standard deviation of the noise on actions, which are from -1 to 1 (0.1)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--code-link", metavar="URL", help="URL of the code, stored in the Minari datasets"
+    names = "varied, varied-thickness, varied-course, or the path of a TOML file"
+    noise = "standard deviation of the noise on actions, which are from -1 to 1"
+    add_options(
+        parser,
+        ("distribution", str, "NAME", "varied", names),
+        ("scenes", NATURAL, "N", 5000, "number of scenes"),
+        SEED,
+        ("budget", NATURAL, "N", 600, "evaluations of each search"),
+        ("noise", number(low=0.0, high=1.0), "SD", 0.1, noise),
+        ("code-link", str, "URL", None, "URL of the code, stored in the Minari datasets"),
     )
     add_executor_options(parser)
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import LAYOUT_FILE, NATURAL, SEED, output
+from domino_env.cli.options import LAYOUT_FILE, NATURAL, WHOLE, add_flags, add_options, output
 
 if TYPE_CHECKING:
     from agents.designer.policy import Designer
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from agents.scripted import ScriptedPolicy
 
 SUMMARY = "evaluate a trained agent or a scripted policy"
-TEST_SCENES = 200  # scenes of a test set that are evaluated
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,24 +33,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan, "
         "controller or rule",
     )  # fmt: skip
-    parser.add_argument(
-        "--scene",
-        help="another scene than that of the training, or a distribution for its test set",
+    scene = "another scene than that of the training, or a distribution for its test set"
+    target = "write the layout, .csv or .json"
+    names = "varied, varied-thickness, varied-course, or a file (that of the training, or varied)"
+    seed = "sample the scenes (the first N of the test set)"
+    add_flags(parser, trust="run the code in an archive where its policy needs it")
+    add_options(
+        parser,
+        ("scene", str, "SCENE", None, scene),
+        ("layout", LAYOUT_FILE, "FILE", None, target),
     )
-    parser.add_argument(
-        "--trust", action="store_true", help="run the code in an archive where its policy needs it"
+    add_options(
+        parser.add_argument_group("evaluation on many scenes, of a policy trained on many"),
+        ("scenes", NATURAL, "N", None, "number of scenes"),
+        ("distribution", str, "NAME", None, names),
+        ("seed", WHOLE, "N", None, seed),
+        ("csv", output(".csv"), "FILE", None, "write one line per scene"),
     )
-    parser.add_argument(
-        "--layout", type=LAYOUT_FILE, metavar="FILE", help="write the layout, .csv or .json"
-    )
-    many = parser.add_argument_group("evaluation on many scenes, of a policy trained on many")
-    many.add_argument("--scenes", type=NATURAL, metavar="N", help="number of scenes")
-    many.add_argument(
-        "--distribution", metavar="NAME",
-        help="varied, varied-thickness, varied-course, or a file (that of the training, or varied)",
-    )  # fmt: skip
-    many.add_argument("--seed", type=SEED, help="sample the scenes (the first N of the test set)")
-    many.add_argument("--csv", type=output(".csv"), metavar="FILE", help="write one line per scene")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -64,12 +62,12 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.distribution import load_any, load_distribution
 
     scene = None if arguments.scene is None else load_any(arguments.scene)
+    many = isinstance(scene, SceneDistribution) or arguments.scenes is not None
     if isinstance(scene, SceneDistribution):
         arguments.distribution, scene = arguments.scene, None
-        arguments.scenes = arguments.scenes or TEST_SCENES
     sampled = arguments.distribution and load_distribution(arguments.distribution)
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
-    if arguments.scenes is not None:
+    if many:
         return _evaluate_scenes(policy, arguments)
     if isinstance(policy, ScenePolicy):
         rollout = policy.build(scene)
@@ -91,17 +89,16 @@ def _evaluate_scenes(
     policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
 ) -> int:
     """Print a table of the scores in many scenes."""
-    from agents.evaluation import evaluate_scenes, scenes_of, searched_scores
+    from agents.evaluation import choose_scenes, evaluate_scenes, read_searched
     from domino_env import SceneDistribution
 
-    number, seed = arguments.scenes, arguments.seed
-    trained_on = getattr(policy, "scene", None)
-    source = arguments.distribution or "varied"
-    if arguments.distribution is None and isinstance(trained_on, SceneDistribution):
-        source = trained_on
+    source = arguments.distribution or getattr(policy, "scene", None)
+    if not isinstance(source, str | SceneDistribution):
+        source = "varied"
     name = source if isinstance(source, str) else source.name
-    searched = searched_scores(name, number) if seed is None else None
-    evaluation = evaluate_scenes(scenes_of(source, number, seed), policy, searched, progress=None)
+    scenes = choose_scenes(source, arguments.scenes, arguments.seed)
+    searched = read_searched(name, len(scenes)) if arguments.seed is None else None
+    evaluation = evaluate_scenes(scenes, policy, searched, progress=None)
     print(evaluation.table())
     if arguments.csv:
         evaluation.save(Path(arguments.csv))

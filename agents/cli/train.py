@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, SEED, add_out_option, output
+from domino_env.cli.options import NATURAL, SEED, add_flags, add_options, add_out_option, output
 
 SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
@@ -17,27 +17,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scene", metavar="SCENE", help="name of a scene or a distribution, or .toml file"
     )
-    parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars, sac, td3, tqc")
-    parser.add_argument("--steps", type=NATURAL, metavar="N", help="number of actions in all")
-    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
-    parser.add_argument(
-        "--num-scenes", type=NATURAL, metavar="N",
-        help="number of scenes of a distribution to sample (all 4096)",
-    )  # fmt: skip
-    add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
-    parser.add_argument(
-        "--resume", action="store_true", help="continue from the checkpoint in the folder"
+    number = "number of scenes of a distribution to sample (all 4096)"
+    archive = "write the best policy as an archive of Stable-Baselines3 too (.zip)"
+    add_options(
+        parser,
+        ("algorithm", str, "NAME", "ppo", "apg, ppo, ars, sac, td3 or tqc"),
+        ("steps", NATURAL, "N", None, "number of actions in all"),
+        SEED,
+        ("num-scenes", NATURAL, "N", None, number),
+        ("save-zip", output(".zip"), "FILE", None, archive),
     )
-    parser.add_argument(
-        "--save-zip", metavar="FILE", type=output(".zip"),
-        help="write the best policy as an archive of Stable-Baselines3 too (.zip)",
-    )  # fmt: skip
+    add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
+    add_flags(parser, resume="continue from the checkpoint in the folder")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train, and print the result."""
     from agents.cli.evaluate import sentence
-    from agents.training import save_zip, train
+    from agents.training import train
 
     result = train(
         arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
@@ -52,6 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
         f"{result.seconds:.0f} s, written to {result.folder}"
     )
     if arguments.save_zip:
+        from agents.sb3 import save_zip
+
         save_zip(result.folder, arguments.save_zip)
         print(f"archive written to {arguments.save_zip}")
     return 0

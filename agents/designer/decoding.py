@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agents.designer.features import features_of
+from agents.designer.features import scene_features
 from domino_env import Scene
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Floats
@@ -14,7 +14,7 @@ HALVINGS = 40  # halvings of the interval of shifts that give a layout its lengt
 LARGEST_SHIFT = 6.0  # largest shift of the logarithms of the gaps, which are at least -6 over h
 
 
-def decoded(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats]:
+def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats]:
     """Decode the outputs of the network into K layouts.
 
     The logarithms of the gaps are shifted by the same amount and clipped to their bounds so that
@@ -35,7 +35,7 @@ def decoded(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Float
     gaps, thickness : NDArray
         (K, N-1) each [m].
     """
-    h, features = scene.height, features_of(scene)
+    h, features = scene.height, scene_features(scene)
     least, largest, thin, thick = (float(h * features[i]) for i in (3, 4, 6, 7))
     number, pairs = outputs.shape[:2]
     thickness = np.clip(

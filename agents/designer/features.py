@@ -25,14 +25,16 @@ FEATURES = (
 TIGHT = 13  # candidate numbers of tight gaps at the end of the chain: 0 … 12
 # [dominoes] decay lengths of the entries for the ends of the chain
 SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)
-LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])  # values that `scaled` maps to -1
+LOW = np.array(
+    [0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0]
+)  # values that `scale_features` maps to -1
 HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])  # values mapped to 1
 LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
 SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
 SIZE = SCENE_SIZE + 5 + 2 * len(SCALES)  # number of entries of an observation
 
 
-def features_of(scene: Scene) -> Floats:
+def scene_features(scene: Scene) -> Floats:
     """Return the `FEATURES` of a scene, (9,)."""
     h, gravity = scene.height, scene.physics.gravity
     unit = 1.0 if scene.in_heights else h
@@ -57,7 +59,7 @@ def outside(scene: Scene) -> tuple[str, ...]:
         return ("free thickness with a given length",)
     name = "varied-thickness" if free else "varied-course" if has_length else "varied"
     trained = _distribution(name)
-    values = dict(zip(FEATURES, features_of(scene), strict=True))
+    values = dict(zip(FEATURES, scene_features(scene), strict=True))
     values["length"] = values["pitch"] * (scene.count - 1)
     if not free:
         values["thickness fixed"] = values["thickness min"]
@@ -98,7 +100,7 @@ def tight_candidates(count: int) -> int:
     return min(TIGHT, count // 2)
 
 
-def scaled(features: Floats) -> Floats:
+def scale_features(features: Floats) -> Floats:
     """Scale the features of scenes to inputs of a network, of about -1 to 1.
 
     Parameters
@@ -147,7 +149,7 @@ def observations(features: Floats, tight: Floats) -> Floats:
     index = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
     left = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps before the tight ones begin
     entries = np.empty((len(k), pairs, SIZE))
-    entries[..., :SCENE_SIZE] = scaled(features)
+    entries[..., :SCENE_SIZE] = scale_features(features)
     c = SCENE_SIZE
     entries[..., c] = 2.0 * index / (pairs - 1) - 1.0
     entries[..., c + 1] = np.log1p(index) / 2.0 - 1.0

@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from agents.designer.decoding import decoded
+from agents.designer.decoding import decode
 from agents.designer.features import (
     SCENE_SIZE,
     SIZE,
     TIGHT,
-    features_of,
     observations,
     outside,
     require_kind,
-    scaled,
+    scale_features,
+    scene_features,
     tight_candidates,
 )
 from agents.network import Network, read_network
@@ -36,9 +36,9 @@ from agents.policy import DESIGNER, POLICIES, POLICY
 from agents.rollout import Rollout, as_placed
 from domino_env import Layout, Scene, Wave, load_scene
 from domino_env.core.checks import require
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
-from domino_env.view.notebook import MadeForScene
+from domino_env.view.notebook import SceneResult
 from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
 from optimize.searching import compile_for
@@ -50,7 +50,7 @@ CURVATURE = 1.0  # N-1 times the second derivative of ln(score) by the logarithm
 
 
 @dataclass(frozen=True, eq=False)
-class Design(MadeForScene):
+class Design(SceneResult):
     """A layout designed for a scene.
 
     Attributes
@@ -79,8 +79,7 @@ class Design(MadeForScene):
     seconds: float
     outside: tuple[str, ...]
 
-    def __repr__(self) -> str:
-        return f"Design({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
+    __repr__ = SceneResult.__repr__
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ class Designer:
     layout: Network
     tight: Network
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     def propose(self, scene: Scene, tries: int = TIGHT) -> tuple[Layout, int]:
         """Return the best layout for the preferred numbers of tight gaps, and its number.
@@ -110,23 +109,21 @@ class Designer:
         tries
             How many numbers of tight gaps are simulated; 1 for the preferred one, not simulated.
         """
-        values = _outputs(self.tight, scaled(features_of(scene))[None])[
+        values = _outputs(self.tight, scale_features(scene_features(scene))[None])[
             0, : tight_candidates(scene.count)
         ]
         tight = np.argsort(-values, kind="stable")[:tries].astype(np.float64)
-        outputs = _outputs(self.layout, observations(features_of(scene), tight))
+        outputs = _outputs(self.layout, observations(scene_features(scene), tight))
         outputs = outputs.reshape(len(tight), scene.count - 1, 2)
-        gaps, thickness = decoded(scene, outputs, tight)
-        best = 0
-        if len(tight) > 1:
-            best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
+        gaps, thickness = decode(scene, outputs, tight)
+        best = _best(scene, gaps, thickness) if len(tight) > 1 else 0
         number = tight[best]
         if len(tight) > 1 and (scene.free_thickness or scene.length is not None):
             shapes = np.repeat(outputs[best : best + 1], len(AMPLITUDES), axis=0)
             mean = shapes[..., 0].mean(axis=1, keepdims=True)
             shapes[..., 0] = mean + np.array(AMPLITUDES)[:, None] * (shapes[..., 0] - mean)
-            gaps, thickness = decoded(scene, shapes, np.full(len(shapes), number))
-            best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
+            gaps, thickness = decode(scene, shapes, np.full(len(shapes), number))
+            best = _best(scene, gaps, thickness)
         free = thickness[best] if scene.free_thickness else None
         return scene.layout(gaps[best], free), int(number)
 
@@ -139,7 +136,7 @@ class Designer:
         _threads()  # its first call is not timed
         began = time.perf_counter()
         layout, number = self.propose(scene, tries)
-        layout = refined(scene, layout, steps_of(scene.count) if steps is None else steps)
+        layout = refine(scene, layout, gradient_steps(scene.count) if steps is None else steps)
         wave = scene.simulate(layout)
         score = scene.score(wave)
         seconds = time.perf_counter() - began
@@ -151,7 +148,7 @@ class Designer:
         Raises
         ------
         ValueError
-            As of `design`.
+            See `design`.
         """
         require_kind(scene)
         compile_for(scene)
@@ -176,17 +173,22 @@ class Designer:
         )
 
 
+def _best(scene: Scene, gaps: Floats, thickness: Floats) -> int:
+    """Return the number of the layout with the highest score."""
+    return int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
+
+
 def _part(arrays: Mapping[str, Any], part: str) -> Network:
     number = sum(name.startswith(f"{part}_") for name in arrays) // 2
     return Network.named(arrays, [f"{part}_{i}_" for i in range(number)])
 
 
-def steps_of(count: int) -> int:
+def gradient_steps(count: int) -> int:
     """Return the default number of gradient steps for a layout of `count` dominoes."""
     return int(np.clip(STEPPED_DOMINOES // count, LEAST_STEPS, MOST_STEPS))
 
 
-def refined(scene: Scene, layout: Layout, steps: int) -> Layout:
+def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     """Improve a layout by quasi-Newton steps with the exact gradient of the score.
 
     Near good layouts the curvature of the score is similar in all scenes, so the first step uses

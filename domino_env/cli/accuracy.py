@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import SECONDS, add_options, add_out_option
+from domino_env.cli.options import SECONDS, add_flags, add_options, add_out_option
 
 SUMMARY = "measure error against run time, simulate the edge cases"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino accuracy`."""
-    parser.add_argument("--stability", action="store_true", help="simulate the edge cases")
     add_out_option(parser, "runs/accuracy")
     limit = "time limit for one solver on one layout [s]"
     add_options(parser, ("seconds", SECONDS, "S", 3.0, limit))
-    parser.add_argument("--quick", action="store_true", help="few settings, short layouts")
+    add_flags(parser, stability="simulate the edge cases", quick="few settings, short layouts")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / f"{name}.csv", folder / f"{name}.png"
-    wrong, records = 0, list[Any]()
+    faulty, records = list[Any](), list[Any]()
     # one line of the terminal, cleared at the end; disable=None: only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:
         progress = line.set_description_str
@@ -45,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
             for case in edge_cases.edge_cases(10_000 if arguments.quick else 1_000_000):
                 progress(str(case))
                 records.append(edge_cases.examine(case))
-            wrong = sum(bool(one.faults) for one in records)
-            lines = [f"{one.group}, {one.name}: {one.faults}" for one in records if one.faults]
-            lines += [f"{len(records)} edge cases: {wrong or 'none'} with a fault"]
+            faulty = [record for record in records if record.faults]
+            lines = [f"{case.group}, {case.name}: {case.faults}" for case in faulty]
+            lines += [f"{len(records)} edge cases: {len(faulty) or 'none'} with a fault"]
             accuracy.draw_stability(records, picture)
         else:
             progress("compiling")
@@ -57,4 +56,4 @@ def run(arguments: argparse.Namespace) -> int:
             accuracy.draw_accuracy(examples, records, picture)
     write_text(table, accuracy.as_csv(records))
     print("\n".join(lines) + f"\n\n{table}, {picture}")
-    return 1 if wrong else 0
+    return 1 if faulty else 0

@@ -21,7 +21,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the layout and write its sound."""
     from pathlib import Path
 
-    from domino_env.core.files import counted
+    from domino_env.core.files import amount
     from domino_env.physics.wave import simulate
     from domino_env.view.sound import clicks, write_wav
 
@@ -35,5 +35,5 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)
     print(chosen.line)
-    print(f"{target}: {counted(wave.hit - 1, 'click')} in {wave.arrival_times[wave.hit - 1]:.3f} s")
+    print(f"{target}: {amount(wave.hit - 1, 'click')} in {wave.arrival_times[wave.hit - 1]:.3f} s")
     return 0

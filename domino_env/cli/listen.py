@@ -20,12 +20,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate and print the frequency of each recording."""
     from pathlib import Path
 
-    from domino_env.core.files import naming
+    from domino_env.core.files import errors_with_path
     from domino_env.view.sound import listen, read_wav
 
     for name in arguments.files:
         samples, rate = read_wav(Path(name))
-        with naming(name):
+        with errors_with_path(name):
             hits = listen(samples, rate)
         line = f"{name}: {hits.frequency:.2f} ± {hits.uncertainty:.2f} hits per second"
         if arguments.pitch:

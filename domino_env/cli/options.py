@@ -28,10 +28,15 @@ Option = tuple[str, Callable[[str], object], str, object, str]
 def add_options(parser: Any, *options: Option) -> None:
     """Add options that take a value to a parser or a group of its arguments."""
     for name, read, metavar, default, text in options:
-        shown = "" if default is None else f" ({default:g})"
-        parser.add_argument(
-            f"--{name}", type=read, metavar=metavar, default=default, help=text + shown
-        )
+        if default is not None:
+            text += f" ({default:g})" if isinstance(default, float) else f" ({default})"
+        parser.add_argument(f"--{name}", type=read, metavar=metavar, default=default, help=text)
+
+
+def add_flags(parser: Any, **texts: str) -> None:
+    """Add options without a value by their names and help."""
+    for name, text in texts.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=text)
 
 
 def _checked(value: Any, check: Callable[..., None], *arguments: Any, **options: Any) -> Any:
@@ -68,7 +73,8 @@ PUSH = number("rad/s", above=0.0, high=1000.0)
 COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
 POSITIVE_COEFFICIENT = number(hint="a coefficient of friction", above=0.0)
 SECONDS = number("s", above=0.0)
-NATURAL, SEED = number(whole=True, low=1), number(whole=True, low=0)
+NATURAL, WHOLE = number(whole=True, low=1), number(whole=True, low=0)
+SEED = ("seed", WHOLE, "N", 0, "seed of all randomness")
 
 
 def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:
@@ -107,15 +113,13 @@ LAYOUT_FILE = output(".csv", ".json")
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
     """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its baseline."""
     more = ", and its uniform baseline" * uniform
-    parser.add_argument(
-        "--scene",
-        help=f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)",
-    )
+    scene = f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)"
     friction = "coefficient of friction between dominoes (of the scene, or 0.25)"
     gravity = "gravitational acceleration [m/s²] (of the scene, or 9.81)"
     push = "angular velocity of the first domino [rad/s] (of the scene, or 8)"
     add_options(
         parser,
+        ("scene", str, "SCENE", None, scene),
         ("friction", COEFFICIENT, "MU", None, friction),
         ("gravity", GRAVITY, "M/S2", None, gravity),
         ("push", PUSH, "RAD/S", None, push),

@@ -16,19 +16,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     options.add_physics_options(parser, uniform=True)
+    slow = "slow motion: seconds of the film per second of the wave"
     options.add_options(
         parser,
         ("gif", options.output(".gif"), "FILE", None, "write an animated GIF"),
         ("mp4", options.output(".mp4"), "FILE", None, "write a film (extra 'render')"),
         ("png", options.output(".png"), "FILE", None, "write one picture with several moments"),
         ("moments", options.NATURAL, "N", 4, "number of moments in the picture"),
-        (
-            "slow",
-            options.number(above=0.0),
-            "FACTOR",
-            5.0,
-            "slow motion: seconds of the film per second of the wave",
-        ),
+        ("slow", options.number(above=0.0), "FACTOR", 5.0, slow),
         ("rate", options.number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
         ("width", options.NATURAL, "PX", 1000, "width of a frame [px]"),
     )
@@ -39,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.checks import require_extra
-    from domino_env.core.files import counted, layout_name, one_line
+    from domino_env.core.files import amount, layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.comparison import ComparedLayout
@@ -64,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     for name, write in writers.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
-        print(f"{name}: {counted(number, 'image')}, {number / arguments.rate:.1f} s")
+        print(f"{name}: {amount(number, 'image')}, {number / arguments.rate:.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

@@ -39,5 +39,5 @@ def run(arguments: argparse.Namespace) -> int:
     compared, title = read_compared(paths, chosen.scene, physics)
     size = write_report(compared, title, target)
     result = headline(compared)
-    print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")
+    print(f"{chosen.line}\n{result['winner']}: {result['results']}\n{target}: {size / 1e3:.0f} kB")
     return 0

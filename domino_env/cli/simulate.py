@@ -157,10 +157,10 @@ def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[s
     """Return how many draws complete, and the spread of their times [s]."""
     import numpy as np
 
-    from domino_env.scenes.objectives.robust import Placement, simulate_placed
+    from domino_env.scenes.objectives.robust import Placement, simulate_draws
 
     ground = scene.ground if scene else None
-    waves = simulate_placed(wave.layout, wave.physics, Placement(deviation), ground)
+    waves = simulate_draws(wave.layout, wave.physics, Placement(deviation), ground)
     times = waves.total_time[waves.mean_speed > 0.0]
     noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
     if len(times):

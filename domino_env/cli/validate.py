@@ -41,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.validation.measured_page import PAGE, PLOT, draw, markdown, text
 
     validations = [validate(source) for source in _sources(arguments)]
-    print("\n\n".join("\n".join(text(one)) for one in validations))
-    explained = sum(one.explained for one in validations)
+    print("\n\n".join("\n".join(text(v)) for v in validations))
+    explained = sum(v.explained for v in validations)
     if len(validations) > 1:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
@@ -58,12 +58,7 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
     """Return the sources that are named, in order, with the given chains as the last."""
     from pathlib import Path
 
-    from domino_env.validation.source import (
-        TEMPLATE,
-        read_source,
-        shipped_sources,
-        source_of_frequencies,
-    )
+    from domino_env.validation.source import TEMPLATE, Source, read_source, shipped_sources
 
     shipped, sources, pairs = shipped_sources(), [], []
     for word in arguments.sources:
@@ -81,9 +76,8 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
     if pairs:
         pitches, frequencies = zip(*pairs, strict=True)
         sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height
-        sources.append(
-            source_of_frequencies(pitches, frequencies, *sizes, pitch_uncertainty=TEMPLATE)
-        )
+        own = Source.from_frequencies(pitches, frequencies, *sizes, pitch_uncertainty=TEMPLATE)
+        sources.append(own)
     return sources or list(shipped.values())
 
 

@@ -31,17 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
     """Add --floor and --engine, with the default of --engine and a note for its help text."""
-    parser.add_argument(
-        "--floor", type=floors_of, default="0.3,0.5,1", metavar="FRICTION,...",
-        help="coefficients of friction of the floors; 'free' stands for 1 (0.3,0.5,1)",
-    )  # fmt: skip
+    floors = "coefficients of friction of the floors; 'free' stands for 1"
+    options.add_options(parser, ("floor", read_floors, "FRICTION,...", "0.3,0.5,1", floors))
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,
         help=f"simulate with the third-party engine too ({note})",
     )  # fmt: skip
 
 
-def floors_of(text: str) -> tuple[float, ...]:
+def read_floors(text: str) -> tuple[float, ...]:
     """Return the frictions in a text such as '0.3,0.5,1'."""
     return tuple(options.floor(word, options.POSITIVE_COEFFICIENT) for word in text.split(","))
 
@@ -64,10 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
     output = sys.stderr if arguments.json == "-" else sys.stdout
 
     differs = False
-    physics_of = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
-    layouts = {name: chosen.read(name) for name, chosen in physics_of.items()}
-    for name, layout in layouts.items():
-        chosen = physics_of[name]
+    choices = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
+    layouts = [chosen.read(name) for name, chosen in choices.items()]
+    for (name, chosen), layout in zip(choices.items(), layouts, strict=True):
         print(f"{name}\n{chosen.line}", file=output, flush=True)
         result = verification.verify(
             layout, chosen.physics, floors=arguments.floor, engine=engine, progress=None

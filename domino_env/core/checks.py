@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import one_line, shown
+from domino_env.core.files import as_text, one_line
 from domino_env.core.types import Floats
 
 INF = math.inf
@@ -67,7 +67,7 @@ def require(
     value = value.item() if isinstance(value, np.generic) else value
     wanted = "whole number" if whole else "finite number"
     bounds = range_in_words(low, high, above=above, below=below)
-    given = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
+    given = f"{name} = {as_text(value)}{' ' * bool(unit)}{unit}"
     raise ValueError(f"{given}: give a {wanted}{bounds}{f' ({hint})' if hint else ''}")
 
 
@@ -82,7 +82,7 @@ def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
     try:
         return np.array(value, dtype=np.float64, copy=copy)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} = {shown(value)}: give numbers") from None
+        raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
@@ -98,8 +98,14 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
         return
     similar = difflib.get_close_matches(str(value)[:50], known, n=1)
     guess = f"did you mean '{similar[0]}'? " if similar else ""
-    given = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
+    given = f"'{one_line(value, 60)}'" if isinstance(value, str) else as_text(value)
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
+
+
+def require_type(name: str, value: object, kind: type, wanted: str) -> None:
+    """Raise a TypeError for a value that is no instance of a type; `wanted` ends the message."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} is of type {type(value).__name__}: give {wanted}")
 
 
 def require_extra(purpose: str, extra: str, *packages: str) -> None:

@@ -29,16 +29,16 @@ def read_bytes(path: Path) -> bytes:
 
 def read_json(path: Path) -> Any:
     """Return a JSON document; raise a ValueError with the path for other text."""
-    with naming(path):
+    with errors_with_path(path):
         try:
-            return json.loads(decoded(read_bytes(path)))
+            return json.loads(decode(read_bytes(path)))
         except RecursionError:
             raise ValueError("not JSON: nested too deep") from None
         except json.JSONDecodeError as error:
             raise ValueError(f"not JSON: {error}") from None
 
 
-def decoded(data: bytes) -> str:
+def decode(data: bytes) -> str:
     """Return text in UTF-16 if there is its byte order mark, UTF-8 if it is that, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16")
@@ -49,7 +49,7 @@ def decoded(data: bytes) -> str:
 
 
 @contextmanager
-def naming(path: Path | str) -> Iterator[None]:
+def errors_with_path(path: Path | str) -> Iterator[None]:
     """Turn errors inside into a ValueError of one line that begins with the path."""
     try:
         yield
@@ -112,7 +112,7 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
 
 def require_writable(folder: Path) -> None:
     """Raise a ValueError if no file can be written to a folder, which is not made."""
-    place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    place = next(f for f in (folder, *folder.absolute().parents) if f.exists())
     if not place.is_dir():
         raise ValueError(f"{place} is a file: name a folder")
     if not os.access(place, os.W_OK):
@@ -134,13 +134,13 @@ def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False)
     return "…" + safe[1 - most :] if keep_end else safe[: most - 1] + "…"
 
 
-def counted(number: int, noun: str) -> str:
+def amount(number: int, noun: str) -> str:
     """Return "1 layout" or "2 layouts"."""
     plural = "" if number == 1 else "es" if noun.endswith("ch") else "s"
     return f"{number} {noun}{plural}"
 
 
-def shown(value: object) -> str:
+def as_text(value: object) -> str:
     """Return the repr of a value from a file, short enough for a sentence."""
     try:
         return one_line(_SHORT.repr(value), 80)

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Meta, inspect
 
 from domino_env.core.checks import range_in_words, require_choice
-from domino_env.core.files import one_line, shown
+from domino_env.core.files import as_text, one_line
 
 SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep their digits
 
@@ -45,10 +45,10 @@ class Table(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Value(Table, frozen=True):  # type: ignore[misc]
-    """A frozen table whose constructor checks as `model_of` does, also NumPy's numbers."""
+    """A frozen table whose constructor checks as `read_model` does, also NumPy's numbers."""
 
     def __post_init__(self) -> None:
-        checked = model_of(_fields_alone(type(self)), plain(self))
+        checked = read_model(_fields_alone(type(self)), plain(self))
         for name in self.__struct_fields__:
             msgspec.structs.force_setattr(self, name, getattr(checked, name))
 
@@ -73,14 +73,14 @@ def plain(value: Any) -> Any:
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    return shown(value)  # a string, which no field accepts
+    return as_text(value)  # a string, which no field accepts
 
 
 class Document(msgspec.Struct):
     """An object of a file that may have other keys."""
 
 
-def model_of(kind: type[Model], document: object, where: str = "") -> Model:
+def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     """Read a document as an instance of a class.
 
     Parameters
@@ -136,7 +136,7 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
         if isinstance(literal := _plain(type_)[0], inspect.LiteralType):
             require_choice(place, value, literal.values)
         given = f"{place} =" if place else "this is"
-        sentence = f"{given} {shown(value)}: {_wanted(type_)}{meaning}"
+        sentence = f"{given} {as_text(value)}: {_wanted(type_)}{meaning}"
     raise ValueError(sentence) from None
 
 

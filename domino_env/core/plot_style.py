@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from domino_env.core.colours import COLOURS, FAINT, INK, OURS, SOFT
+from domino_env.core.colours import COLOURS, FAINT, INK, RESULT, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
@@ -29,7 +29,7 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
     Parameters
     ----------
     methods
-        Names. The default method always has the colour `OURS`, the uniform pitch grey dots.
+        Names. The default method always has the colour `RESULT`, the uniform pitch grey dots.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
         `color` and `linestyle` by name; the second half of `COLOURS` is dashed, and after it they
         repeat.
     """
-    looks = {"auto": (OURS, "-"), "uniform": (SOFT, ":")}
+    looks = {"auto": (RESULT, "-"), "uniform": (SOFT, ":")}
     for k, method in enumerate([name for name in methods if name not in looks]):
         place = 1 + k % (len(COLOURS) - 1)
         looks[method] = COLOURS[place], "--" if place > len(COLOURS) // 2 else "-"
@@ -61,9 +61,9 @@ def new_figure(
     width, height
         Size [in].
     placed
-        Whether the caller places the axes; else they fill the figure.
+        True if the caller places the axes; else they fill the figure.
     register
-        Whether `pyplot.show` shows the figure, if pyplot is in use; a notebook shows it anyway.
+        True if `pyplot.show` is to show the figure, if pyplot is in use; notebooks always do.
     """
     options: dict[str, Any] = {"facecolor": "white", "layout": None if placed else "constrained"}
     pyplot = sys.modules.get("matplotlib.pyplot")

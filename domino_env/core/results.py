@@ -28,7 +28,7 @@ def draw(kind: str, *arguments: Any) -> Any:
     return pkgutil.resolve_name(_FUNCTIONS[kind])(*arguments)
 
 
-def brief(value: Any) -> str:
+def dataclass_repr(value: Any) -> str:
     """Return a dataclass in a line, arrays by their shapes and long tuples by their lengths.
 
     Used as ``__repr__ = brief``.
@@ -73,7 +73,7 @@ def as_json(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: as_json(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [as_json(one) for one in value]
+        return [as_json(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

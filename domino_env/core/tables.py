@@ -10,9 +10,9 @@ from pathlib import Path
 
 from domino_env.core.files import one_line, write_text
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # of text that a spreadsheet evaluates
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings of text that a spreadsheet evaluates
 _PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
-WIDEST = 60  # characters of a cell on a terminal
+MAX_CELL_WIDTH = 60  # characters of a cell on a terminal
 
 
 def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
@@ -23,8 +23,8 @@ def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
     names
         Names of the columns.
     lines
-        Cells in that order. Numbers have their shortest exact digits, None is an empty cell; text
-        that a spreadsheet would run as a formula gets a ``'`` in front.
+        Cells in that order. Numbers have the fewest digits that identify them, None is an empty
+        cell; text that a spreadsheet would evaluate as a formula begins with ``'``.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for line in (names, *lines):
-        writer.writerow([_harmless(cell) if isinstance(cell, str) else cell for cell in line])
+        writer.writerow([_escape_formula(cell) if isinstance(cell, str) else cell for cell in line])
     return text.getvalue()
 
 
@@ -44,7 +44,7 @@ def write_csv(path: Path, names: Iterable[str], lines: Iterable[Iterable[object]
 
 
 def markdown_table(names: Sequence[str], lines: Iterable[Iterable[object]]) -> list[str]:
-    """Return a table as lines of Markdown; cells are Markdown too, but for ``|`` and line feeds."""
+    """Return a table as lines of Markdown; cells are Markdown, except that ``|`` is escaped."""
     head = [_markdown_line(names), "|" + " --- |" * len(names)]
     return head + [_markdown_line(line) for line in lines]
 
@@ -59,13 +59,18 @@ def text_table(
     names
         Names of the columns.
     lines
-        Cells in that order; those of more than 60 characters are cut, control characters escaped.
+        Cells in that order; longer ones than `MAX_CELL_WIDTH` are cut, control characters escaped.
     right
-        Names of the columns that are aligned on the right, as of numbers.
+        Names of the columns that are aligned on the right, such as columns of numbers.
+
+    Returns
+    -------
+    list of str
+        The lines, the names first.
     """
     columns = []
     for column in zip(names, *lines, strict=True):
-        cells = [one_line(cell, WIDEST) for cell in column]
+        cells = [one_line(cell, MAX_CELL_WIDTH) for cell in column]
         align, width = str.rjust if column[0] in right else str.ljust, max(map(len, cells))
         columns.append([align(cell, width) for cell in cells])
     return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
@@ -74,23 +79,31 @@ def text_table(
 def fill(page: str, tables: dict[str, list[str]]) -> str:
     """Return a page with tables, each between its comment ``<!-- name -->`` and ``<!-- end -->``.
 
+    Parameters
+    ----------
+    page
+        Text of the page.
+    tables
+        Lines of each table by name.
+
     Raises
     ------
     ValueError
-        For a table without such a comment in the page.
+        If the page has no such comment for a table.
     """
     places = {match[2] for match in _PLACE.finditer(page)}
     if missing := set(tables) - places:
         raise ValueError(f"the page has no comment <!-- {min(missing)} --> with an <!-- end -->")
 
-    def written(match: re.Match[str]) -> str:
+    def replacement(match: re.Match[str]) -> str:
         lines = tables.get(match[2])
         return match[0] if lines is None else f"{match[1]}\n" + "\n".join(lines) + f"\n\n{match[3]}"
 
-    return _PLACE.sub(written, page)
+    return _PLACE.sub(replacement, page)
 
 
-def _harmless(text: str) -> str:
+def _escape_formula(text: str) -> str:
+    """Return text, after a ``'`` if a spreadsheet would evaluate it."""
     if not text.startswith(_FORMULA):
         return text
     try:

@@ -9,14 +9,15 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from domino_env import kernels
 from domino_env.core.checks import require
+from domino_env.core.files import as_text
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import objects
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
+from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
@@ -309,7 +310,7 @@ class DominoChainVector(DominoVectorEnv):
         super().__init__(num_envs, source, render_mode, autoreset_mode)
         self._rules = self._batch.rules
         self._given_speed: float | None = None  # reference speed of all episodes, if given
-        self._enter(np.arange(self.num_envs))
+        self._load_scenes(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
         self._set_spaces(choices(self.source.first), self.observation_layout.space)
@@ -325,7 +326,7 @@ class DominoChainVector(DominoVectorEnv):
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        baseline = self.source.speed[self._which[0]]
+        baseline = self.source.speed[self._scene_indices[0]]
         hint = f"the mean speed of the uniform baseline is {baseline:.6g} m/s"
         require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
         self._given_speed = float(speed)
@@ -335,23 +336,22 @@ class DominoChainVector(DominoVectorEnv):
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        envs, previous = np.flatnonzero(mask), self._which.copy()
+        envs, previous = np.flatnonzero(mask), self._scene_indices.copy()
+        layouts = self._one_each("layout", options.get("layout"), Layout)
         if self.distribution is not None:
-            scenes = self._one_each(options.get("scene"), Scene, "scenes to build in")
-            source = self.source
-            self._which[envs] = [
-                source.sample(generators(b)) if scenes[b] is None else source.give(b, scenes[b])
+            scenes, source = self._one_each("scene", options.get("scene"), Scene), self.source
+            self._scene_indices[envs] = [
+                source.sample(generators(b)) if scenes[b] is None else source.add(b, scenes[b])
                 for b in envs.tolist()
             ]
-        layouts = self._one_each(options.get("layout"), Layout, "layouts to start from")
         starts = [(b, start) for b, start in enumerate(layouts) if mask[b] and start is not None]
         try:
             for b, start in starts:
                 _require_start(start, self._scene(b), self.source.rtol)
         except ValueError:
-            self._which = previous
+            self._scene_indices = previous
             raise
-        self._enter(envs)
+        self._load_scenes(envs)
         self._randomise(envs, generators, dict(starts))
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
         for b, start in starts:
@@ -366,30 +366,30 @@ class DominoChainVector(DominoVectorEnv):
             return {}
         return {"scene": objects(self._scene(b) for b in envs.tolist())}
 
-    def _one_each(self, value: Any, kind: type, noun: str) -> list[Any]:
+    def _one_each(self, name: str, value: Any, kind: type) -> list[Any]:
         """Return a list of one value per environment from a shared value, a sequence or None."""
-        shared = value is None or isinstance(value, kind | str)
-        values = [value] * self.num_envs if shared else list(value)
-        if len(values) != self.num_envs:
+        values = list(value) if np.iterable(value) else [value] * self.num_envs
+        known = all(entry is None or isinstance(entry, kind) for entry in values)
+        if len(values) != self.num_envs or not known:
             raise ValueError(
-                f"{len(values)} {noun}: give one for all, or one for each of the {self.num_envs} "
-                "environments"
+                f"{name} = {as_text(value)}: give one {kind.__name__} for all, or a list with one "
+                f"for each of the {self.num_envs} environments"
             )
         return values
 
-    def _enter(self, envs: Indices) -> None:
+    def _load_scenes(self, envs: Indices) -> None:
         """Copy the data of the scenes of environments into the batch."""
-        batch, source, which = self._batch, self.source, self._which[envs]
+        batch, source, indices = self._batch, self.source, self._scene_indices[envs]
         if self.distribution is None:
             return
-        _as_integers(self._rules)[envs] = _as_integers(source.rules)[which]
+        _as_integers(self._rules)[envs] = _as_integers(source.rules)[indices]
         if self._given_speed is not None:
             self._rules["reference_speed"][envs] = self._given_speed
-        batch.features[envs], batch.rest[envs] = source.features[which], source.rest[which]
-        batch.schedule[envs] = source.schedule[which]
-        batch.thickness[envs, 0] = source.first_thickness[which]
+        for name in ("features", "uniform_left", "schedule"):
+            getattr(batch, name)[envs] = getattr(source, name)[indices]
+        batch.thickness[envs, 0] = source.first_thickness[indices]
         if len(batch.height) == self.num_envs:  # else all environments share the heights
-            batch.height[envs] = source.rules["unit"][which, None]
+            batch.height[envs] = source.rules["unit"][indices, None]
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place a domino in every running environment; see `DominoVectorEnv.advance`."""
@@ -419,6 +419,7 @@ class DominoChainVector(DominoVectorEnv):
         dict
             Bounds, see `DominoChain.bounds_ahead`.
         """
+        require("env", env, 0, self.num_envs - 1, whole=True)
         low, high, thin, thick = kernels.next_bounds(self._batch, env)
         return {"spacing": (low, high), "thickness": (thin, thick)}
 
@@ -440,10 +441,10 @@ class DominoChainVector(DominoVectorEnv):
         ValueError
             If the number of layouts is not that of the environments.
         """
-        layouts = self._one_each(layout, Layout, "layouts to build")
+        layouts = self._one_each("layout", layout, Layout)
         wanted = np.zeros((self.num_envs, 4))
         for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
-            if n < target.count - 1:
+            if target is not None and n < target.count - 1:
                 sizes = target.spacing[n], target.thickness[n + 1]
                 wanted[b] = *sizes, *target.height[n : n + 2]
         actions = np.zeros(self.action_space.shape or ())
@@ -492,7 +493,7 @@ class DominoChainVector(DominoVectorEnv):
             Derivatives with respect to the actions, (B, P, A).
         """
         gradient = np.zeros(actions.shape)
-        kernels.place_back(0, self.num_envs, self._batch, actions, derivatives, gradient)
+        kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
 
 

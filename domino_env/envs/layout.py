@@ -8,13 +8,14 @@ import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 
-from domino_env import kernels
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
+from domino_env.kernels.step.batch import EPISODE, RUNNING
+from domino_env.kernels.step.environment import place_batch
 from domino_env.scenes.scene import Scene
 
 SHARE = 16  # least number of environments of a thread
@@ -53,11 +54,11 @@ class DominoLayout(DominoEnv):
     Parameters
     ----------
     scene
-        As of `DominoChain`.
+        See `DominoChain`.
     render_mode
-        As of `DominoChain`.
+        See `DominoChain`.
     rtol
-        As of `DominoChain`.
+        See `DominoChain`.
     """
 
     def __init__(
@@ -76,13 +77,13 @@ class DominoLayoutVector(DominoVectorEnv):
     num_envs
         B, the number of environments.
     scene
-        As of `DominoLayout`.
+        See `DominoLayout`.
     render_mode
         None, "rgb_array" or "ansi".
     rtol
-        As of `DominoLayout`.
+        See `DominoLayout`.
     autoreset_mode
-        As of `DominoChainVector`.
+        See `DominoChainVector`.
     """
 
     def __init__(
@@ -108,8 +109,8 @@ class DominoLayoutVector(DominoVectorEnv):
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        self._episodes[mask] = np.zeros(1, kernels.EPISODE)
-        self._episodes["phase"][mask] = kernels.RUNNING
+        self._episodes[mask] = np.zeros(1, EPISODE)
+        self._episodes["phase"][mask] = RUNNING
         self._batch.states["u"][mask] = self.source.first.physics.push**2
         self._batch.states["time"][mask] = 0.0
         self._waves[mask] = None
@@ -120,13 +121,13 @@ class DominoLayoutVector(DominoVectorEnv):
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place all dominoes and simulate them; see `DominoVectorEnv.advance`."""
         observations, scene = np.ones(self._observations.shape, np.float32), self.source.first
-        rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == kernels.RUNNING
+        rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == RUNNING
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}
         parts = actions.reshape(self.num_envs, choices(scene), -1).transpose(0, 2, 1)
         parts = np.ascontiguousarray(parts)
-        share_evenly(kernels.place_batch, self.num_envs, SHARE, self._batch, ended, parts)
+        share_evenly(place_batch, self.num_envs, SHARE, self._batch, ended, parts)
         if scene.length is not None:
             self._meet_length(scene, scene.length)
         rewards[envs], infos = self._end(envs)

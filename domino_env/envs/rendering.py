@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.checks import require_extra
-from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import stack_leans
@@ -28,7 +27,7 @@ TEXT_WIDTH = 100  # [characters]
 
 
 def _window_works() -> bool:
-    """Return whether pygame is installed and, on Linux, a display is there to open a window on."""
+    """Return True if pygame is installed and, on Linux, there is a display for a window."""
     displays = "DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"
     displayed = not sys.platform.startswith("linux") or any(map(os.environ.get, displays))
     return displayed and find_spec("pygame") is not None
@@ -48,7 +47,7 @@ class Snapshot:
     layout
         The dominoes placed so far.
     hit
-        Number of dominoes struck; the leader is domino hit - 1.
+        Number of dominoes hit; the leader is domino hit - 1.
     time
         Time of the latest hit [s].
     uniform_speed
@@ -63,10 +62,8 @@ class Snapshot:
     hit: int
     time: float
     uniform_speed: float
-    wave: Wave | None = None
-    hand: Floats = field(default_factory=lambda: np.zeros(0))
-
-    __repr__ = brief
+    wave: Wave | None
+    hand: Floats
 
 
 class Renderer:
@@ -147,7 +144,7 @@ def _text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
 def _line(snapshot: Snapshot) -> str:
     """Return time, place and speed, compared with the uniform baseline."""
     layout = snapshot.layout
-    line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
+    line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} hit"
     if snapshot.time > 0.0 and snapshot.hit > 1:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
         line += f"   {speed:.4f} m/s so far"

@@ -9,10 +9,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from domino_env import kernels
 from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.envs.spaces import FEATURE_LIMIT, choices
+from domino_env.kernels.step.batch import RULES
 from domino_env.physics.wave import LOOSEST, TIGHTEST
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
@@ -27,7 +27,7 @@ COUNT_FACTOR = 2  # largest count of a given scene over that of the longest samp
 
 
 class SceneSource:
-    """Numbered scenes, with their rules, features and uniform baselines as arrays.
+    """Scenes by their indices, with rules, features and uniform baselines as arrays.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class SceneSource:
     window
         Number of gaps (and thicknesses) observed, at most.
     num_scenes, first_scene, hide
-        As of `DominoChain`.
+        See `DominoChain`.
 
     Attributes
     ----------
@@ -49,10 +49,10 @@ class SceneSource:
         The distribution; None where the scene is fixed.
     first
         The scene, or the first of the distribution.
-    shown
+    observed
         Indices of the sampled numbers that are observed.
-    numbers
-        Numbers of the scenes that resets sample.
+    indices
+        Indices of the scenes that resets sample.
     longest
         Largest number of dominoes of a scene.
     window
@@ -60,19 +60,17 @@ class SceneSource:
     scenes
         Scenes of the pool, then one place for each environment that is given its own scene.
     rules
-        RULES of each scene, (S,).
+        RULES of each scene, (S,). A success is divided by their "score_unit" in the gain: the score
+        of the baseline. Where that is no success: √(g h), h, or 1, by the unit of the objective.
     features
         Observed numbers of each, (S, F); F = 0 where the scene is fixed.
     first_thickness
         Thickness of the first domino of each, (S,) [m].
     score, speed
         Score and speed [m/s] of the uniform baseline of each, (S,).
-    unit
-        Score by which a success is divided in the gain, (S,): that of the baseline. Where that is
-        no success: √(g h), h, or 1, by the unit of the objective.
     schedule
         Arrival times [s] and intervals, scaled to -1 … 1, where hits have a schedule, (S, N, 2).
-    rest
+    uniform_left
         Length [m] and time [s] that the baseline has left with k dominoes placed, (S, N, 2).
 
     Raises
@@ -102,37 +100,36 @@ class SceneSource:
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
         _require_choice(self.first)
         names = () if self.distribution is None else self.distribution.features
-        self.shown = _shown(names, hide)
+        self.observed = _observed_indices(names, hide)
         count, sampled = self.first.count, 1
         if isinstance(scene, SceneDistribution):
             _require_shared(scene)
-            sampled = len(pool_of(scene))
+            sampled = len(shared_pool(scene))
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
-        self.numbers = _numbers(sampled, num_scenes, first_scene)
+        self.indices = _sampled_indices(sampled, num_scenes, first_scene)
         self.sampled, self.window = sampled, min(int(window), count - 1)
         places = sampled + num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
         self.scenes: list[Scene | None] = [None] * places
-        self.rules = np.zeros(places, kernels.RULES)
-        self.features = np.zeros((places, len(self.shown)), np.float32)
-        self.first_thickness, self.score, self.unit, self.speed = np.zeros((4, places))
-        self.schedule = np.zeros((places, self.longest, 2))
-        self.rest = np.zeros((places, self.longest, 2))
+        self.rules = np.zeros(places, RULES)
+        self.features = np.zeros((places, len(self.observed)), np.float32)
+        self.first_thickness, self.score, self.speed = np.zeros((3, places))
+        self.schedule, self.uniform_left = np.zeros((2, places, self.longest, 2))
         if isinstance(scene, Scene):
-            self._keep(0, scene, np.empty(0))
+            self._store(0, scene, np.empty(0))
 
     def sample(self, generator: np.random.Generator) -> int:
-        """Return the number of a random scene; 0 where the scene is fixed."""
+        """Return the index of a random scene; 0 where the scene is fixed."""
         if self.distribution is None:
             return 0
-        i = self.numbers[int(len(self.numbers) * generator.random())]
+        i = self.indices[int(len(self.indices) * generator.random())]
         if self.scenes[i] is None:
-            pool = pool_of(self.distribution)
-            self._keep(i, pool.scene(i), pool.features[i])
+            pool = shared_pool(self.distribution)
+            self._store(i, pool.scene(i), pool.features[i])
         return i
 
-    def give(self, env: int, scene: Scene) -> int:
-        """Keep a scene for one environment, and return its number.
+    def add(self, env: int, scene: Scene) -> int:
+        """Store a scene for one environment, and return its index.
 
         Raises
         ------
@@ -140,18 +137,16 @@ class SceneSource:
             For a scene that the distribution does not cover, or with too many dominoes.
         """
         assert self.distribution is not None
-        if not isinstance(scene, Scene):
-            raise ValueError(f"options['scene'] is {type(scene).__name__}: give a Scene")
         numbers = self.distribution.numbers(scene)
         if scene.count > self.longest:
             raise ValueError(
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
                 f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
-        self._keep(self.sampled + env, scene, self.distribution.scaled(numbers))
+        self._store(self.sampled + env, scene, self.distribution.scaled(numbers))
         return self.sampled + env
 
-    def _keep(self, i: int, scene: Scene, features: Floats) -> None:
+    def _store(self, i: int, scene: Scene, features: Floats) -> None:
         baseline, free_fall = scene.uniform(), free_fall_speed(scene)
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
         if scene.hand and scene.criterion.is_mean_speed:  # the score is a mean over orders
@@ -163,10 +158,10 @@ class SceneSource:
         if not unit > 0.0:
             unit = {"m/s": free_fall, "m": scene.height}.get(scene.unit, 1.0)
         self.scenes[i] = scene
-        self.rules[i] = _rules_of(scene, self.rtol, speed if speed > 0.0 else free_fall, unit)
-        self.features[i] = np.clip(features[self.shown], -FEATURE_LIMIT, FEATURE_LIMIT)
-        self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
-        self.speed[i], self.unit[i] = speed, unit
+        self.rules[i] = _make_rules(scene, self.rtol, speed if speed > 0.0 else free_fall, unit)
+        self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
+        self.first_thickness[i] = scene.first_thickness
+        self.score[i], self.speed[i] = baseline.score, speed
         tempo = scene.as_placed.tempo
         if tempo is not None:
             due = np.append(0.0, tempo.schedule(scene.count))
@@ -175,19 +170,19 @@ class SceneSource:
             middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
             self.schedule[i, : scene.count, 0] = due
             self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
-        left = self.rest[i, : scene.count]
-        left[:, 0], left[:, 1] = positions[-1] - positions, times[-1] - times
+        left = positions[-1] - positions, times[-1] - times
+        self.uniform_left[i, : scene.count] = np.transpose(left)
 
 
 @lru_cache(maxsize=8)
-def pool_of(distribution: SceneDistribution) -> ScenePool:
+def shared_pool(distribution: SceneDistribution) -> ScenePool:
     """Return the pool that all environments of this process sample from."""
     return ScenePool(distribution)
 
 
-def _shown(features: Sequence[str], hide: Sequence[str]) -> list[int]:
+def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]:
     """Return the indices of the sampled numbers that are observed."""
-    hidden = [hide] if isinstance(hide, str) else list(hide)
+    hidden = list(hide) if np.iterable(hide) and not isinstance(hide, str) else [hide]
     for name in hidden:
         if not features:
             raise ValueError(
@@ -197,8 +192,8 @@ def _shown(features: Sequence[str], hide: Sequence[str]) -> list[int]:
     return [i for i, name in enumerate(features) if name not in hidden]
 
 
-def _numbers(sampled: int, num_scenes: int | None, first_scene: int) -> range:
-    """Return the numbers of the scenes that are sampled."""
+def _sampled_indices(sampled: int, num_scenes: int | None, first_scene: int) -> range:
+    """Return the indices of the scenes that are sampled."""
     hint = f"scenes are numbered from 0 to {sampled - 1}" if sampled > 1 else "the scene is fixed"
     require("first_scene", first_scene, 0, sampled - 1, whole=True, hint=hint)
     if num_scenes is None:
@@ -212,7 +207,7 @@ def free_fall_speed(scene: Scene) -> float:
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
-def _rules_of(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any, ...]:
+def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene that is compared with a speed [m/s].
 
     unit: score by which a success is divided in the gain.
@@ -241,7 +236,7 @@ def _rules_of(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any
         "score_unit": unit,
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }
-    return tuple(values[name] for name in kernels.RULES.names or ())
+    return tuple(values[name] for name in RULES.names or ())
 
 
 def _require_choice(scene: Scene) -> None:
@@ -251,7 +246,8 @@ def _require_choice(scene: Scene) -> None:
             f"scene '{scene.name}' leaves nothing free to choose: give spacing or thickness a min "
             "and a max"
         )
-    if scene.length is not None and not scene.replace(limits=None).plain:
+    rules = scene.spacing_values, scene.thickness_values, scene.largest_change, scene.stock
+    if scene.length is not None and any(rule is not None for rule in rules):
         raise ValueError(
             f"scene '{scene.name}' has a length and also lists, a stock or a largest change: "
             "an environment cannot compute domino by domino what remains reachable; leave one "

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from domino_env import kernels
+from domino_env.kernels.step import observation
 from domino_env.scenes.scene import Scene
 
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] decay lengths of near_start and near_end
@@ -41,9 +41,9 @@ class ObservationLayout(dict[str, slice]):
         ahead = window * int(scene.ground is not None)
         kinds = 0 if scene.stock is None else len(scene.stock.thickness)
         parts = {
-            "front": (1, 0.0, kernels.FRONT_LIMIT),
-            "lead": (1, -kernels.LEAD_LIMIT, kernels.LEAD_LIMIT),
-            "speed": (1, -1.0, kernels.SPEED_LIMIT),
+            "front": (1, 0.0, observation.FRONT_LIMIT),
+            "lead": (1, -observation.LEAD_LIMIT, observation.LEAD_LIMIT),
+            "speed": (1, -1.0, observation.SPEED_LIMIT),
             "lateness": (in_tempo, -1.0, 1.0),
             "intervals": (window * in_tempo, -1.0, 1.0),
             "length_left": (has_length, 0.0, 1.0),
@@ -59,10 +59,10 @@ class ObservationLayout(dict[str, slice]):
             "near_end": (len(SCALES), 0.0, 1.0),
             "features": (features, -FEATURE_LIMIT, FEATURE_LIMIT),
             "slopes": (ahead, -1.0, 1.0),
-            "rises": (ahead, -kernels.RISE_LIMIT, kernels.RISE_LIMIT),
+            "rises": (ahead, -observation.RISE_LIMIT, observation.RISE_LIMIT),
         }
         super().__init__()
-        self.starts = np.full(1, -1, kernels.OBSERVATION)
+        self.starts = np.full(1, -1, observation.OBSERVATION)
         self.starts["window"] = window
         size = 0
         for name, (entries, _, _) in parts.items():

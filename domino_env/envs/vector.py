@@ -15,7 +15,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernels
 from domino_env.core.checks import numbers, require, require_choice
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import EpisodeResults, objects, placed_layout
@@ -29,6 +28,8 @@ from domino_env.envs.rendering import (
 )
 from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import ObservationLayout, closeness
+from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
+from domino_env.kernels.step.batch import EPISODE, RULES, Batch
 from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
@@ -90,8 +91,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._episodes = self._batch.episodes
         self._pieces = self._remaining(np.array([self.source.first.first_thickness]))
         # the scene before the first reset
-        number = self.source.sample(np.random.default_rng(0))
-        self._which = np.full(self.num_envs, number)  # scene of each environment
+        index = self.source.sample(np.random.default_rng(0))
+        self._scene_indices = np.full(self.num_envs, index)
         self._waves = np.full(self.num_envs, None, object)  # waves of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # episodes that a new one replaces next
         self._begun = np.zeros(self.num_envs, np.bool_)
@@ -117,7 +118,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         return self.source.distribution
 
     def _scene(self, env: int) -> Scene:
-        return cast("Scene", self.source.scenes[self._which[env]])
+        return cast("Scene", self.source.scenes[self._scene_indices[env]])
 
     # reset ----------------------------------------------------------------------------------------
 
@@ -228,12 +229,9 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         return flags
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int | np.integer):
-            seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
+        if seed is None or isinstance(seed, int | np.integer):
+            seed = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        seeds = list(seed) if np.iterable(seed) else [seed] * self.num_envs
         if len(seeds) != self.num_envs:
             raise ValueError(
                 f"{len(seeds)} seeds for {self.num_envs} environments: give one for each"
@@ -305,8 +303,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._over = ended
         if last and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, object)
-            for i in np.flatnonzero(ended):
-                final[i] = observations[i].copy()
+            final[ended] = objects(observations[ended])
             infos = {
                 "final_obs": final,
                 "_final_obs": ended.copy(),
@@ -347,10 +344,11 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         layout is simulated as a whole: a chain that is built step by step cannot go back.
         """
         batch, episodes = self._batch, self._episodes[envs]
+        scenes = self._scene_indices[envs]
         results = EpisodeResults(
             scenes=[self._scene(env) for env in envs],
-            baseline=self.source.score[self._which[envs]],
-            unit=self.source.unit[self._which[envs]],
+            baseline=self.source.score[scenes],
+            unit=self.source.rules["score_unit"][scenes],
             rtol=self.source.rtol,
             spacing=batch.spacing[envs],
             thickness=batch.thickness[envs],
@@ -393,7 +391,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             layout=placed_layout(self._scene(env), placed, *sizes),
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
-            uniform_speed=float(self.source.speed[self._which[env]]),
+            uniform_speed=float(self.source.speed[self._scene_indices[env]]),
             wave=wave,
             hand=hand,
         )
@@ -514,11 +512,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         """
         values = checked_actions(action, self.action_space)
         if self._over or not self._begun:
-            raise ResetNeeded(
-                "the episode is over: call reset() before the next step()"
-                if self._over
-                else "call reset() before the first step()"
-            )
+            over = "the episode is over: " * self._over
+            raise ResetNeeded(f"{over}call reset() before the next step()")
         observations, rewards, ended, infos = self._vector.advance(values[None])
         self._over = bool(ended[0])
         if self.render_mode == "human":
@@ -561,7 +556,7 @@ def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
     return values
 
 
-def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> kernels.Batch:
+def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> Batch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
     kinds = _kinds_to_choose(scene)
@@ -569,11 +564,11 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
     # a power of two for the chain, or for the part that influences the wave
     size = 1 << min(longest, LARGEST_RING - 1).bit_length()
-    link = kernels.CONTACT if scene.ground is None else kernels.UNEVEN_CONTACT
-    batch = kernels.Batch(
-        rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
+    link = CONTACT if scene.ground is None else UNEVEN_CONTACT
+    batch = Batch(
+        rules=np.zeros(1 if sampled is None else num_envs, RULES),
         entries=layout.starts,
-        rest=np.zeros((1 if sampled is None else num_envs, longest, 2)),
+        uniform_left=np.zeros((1 if sampled is None else num_envs, longest, 2)),
         schedule=np.zeros((1 if sampled is None else num_envs, longest, 2)),
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
@@ -584,15 +579,15 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
         rings=np.zeros((num_envs, size), link),
-        states=np.zeros(num_envs, kernels.STATE),
-        episodes=np.zeros(num_envs, kernels.EPISODE),
+        states=np.zeros(num_envs, STATE),
+        episodes=np.zeros(num_envs, EPISODE),
         spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
         thickness=np.full((num_envs, longest), scene.first_thickness),
         height=np.full((num_envs if own_height else 1, longest), scene.height),
         density=np.full((1, longest), scene.density),
     )
-    batch.rules[0], batch.rest[0] = source.rules[0], source.rest[0]
-    batch.schedule[0] = source.schedule[0]
+    for name in ("rules", "uniform_left", "schedule"):
+        getattr(batch, name)[0] = getattr(source, name)[0]
     if scene.ground is None:
         return batch
     _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])

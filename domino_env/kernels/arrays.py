@@ -45,8 +45,8 @@ def record_type(
 
 # --- Lanes ----------------------------------------------------------------------------------------
 # A lane is one angle of a quadrature rule: the start of the interval, its nodes, its end. All lanes
-# go down the stack together. One plain array with a constant pitch lets the compiler see that the
-# quantities never overlap, and vectorise.
+# advance along the stack together. One plain array with a constant pitch shows the compiler that
+# the quantities never overlap, so that it vectorises.
 PITCH = 32
 SIN, VER, WGT, JAC, DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
 SUM_M, SUM_G, SUM_D = 5 * PITCH, 6 * PITCH, 7 * PITCH
@@ -203,7 +203,7 @@ EPS = 2.220446049250313e-16
 TINY = 1e-290
 INTERVAL_SHARE = 0.3  # of the tolerance of arrival times, for the error of one interval
 TAIL_SHARE = 0.3  # of that, for the neglected tail of the stack
-TOGETHER = 1e-9  # [rad] contacts whose faces meet within this Δ change in one impact
+IMPACT_TOLERANCE = 1e-9  # [rad] contacts whose faces meet within this Δ change in one impact
 
 
 class Arrays(NamedTuple):

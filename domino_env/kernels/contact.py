@@ -152,14 +152,14 @@ def ratio_bound(contact):
 
 
 @always_inline
-def past_flush(contact, over):
-    """Return the angle Δ [rad] past face contact where 1 - cos θ_{i+1} is past it by `over`."""
-    return over * (contact.p_l + flush_rate_of(contact))
+def past_flush(contact, dv):
+    """Return the angle Δ [rad] past face contact where 1 - cos θ_{i+1} is past it by dv."""
+    return dv * (contact.p_l + flush_rate_of(contact))
 
 
 @always_inline
 def can_flush(contact):
-    """Return whether the contact goes from tip to corner rather than separates."""
+    """Return True if the contact changes from tip to corner, False if it separates."""
     return contact.kind == TIP and contact.v_flush < contact.v_separation
 
 
@@ -181,7 +181,7 @@ def separate(contact, i, state):
 
 @always_inline
 def catch_up(contact, i, v, state):
-    """Make up for changes behind an earlier cut, which had no weight and need no impact."""
+    """Apply the changes behind an earlier cut, which had no weight and need no impact."""
     if can_flush(contact):
         flush(contact, state)
     if v > contact.v_separation * (1.0 + 1e-9):

@@ -4,36 +4,16 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import (
-    CORNER,
-    OUT_OF_REACH,
-    PROPAGATED,
-    TINY,
-    TIP,
-    TOGETHER,
-    record_type,
-    rise_of,
-)
+from domino_env.kernels import arrays, fall
 from domino_env.kernels.chain import new_arrays, no_tape, ring_length
 from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine
-from domino_env.kernels.fall import (
-    add_next_domino,
-    begin_fall,
-    close_fall,
-    configure,
-    fall,
-    fall_angle,
-    hit_ratio,
-    start_chain,
-    strikes_next,
-)
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 
 LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, all but flat
 DEEPEST = 400  # dominoes behind the leader whose forces are computed
 PIECES = 16  # of each fall, between which forces are computed
 
-LOADS = record_type(  # of each domino
+LOADS = arrays.record_type(  # of each domino
     contact_force=float,  # least contact force on the next [N/m of width]
     hit_impulse=float,  # least impulse on it in a hit, and in a face impact [N s/m]
     flush_impulse=float,
@@ -42,7 +22,7 @@ LOADS = record_type(  # of each domino
     flush_loss=float,  # largest fraction of speed lost in a face impact while it led
     margin=float,  # stall margin of its fall
 )
-GEOMETRY = record_type(  # of each domino at one instant
+GEOMETRY = arrays.record_type(  # of each domino at one instant
     sin=float,
     cos=float,
     before=float,  # J with the contacts before an impact, and after it
@@ -63,35 +43,35 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
     leader that strikes nothing falls to LAST_ANGLE; one that stalls remains where it stops.
     """
     count, pieces = len(layout.thickness), snapshots.shape[1] - 1
-    arrays = new_arrays(layout, ring_length(count))
-    states, lanes, ring = borrow(arrays)
+    own = new_arrays(layout, ring_length(count))
+    states, lanes, ring = borrow(own)
     state, tape, falls = states[0], no_tape(), 0
-    configure(state, ring, mu, gravity, rtol, True)
-    start_chain(layout, push, ring, state)
+    fall.configure(state, ring, mu, gravity, rtol, True)
+    fall.start_chain(layout, push, ring, state)
     for n in range(count):
         falls = n + 1
-        strikes = strikes_next(layout, n)
-        add_next_domino(layout, ring, state, n)
-        u_start = begin_fall(ring, state, n)
-        b = fall_angle(ring[n & state.mask], True) if strikes else LAST_ANGLE
+        strikes = fall.strikes_next(layout, n)
+        fall.add_next_domino(layout, ring, state, n)
+        u_start = fall.begin_fall(ring, state, n)
+        b = fall.fall_angle(ring[n & state.mask], True) if strikes else LAST_ANGLE
         snapshots[n, 0].speed = math.sqrt(state.u)
-        outcome = PROPAGATED
+        outcome = arrays.PROPAGATED
         for j in range(1, pieces + 1):
             a = b * (j - 1) / pieces
             before, here = snapshots[n, j - 1], snapshots[n, j]
-            outcome = fall(lanes, ring, n, state, a, b * j / pieces, tape)
-            if outcome != PROPAGATED:  # uniformly decelerated until it stops
-                rest = 2.0 * max(state.angle - a, 0.0) / max(before.speed, TINY)
+            outcome = fall.fall(lanes, ring, n, state, a, b * j / pieces, tape)
+            if outcome != arrays.PROPAGATED:  # uniformly decelerated until it stops
+                rest = 2.0 * max(state.angle - a, 0.0) / max(before.speed, arrays.TINY)
                 for i in range(j, pieces + 1):
                     snapshots[n, i].angle = max(state.angle, a)
                     snapshots[n, i].time = before.time + rest
                 break
             here.angle, here.time, here.speed = b * j / pieces, state.fall_time, math.sqrt(state.u)
-        if outcome != PROPAGATED or not strikes:
+        if outcome != arrays.PROPAGATED or not strikes:
             break
-        if close_fall(ring, state, n, b, u_start, True, outcome) != PROPAGATED:
+        if fall.close_fall(ring, state, n, b, u_start, True, outcome) != arrays.PROPAGATED:
             break
-    keep_alive(arrays)
+    keep_alive(own)
     return falls
 
 
@@ -119,17 +99,17 @@ def mass_of(layout, domino, i):
 @always_inline
 def tip_ratio(contact, s, v):
     """Return Ω of a tip contact at which the faces meet."""
-    return 1.0 - contact.p_l * s - rise_of(contact) * (1.0 - v)
+    return 1.0 - contact.p_l * s - arrays.rise_of(contact) * (1.0 - v)
 
 
 @always_inline
 def arm_behind(contact, s, v, mu):
     """Return A over the height of the domino behind."""
-    e = rise_of(contact)
-    if contact.kind == TIP:
+    e = arrays.rise_of(contact)
+    if contact.kind == arrays.TIP:
         lost = contact.p_l * v + e * s
         sd = contact.s_l - lost
-        return math.sqrt(max((1.0 + sd) * (contact.rest + lost), TINY)) + mu * sd
+        return math.sqrt(max((1.0 + sd) * (contact.rest + lost), arrays.TINY)) + mu * sd
     return math.sqrt(
         contact.s_l**2 + 2.0 * contact.p_l * contact.d_l * v + e * (e + 2.0 * contact.d_l * s)
     )
@@ -153,9 +133,9 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
         contact = ring[i & mask]
         s_i, v_i, omega, psi, ratio = contact_at(contact, s, v, mu)
         old = omega
-        if flushing and contact.kind == CORNER:
-            over = past_flush(contact, v - contact.v_flush)
-            if abs(over) <= 2.0 * TOGETHER:
+        if flushing and contact.kind == arrays.CORNER:
+            angle = past_flush(contact, v - contact.v_flush)
+            if abs(angle) <= 2.0 * arrays.IMPACT_TOLERANCE:
                 old, omega = tip_ratio(contact, s, v), 0.0
         drv = omega * drv + psi * after * after
         before, after, w = old * before, omega * after, w * ratio
@@ -207,7 +187,7 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
             force = (weight - domino.inertia * alpha + arm_back * force) / here.arm
             load.contact_force = min(load.contact_force, force)
             # normal and friction on i+1, along the face that is slid upon
-            face = geometry[i + 1 if domino.kind == TIP else i]
+            face = geometry[i + 1 if domino.kind == arrays.TIP else i]
             push_x = force * (face.cos - mu * face.sin)
             push_z = force * (-face.sin - mu * face.cos)
             arm_back = here.arm_next
@@ -226,23 +206,23 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
 def diagnose_chain(layout, mu, gravity, push, rtol, loads):
     """Simulate a chain and write loads (N,); return the outcome."""
     count = len(layout.thickness)
-    arrays, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
-    states, lanes, ring = borrow(arrays)
-    state, tape, outcome = states[0], no_tape(), PROPAGATED
-    configure(state, ring, mu, gravity, rtol, True)
-    start_chain(layout, push, ring, state)
+    own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
+    states, lanes, ring = borrow(own)
+    state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
+    fall.configure(state, ring, mu, gravity, rtol, True)
+    fall.start_chain(layout, push, ring, state)
     for n in range(count):
-        strikes = strikes_next(layout, n)
-        add_next_domino(layout, ring, state, n)
-        u_start = begin_fall(ring, state, n)
+        strikes = fall.strikes_next(layout, n)
+        fall.add_next_domino(layout, ring, state, n)
+        u_start = fall.begin_fall(ring, state, n)
         state.flush_loss = 0.0
-        b = fall_angle(ring[n & state.mask], strikes)
+        b = fall.fall_angle(ring[n & state.mask], strikes)
         for piece in range(PIECES + 1):
             at = b * piece / PIECES
             if piece > 0:
                 flushes, lost = state.flushes, state.flush_loss
-                outcome = fall(lanes, ring, n, state, b * (piece - 1) / PIECES, at, tape)
-                if outcome != PROPAGATED:
+                outcome = fall.fall(lanes, ring, n, state, b * (piece - 1) / PIECES, at, tape)
+                if outcome != arrays.PROPAGATED:
                     break
                 if state.flushes > flushes:
                     low, least = max(state.back, n - DEEPEST), loads["flush_impulse"]
@@ -256,18 +236,18 @@ def diagnose_chain(layout, mu, gravity, push, rtol, loads):
             contact_forces(layout, ring, state, n, low, geometry, loads)
         loads[n].flush_loss = state.flush_loss
         speed = math.sqrt(state.u)
-        outcome = close_fall(ring, state, n, b, u_start, strikes, outcome)
+        outcome = fall.close_fall(ring, state, n, b, u_start, strikes, outcome)
         loads[n].margin = state.margin
-        if outcome == PROPAGATED and not strikes and n + 1 < count:
-            outcome = OUT_OF_REACH
-        if outcome != PROPAGATED or not strikes:
+        if outcome == arrays.PROPAGATED and not strikes and n + 1 < count:
+            outcome = arrays.OUT_OF_REACH
+        if outcome != arrays.PROPAGATED or not strikes:
             break
         low = max(state.back, n + 1 - DEEPEST)
         stack_geometry(layout, ring, state, n + 1, low, 0.0, geometry, False)
-        speed /= hit_ratio(ring[n & state.mask])  # expressed by the J of the new stack
+        speed /= fall.hit_ratio(ring[n & state.mask])  # expressed by the J of the new stack
         contact_impulses(
             ring, state, n + 1, low, geometry, speed, math.sqrt(state.u), loads["hit_impulse"]
         )
-    keep_alive(arrays)
+    keep_alive(own)
     keep_alive(geometry)
     return outcome

@@ -2,50 +2,10 @@
 
 import math
 
-from domino_env.kernels.arrays import (
-    ALL_KEPT,
-    EPS,
-    INTERVAL_SHARE,
-    JAMMED,
-    NO_RIGID_ANSWER,
-    ONE_FOR_ALL,
-    OUT_OF_REACH,
-    PROPAGATED,
-    STALLED,
-    SUM_M,
-    is_uneven,
-    rise_of,
-    turn_of,
-)
+from domino_env.kernels import arrays, interval, records, stack
 from domino_env.kernels.contact import can_flush, place_contact, place_domino, ratio_bound
-from domino_env.kernels.interval import (
-    LAST_RESORT,
-    NEAR_STALL,
-    NORMAL,
-    UNRESOLVED,
-    affine_map,
-    compose,
-    propagate,
-)
 from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.records import (
-    has_tape,
-    record_flips,
-    record_hit,
-    record_interval,
-    record_switch,
-)
-from domino_env.kernels.stack import (
-    END_AT_HIT,
-    END_AT_SWITCH,
-    IGNORE_SWITCHES,
-    set_angles,
-    sweep,
-    switch,
-    switch_angle,
-    switch_guess,
-)
 
 TORQUE_ROUNDING = 8.0  # in EPS, relative: of a leader's torque, per contact
 HIT_ROUNDING = 4.0  # in EPS, relative: of u in a hit
@@ -95,7 +55,7 @@ def configure(state, ring, mu, gravity, rtol, exact_minimum):
 def start_chain(layout, push, ring, state):
     """Place the first domino and push it."""
     initialise(state, push)
-    place_domino(ring, ALL_KEPT, 0, layout, 0)
+    place_domino(ring, arrays.ALL_KEPT, 0, layout, 0)
     state.kappa = torque_bound(layout.height[0], layout.thickness[0])
 
 
@@ -117,11 +77,11 @@ def add_next_domino(layout, ring, state, n):
 def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
     units = TORQUE_ROUNDING
-    if is_uneven(ring[n & state.mask]) and state.mu == 0.0:
+    if arrays.is_uneven(ring[n & state.mask]) and state.mu == 0.0:
         # u is a difference of energies there.  A lean is not small where a gap is, and each
         # contact passes its rounding on to all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
-    state.noise = units * EPS * state.gravity * state.kappa
+    state.noise = units * arrays.EPS * state.gravity * state.kappa
     state.fall_time = 0.0
     state.margin = state.u
     return state.u
@@ -166,9 +126,9 @@ def choose_rule(state, h, tol):
 @internal
 def stack_at(lanes, ring, n, state, angle, detect):
     """Compute M of the stack at one angle of the leader; return the lowest domino included."""
-    count = set_angles(lanes, 0, angle, 0.0)
-    low, _, _ = sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
-    state.m_end = lanes[SUM_M]
+    count = stack.set_angles(lanes, 0, angle, 0.0)
+    low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
+    state.m_end = lanes[arrays.SUM_M]
     state.depth = n - low
     return low
 
@@ -177,7 +137,7 @@ def stack_at(lanes, ring, n, state, angle, detect):
 def fall(lanes, ring, n, state, a, b, tape):
     """Advance leader n from angle a to b: u, time and their errors in the state."""
     lanes, ring, tape = borrow((lanes, ring, tape))
-    mask, gravity = state.mask, state.gravity
+    mask, gravity, finest = state.mask, state.gravity, len(ORDERS) - 1
     step, end, located, least_rule = b, b, False, 0
     due_contact = n
     for _ in range(MOST_INTERVALS):
@@ -188,47 +148,47 @@ def fall(lanes, ring, n, state, a, b, tape):
             if b - end < REMAINDER * (end - a):
                 end = b
         h = end - a
-        k = choose_rule(state, h, INTERVAL_SHARE * state.rtol)
+        k = choose_rule(state, h, arrays.INTERVAL_SHARE * state.rtol)
         k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
-        count = set_angles(lanes, k, a, h)
+        count = stack.set_angles(lanes, k, a, h)
         force = 2.0 * h * gravity * state.kappa / state.u
-        detect = IGNORE_SWITCHES
-        if mask != ONE_FOR_ALL:
-            detect = END_AT_SWITCH if located else END_AT_HIT
-        low, tail, flagged = sweep(lanes, count, ring, n, state, force, h, detect)
+        detect = stack.IGNORE_SWITCHES
+        if mask != arrays.ONE_FOR_ALL:
+            detect = stack.END_AT_SWITCH if located else stack.END_AT_HIT
+        low, tail, flagged = stack.sweep(lanes, count, ring, n, state, force, h, detect)
         if flagged:
-            guess = switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
-            end = switch_angle(ring, state, n, low, a, end, guess)
+            guess = stack.switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
+            end = stack.switch_angle(ring, state, n, low, a, end, guess)
             located, due_contact = True, low
-            if end - a > 4.0 * EPS * b:
+            if end - a > 4.0 * arrays.EPS * b:
                 continue
-            low = stack_at(lanes, ring, n, state, a, END_AT_SWITCH)
+            low = stack_at(lanes, ring, n, state, a, stack.END_AT_SWITCH)
         else:
-            status, u_start = UNRESOLVED, state.u
-            ok, error = affine_map(lanes, k, h, state.mu, gravity)
+            status, u_start = interval.UNRESOLVED, state.u
+            ok, error = interval.affine_map(lanes, k, h, state.mu, gravity)
             if ok and state.composing:
-                status = compose(lanes, k, h, error, tail, state)
+                status = interval.compose(lanes, k, h, error, tail, state)
             elif ok:
-                effort = NEAR_STALL if k == len(ORDERS) - 1 or n > DEEP else NORMAL
+                effort = interval.NEAR_STALL if k == finest or n > DEEP else interval.NORMAL
                 if h <= SHORT * b:
-                    effort = LAST_RESORT
-                status = propagate(lanes, k, a, h, error, tail, state, effort)
-            if status == STALLED:
-                return STALLED
-            if status == UNRESOLVED:
-                if ok and k < len(ORDERS) - 1:
+                    effort = interval.LAST_RESORT
+                status = interval.propagate(lanes, k, a, h, error, tail, state, effort)
+            if status == arrays.STALLED:
+                return arrays.STALLED
+            if status == interval.UNRESOLVED:
+                if ok and k < finest:
                     least_rule = k + 1
                     continue
                 least_rule = 0
                 if h <= SHORTEST * b:
                     state.angle = a
-                    return NO_RIGID_ANSWER
+                    return arrays.NO_RIGID_ANSWER
                 step = 0.5 * h
                 located = False
                 continue
-            if has_tape(tape):
-                record_flips(tape, ring, state, n, low)
-                record_interval(tape, state, n, a, h, k, low, u_start)
+            if records.has_tape(tape):
+                records.record_flips(tape, ring, state, n, low)
+                records.record_interval(tape, state, n, a, h, k, low, u_start)
             least_rule = 0
             state.depth = n - low
             a = end
@@ -236,28 +196,28 @@ def fall(lanes, ring, n, state, a, b, tape):
         if located:
             located, step = False, b
             flushes = can_flush(ring[due_contact & mask])
-            keep = switch(ring, state, n, due_contact, low, end)
-            if has_tape(tape):
-                record_switch(tape, ring, state, n, due_contact, low, end, flushes)
+            keep = stack.switch(ring, state, n, due_contact, low, end)
+            if records.has_tape(tape):
+                records.record_switch(tape, ring, state, n, due_contact, low, end, flushes)
             if not keep > 0.0:
                 state.angle = end
-                return JAMMED
+                return arrays.JAMMED
             state.flush_loss = max(state.flush_loss, 1.0 - keep)
             state.switched, state.w_before = end, math.sqrt(state.u)
             slow_down(state, keep)
             state.w_after = math.sqrt(state.u)
             if a >= b:  # the hit follows at once, with M of the new contacts
-                stack_at(lanes, ring, n, state, b, IGNORE_SWITCHES)
+                stack_at(lanes, ring, n, state, b, stack.IGNORE_SWITCHES)
     if a < b:
         state.angle = a
-        return NO_RIGID_ANSWER
-    return PROPAGATED
+        return arrays.NO_RIGID_ANSWER
+    return arrays.PROPAGATED
 
 
 @leaf
 def hit_ratio(leader):
     """Return Ω of the leader when it hits the next domino, the ratio of the new J to the old."""
-    return 1.0 - rise_of(leader) / math.sqrt(leader.rest * (1.0 + leader.s_l))
+    return 1.0 - arrays.rise_of(leader) / math.sqrt(leader.rest * (1.0 + leader.s_l))
 
 
 @always_inline
@@ -265,13 +225,13 @@ def hit(leader, struck, state):
     """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction."""
     s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
     cd = math.sqrt(leader.rest * (1.0 + s_l))
-    m = state.m_end * (cd - rise_of(leader) - mu * d_l) / (cd + mu * s_l)
+    m = state.m_end * (cd - arrays.rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
-        return JAMMED
+        return arrays.JAMMED
     slow_down(state, m / (m * hit_ratio(leader) + struck.inertia))
-    state.u_error += (HIT_ROUNDING * EPS + 2.0 * state.cut) * state.u
-    state.u_round += HIT_ROUNDING * EPS * state.u
-    return PROPAGATED
+    state.u_error += (HIT_ROUNDING * arrays.EPS + 2.0 * state.cut) * state.u
+    state.u_round += HIT_ROUNDING * arrays.EPS * state.u
+    return arrays.PROPAGATED
 
 
 @always_inline
@@ -279,22 +239,22 @@ def fall_angle(leader, strikes):
     """Return the angle at which the leader hits the next or, with none in reach, tips over."""
     if strikes:
         s_l = leader.s_l
-        return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - turn_of(leader)
+        return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - arrays.turn_of(leader)
     return math.atan(leader.slender)
 
 
 @always_inline
 def strikes_next(layout, n):
-    """Return whether domino n has another in reach."""
+    """Return True if domino n reaches the next."""
     return n + 1 < len(layout.thickness) and layout.spacing[n] < layout.height[n]
 
 
 @always_inline
 def close_fall(ring, state, n, b, u_start, strikes, outcome):
     """Complete the results of a fall to angle b, and hit the next domino; return the outcome."""
-    state.margin = 0.0 if outcome == STALLED else state.margin / u_start
+    state.margin = 0.0 if outcome == arrays.STALLED else state.margin / u_start
     state.lowest_margin = min(state.lowest_margin, state.margin)
-    if outcome != PROPAGATED:
+    if outcome != arrays.PROPAGATED:
         state.fraction = state.angle / b
         return outcome
     state.angle = b
@@ -304,7 +264,7 @@ def close_fall(ring, state, n, b, u_start, strikes, outcome):
             add_time(state)
         state.u_impact = state.u
         return hit(ring[n & state.mask], ring[(n + 1) & state.mask], state)
-    return PROPAGATED
+    return arrays.PROPAGATED
 
 
 @always_inline
@@ -316,8 +276,8 @@ def fall_and_hit(lanes, ring, n, state, strikes, is_last, tape):
     b = fall_angle(ring[n & state.mask], strikes)
     outcome = fall(lanes, ring, n, state, 0.0, b, tape)
     outcome = close_fall(ring, state, n, b, u_start, strikes, outcome)
-    if outcome == PROPAGATED and not strikes and not is_last:
-        return OUT_OF_REACH
-    if has_tape(tape) and strikes and outcome == PROPAGATED:
-        record_hit(tape, state, n)
+    if outcome == arrays.PROPAGATED and not strikes and not is_last:
+        return arrays.OUT_OF_REACH
+    if records.has_tape(tape) and strikes and outcome == arrays.PROPAGATED:
+        records.record_hit(tape, state, n)
     return outcome

@@ -50,7 +50,7 @@ def summarise(summary, count, outcome, leader, struck, toppled, state):
 
 @always_inline
 def has_tape(tape):
-    """Return whether events are recorded: an empty tape is for a simulation without gradient."""
+    """Return True if events are recorded; the tape of a simulation without gradient is empty."""
     return len(tape) > 0
 
 

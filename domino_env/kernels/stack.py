@@ -1,7 +1,7 @@
 """The stack: all dominoes that lean on the leader, and its changes of contact.
 
-All lanes go down it together, one contact at a time; Newton's method locates the leader's angle at
-which faces meet or a contact separates.
+All lanes advance along it together, one contact at a time. Newton's method locates the angle of the
+leader at which faces meet or a contact separates.
 """
 
 import math
@@ -9,6 +9,7 @@ import math
 from domino_env.kernels.arrays import (
     DRV,
     EXPO,
+    IMPACT_TOLERANCE,
     INTERVAL_SHARE,
     JAC,
     ONE_FOR_ALL,
@@ -20,7 +21,6 @@ from domino_env.kernels.arrays import (
     TAIL_SHARE,
     TINY,
     TIP,
-    TOGETHER,
     VER,
     WGT,
 )
@@ -42,13 +42,13 @@ from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
 IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2  # changes of contact that `sweep` detects
-# Margins of a change of contact, relative to 1 - cos θ: from the first on it is examined, past the
-# second it was missed behind an earlier cut.
-NEAR, PAST = 1e-6, 1e-9
-LOCATED = 1e-12  # relative error of 1 - cos θ at an angle found by `switch_angle`
-AT_HIT = 1e-12  # [rad] after a hit within which a face impact still comes before it
-NEWTON = 1e-10  # of the bracket: the step after one so small would be its square
-VANISHED = 1e-4  # of the new weight: an old weight below it has no reliable ratio to the new
+# Margins of a change of contact, relative to 1 - cos θ: a contact is examined from the first before
+# it on; the change was missed, behind an earlier cut, from the second after it on.
+DUE_MARGIN, MISSED_MARGIN = 1e-6, 1e-9
+ANGLE_ERROR = 1e-12  # relative error of 1 - cos θ at an angle found by `switch_angle`
+HIT_LAG = 1e-12  # [rad] a face impact later than a hit by no more than this precedes it
+NEWTON_TOLERANCE = 1e-10  # relative to the bracket; convergence is quadratic: the next step is none
+MIN_WEIGHT_RATIO = 1e-4  # old weight over new, below which their ratio is not reliable
 
 _ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
 S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
@@ -58,7 +58,7 @@ C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 @always_inline
 def half_angle(x):
-    """Return sin and cos of x in [0, π/4] by their series; unlike the library's, they vectorise."""
+    """Return sin and cos of x in [0, π/4] by series, which vectorise, unlike libm's."""
     q = x * x
     s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
     c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
@@ -71,7 +71,7 @@ def set_angles(lanes, k, a, h):
     count = ORDERS[k] + 2
     for j in range(count):
         lanes[EXPO + j] = 0.5 * (a + h * POSITIONS[k, j])
-    for j in range(count):  # apart from the table, so that it vectorises
+    for j in range(count):  # without a lookup, so that it vectorises
         s, c = half_angle(lanes[EXPO + j])
         lanes[SIN + j] = 2.0 * s * c
         lanes[VER + j] = 2.0 * s * s
@@ -98,7 +98,7 @@ def add_leader(lanes, count, leader, mu):
 
 @always_inline
 def add_with_friction(lanes, count, contact, mu, kind):
-    """Add the domino behind a contact of one kind, `tip` or `corner`: a loop for each."""
+    """Add the domino behind a contact of one kind, `tip` or `corner`, each with its own loop."""
     shape, inertia = shape_of(contact), contact.inertia
     half, slender = contact.half_weight, contact.slender
     for j in range(count):
@@ -152,13 +152,16 @@ def add_domino(lanes, count, contact, mu):
 
 @always_inline
 def weights(mu):
-    """Return the lanes of w, which is J without friction."""
+    """Return the offset of the lanes of w, which is J without friction."""
     return WGT if mu > 0.0 else JAC
 
 
 @always_inline
-def tail_size(lanes, count, mu, force, h, behind):
-    """Return a bound on the effect of the dominoes behind the cut, over all lanes, over u."""
+def tail_size(lanes, count, mu, force, h, tail):
+    """Return a bound on the effect of the dominoes behind the cut, in all lanes, relative to u.
+
+    tail: bound on their Σ I w, relative to w of the last domino included.
+    """
     worst = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
@@ -171,7 +174,7 @@ def tail_size(lanes, count, mu, force, h, behind):
             worst = x
         if lanes[SUM_M + j] < lightest:
             lightest = lanes[SUM_M + j]
-    return worst * behind / max(lightest, TINY)
+    return worst * tail / max(lightest, TINY)
 
 
 @noinline
@@ -193,19 +196,19 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
     while i > oldest:
         i -= 1
         contact = ring[i & mask]
-        if lanes[VER + end] >= contact.v_switch * (1.0 - NEAR) and detect != IGNORE_SWITCHES:
-            if lanes[VER] > contact.v_switch * (1.0 + PAST):
+        if lanes[VER + end] >= contact.v_switch * (1.0 - DUE_MARGIN) and detect != IGNORE_SWITCHES:
+            if lanes[VER] > contact.v_switch * (1.0 + MISSED_MARGIN):
                 catch_up(contact, i, lanes[VER], state)
                 if contact.kind == SEPARATED:
                     return i + 1, 0.0, False
-            # Where the interval ends at a change, one at the same instant belongs to it.
-            over = lanes[VER + end] - contact.v_switch
-            if detect == END_AT_HIT and over + AT_HIT * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
+            # Changes at the instant of the change that ends an interval belong to the interval.
+            dv = lanes[VER + end] - contact.v_switch
+            if detect == END_AT_HIT and dv + HIT_LAG * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
             if detect == END_AT_SWITCH:
-                if past_flush(contact, over) >= 1e-3 * TOGETHER:
+                if past_flush(contact, dv) >= 1e-3 * IMPACT_TOLERANCE:
                     return i, 0.0, True
-                if past_flush(contact, over) >= -TOGETHER:
+                if past_flush(contact, dv) >= -IMPACT_TOLERANCE:
                     state.last_due = i
         add_domino(lanes, count, contact, mu)
         contact.end_weight = lanes[weights(mu) + end]
@@ -227,30 +230,30 @@ def renew_tails(ring, mask, low, n):
     then Ω ≤ (1 - p² - e² + d²)/2 bounds it.  An old bound remains valid.
     """
     for i in range(low + 1, n + 1):
-        below, domino = ring[(i - 1) & mask], ring[i & mask]
-        x2 = span2(below)
+        previous, domino = ring[(i - 1) & mask], ring[i & mask]
+        x2 = span2(previous)
         ratio = 0.5 * (1.0 - x2)
-        above, most = abs(domino.end_weight), ratio_bound(below)
-        if above > TINY:
-            ratio = max(ratio, min(abs(below.end_weight) / above, most))
+        weight, bound = abs(domino.end_weight), ratio_bound(previous)
+        if weight > TINY:
+            ratio = max(ratio, min(abs(previous.end_weight) / weight, bound))
         else:
-            ratio = most
-        domino.tail = domino.inertia + ratio * below.tail
+            ratio = bound
+        domino.tail = domino.inertia + ratio * previous.tail
 
 
 @internal
-def switch_guess(lanes, k, a, h, due):
-    """Return the leader's angle at which 1 - cos θ_{i+1} is `due`, by a cubic between lanes."""
+def switch_guess(lanes, k, a, h, v_switch):
+    """Return the leader's angle at which 1 - cos θ_{i+1} is v_switch, by a cubic between lanes."""
     last = ORDERS[k] + 1
     j = 1
-    while j < last and lanes[VER + j] < due:
+    while j < last and lanes[VER + j] < v_switch:
         j += 1
     v0, v1 = lanes[VER + j - 1], lanes[VER + j]
     rate0, rate1 = lanes[SIN + j - 1] * lanes[JAC + j - 1], lanes[SIN + j] * lanes[JAC + j]
     x0, x1 = POSITIONS[k, j - 1], POSITIONS[k, j]
-    if not (v0 < due < v1 and rate0 * h > TINY and rate1 * h > TINY):
+    if not (v0 < v_switch < v1 and rate0 * h > TINY and rate1 * h > TINY):
         return a + h * x1
-    t = (due - v0) / (v1 - v0)
+    t = (v_switch - v0) / (v1 - v0)
     m0, m1 = (v1 - v0) / (rate0 * h), (v1 - v0) / (rate1 * h)
     s = 1.0 - t
     x = x0 * s * s * (1.0 + 2.0 * t) + x1 * t * t * (3.0 - 2.0 * t) + t * s * (m0 * s - m1 * t)
@@ -261,7 +264,7 @@ def switch_guess(lanes, k, a, h, due):
 def switch_angle(ring, state, n, i, a, b, guess):
     """Return the leader's angle in [a, b] at which contact i changes, by Newton's method."""
     mask, mu = state.mask, state.mu
-    due = ring[i & mask].v_switch
+    v_switch = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):
         s, v = sin_versine(x)
@@ -269,13 +272,13 @@ def switch_angle(ring, state, n, i, a, b, guess):
         for j in range(n - 1, i, -1):
             s, v, omega, _, _ = contact_at(ring[j & mask], s, v, mu)
             jac *= omega
-        over = v - due
-        if over >= 0.0:
+        dv = v - v_switch
+        if dv >= 0.0:
             hi = x
         else:
             lo = x
-        new = x - over / max(s * jac, TINY)
-        if abs(new - x) <= NEWTON * (b - a):
+        new = x - dv / max(s * jac, TINY)
+        if abs(new - x) <= NEWTON_TOLERANCE * (b - a):
             return min(max(new, a), b)
         if not (lo < new < hi):
             new = 0.5 * (lo + hi)
@@ -287,9 +290,9 @@ def switch_angle(ring, state, n, i, a, b, guess):
 
 @internal
 def count_toppled(ring, state, n, s, v):
-    """Update all contacts behind domino n, which leans by (s, v); count dominoes past tipping.
+    """Update all contacts behind domino n, with s = sin θ and v = 1 - cos θ; count the toppled.
 
-    Dominoes behind a separated contact, or no longer in the ring, count as past it.
+    Dominoes behind a separated contact, or no longer in the ring, count as toppled.
     """
     mask, mu, fallen, i, back = state.mask, state.mu, 0, n, state.back
     while True:
@@ -301,7 +304,7 @@ def count_toppled(ring, state, n, s, v):
         if mask != ONE_FOR_ALL and n - i > mask:
             return fallen + i + 1
         contact = ring[i & mask]
-        if mask != ONE_FOR_ALL and v > contact.v_switch * (1.0 + PAST):
+        if mask != ONE_FOR_ALL and v > contact.v_switch * (1.0 + MISSED_MARGIN):
             catch_up(contact, i, v, state)
             if contact.kind == SEPARATED:
                 return fallen + i + 1
@@ -312,7 +315,7 @@ def count_toppled(ring, state, n, s, v):
 def switch(ring, state, n, due_contact, low, angle):
     """Change every contact that is due at the leader's angle; return ω⁺/ω⁻ of the impact.
 
-    The angle was located for due_contact; those that change with it reach down to state.last_due.
+    The angle was located for due_contact; the lowest that changes with it is state.last_due.
     Faces that meet at the same instant do so in one impact: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the
     new contacts, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down
     to domino `low`; behind the last contact that changes, w changes by a common factor.
@@ -321,41 +324,41 @@ def switch(ring, state, n, due_contact, low, angle):
     mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
-    momentum = ring[n & mask].inertia  # Σ w_old I J⁻ so far
-    before, after = momentum, momentum  # Σ w_new I J⁻, Σ w_new I J⁺
+    m_old = ring[n & mask].inertia  # Σ w_old I J⁻ so far
+    m_before, m_after = m_old, m_old  # Σ w_new I J⁻, Σ w_new I J⁺
     stop = min(state.last_due, due_contact)
     flushed = False
     i = n
     while i > stop:
         i -= 1
         contact = ring[i & mask]
-        over = v - contact.v_switch
-        due = past_flush(contact, over) >= -TOGETHER
-        if not can_flush(contact) and over >= -LOCATED * contact.v_switch:
+        dv = v - contact.v_switch
+        is_due = past_flush(contact, dv) >= -IMPACT_TOLERANCE
+        if not can_flush(contact) and dv >= -ANGLE_ERROR * contact.v_switch:
             s, v, _, _, _ = contact_at(contact, s, v, mu)
             count_toppled(ring, state, i, s, v)
             separate(contact, i, state)
             break
         s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
         w_old *= ratio
-        if due and can_flush(contact):
+        if is_due and can_flush(contact):
             flushed = True
             flush(contact, state)
             s_i, v_i, _, _, ratio = contact_at(contact, s, v, mu)
         w_new *= ratio
         jac *= omega
         term = contact.inertia * jac
-        momentum += w_old * term
-        before += w_new * term
+        m_old += w_old * term
+        m_before += w_new * term
         if not flushed:
-            after += w_new * term
+            m_after += w_new * term
         s, v = s_i, v_i
-        if i == stop and i > low and abs(w_old) < VANISHED * abs(w_new):
+        if i == stop and i > low and abs(w_old) < MIN_WEIGHT_RATIO * abs(w_new):
             stop = low  # the common factor is not reliable
     if not flushed or mu == 0.0:
         return 1.0
     if i > low and ring[i & mask].kind != SEPARATED:
-        before += (state.m_end - momentum) * (w_new / w_old)
-    if after == 0.0:
+        m_before += (state.m_end - m_old) * (w_new / w_old)
+    if m_after == 0.0:
         return 0.0
-    return before / after
+    return m_before / m_after

@@ -16,25 +16,8 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import (
-    JAMMED,
-    NO_RIGID_ANSWER,
-    OUT_OF_REACH,
-    PROPAGATED,
-    STALLED,
-    STATE,
-    TOGETHER,
-)
+from domino_env.kernels import arrays, fall
 from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine
-from domino_env.kernels.fall import (
-    add_next_domino,
-    configure,
-    fall_angle,
-    hit,
-    slow_down,
-    start_chain,
-    strikes_next,
-)
 from domino_env.kernels.jit import entry_point, internal
 from domino_env.kernels.stack import switch
 
@@ -50,11 +33,11 @@ def stand_and_push(layout, mu, gravity, push):
     count, size = len(layout.thickness), 2
     while size <= count:
         size *= 2
-    ring, states = new_ring(layout, size), np.zeros(1, STATE)
-    configure(states[0], ring, mu, gravity, 0.0, False)
-    start_chain(layout, push, ring, states[0])
+    ring, states = new_ring(layout, size), np.zeros(1, arrays.STATE)
+    fall.configure(states[0], ring, mu, gravity, 0.0, False)
+    fall.start_chain(layout, push, ring, states[0])
     for n in range(count):
-        add_next_domino(layout, ring, states[0], n)
+        fall.add_next_domino(layout, ring, states[0], n)
     return ring, states
 
 
@@ -72,7 +55,7 @@ def sums(ring, state, n, angle):
     for i in range(n - 1, state.back - 1, -1):
         contact = ring[i]
         left = min(left, contact.v_switch - v)
-        if past_flush(contact, v - contact.v_switch) >= -TOGETHER:
+        if past_flush(contact, v - contact.v_switch) >= -arrays.IMPACT_TOLERANCE:
             lowest_due = i
         s, v, omega, psi, ratio = contact_at(contact, s, v, state.mu)
         drv = omega * drv + psi * jac * jac
@@ -106,25 +89,25 @@ def react(layout, ring, states, n, angle, speed, now, arrivals):
 
     Returns the outcome or UNFINISHED; then leader, angle, ω and angle of the end of its fall.
     """
-    state, end = states[0], fall_angle(ring[n], strikes_next(layout, n))
+    state, end = states[0], fall.fall_angle(ring[n], fall.strikes_next(layout, n))
     at = min(angle, end)
     state.u = speed * speed
     state.m_end, _, _, left, state.last_due = sums(ring, state, n, at)
     if left <= 0.0:
         keep = switch(ring, state, n, state.last_due, state.back, at)
         if not keep > 0.0:
-            return JAMMED, n, angle, speed, end
-        slow_down(state, keep)
+            return arrays.JAMMED, n, angle, speed, end
+        fall.slow_down(state, keep)
     if angle >= end:
-        if not strikes_next(layout, n):
-            outcome = PROPAGATED if n + 1 == len(layout.thickness) else OUT_OF_REACH
+        if not fall.strikes_next(layout, n):
+            outcome = arrays.PROPAGATED if n + 1 == len(layout.thickness) else arrays.OUT_OF_REACH
             return outcome, n, angle, speed, end
         state.m_end = sums(ring, state, n, at)[0]
         arrivals[n + 1] = now
-        if hit(ring[n], ring[n + 1], state) == JAMMED:
-            return JAMMED, n, angle, speed, end
+        if fall.hit(ring[n], ring[n + 1], state) == arrays.JAMMED:
+            return arrays.JAMMED, n, angle, speed, end
         n, angle = n + 1, 0.0
-        end = fall_angle(ring[n], strikes_next(layout, n))
+        end = fall.fall_angle(ring[n], fall.strikes_next(layout, n))
     return UNFINISHED, n, angle, math.sqrt(state.u), end
 
 
@@ -177,7 +160,7 @@ def follow(layout, ring, states, h, rule, arrivals):
     """
     state = states[0]
     n, angle, speed, now = 0, 0.0, math.sqrt(state.u), 0.0
-    end = fall_angle(ring[n], strikes_next(layout, n))
+    end = fall.fall_angle(ring[n], fall.strikes_next(layout, n))
     while True:
         a = acceleration(ring, state, n, angle, speed)
         dt = h
@@ -191,7 +174,7 @@ def follow(layout, ring, states, h, rule, arrivals):
             if not due:
                 new = end
         if not v > 0.0:
-            return NO_RIGID_ANSWER if math.isnan(v) else STALLED
+            return arrays.NO_RIGID_ANSWER if math.isnan(v) else arrays.STALLED
         angle, speed, now = new, v, now + dt
         if due or angle >= end:
             outcome, n, angle, speed, end = react(

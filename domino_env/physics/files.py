@@ -19,8 +19,8 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import decoded, one_line, read_bytes, read_json, write_text
-from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, model_of
+from domino_env.core.files import decode, one_line, read_bytes, read_json, write_text
+from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
@@ -109,7 +109,7 @@ def read_arguments(path: Path) -> dict[str, Any]:
     if suffix == ".csv":
         return _parse_table(path, read_bytes(path))
     if suffix == ".json":
-        return model_of(LayoutTable, read_json(path)).arguments()
+        return read_model(LayoutTable, read_json(path)).arguments()
     if not path.exists():
         raise ValueError("there is no such file")
     raise ValueError("it is not a layout: a layout is a .csv or .json file")
@@ -201,7 +201,7 @@ def _number(kind: str, cell: str, per_unit: float, divider: str) -> float:
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
-    lines = decoded(data).splitlines(keepends=True)
+    lines = decode(data).splitlines(keepends=True)
     first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
     named = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env import kernels
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
-from domino_env.physics.gradient import arrays_of
+from domino_env.kernels.diagnosis import LOADS, diagnose_chain
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
-from domino_env.physics.wave import Outcome
+from domino_env.physics.wave import Outcome, kernel_setting
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Diagnosis:
     flush_loss: Floats
     stall_margin: Floats
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     @property
     def opened(self) -> NDArray[np.int64]:
@@ -94,13 +94,12 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
         Values per domino.
     """
     require_arguments(layout, physics)
-    loads = np.full(layout.count, np.nan, kernels.LOADS)
+    loads = np.full(layout.count, np.nan, LOADS)
     extremes = dict.fromkeys(("contact_force", "hit_impulse", "flush_impulse", "load"), np.inf)
     extremes["floor_friction"] = -np.inf
     for name, unreached in extremes.items():
         loads[name] = unreached
-    setting = physics.friction, physics.gravity, physics.push, rtol
-    outcome = kernels.diagnose_chain(arrays_of(layout), *setting, loads)
+    outcome = diagnose_chain(arrays_from(layout), *kernel_setting(physics, rtol), loads)
     for name, unreached in extremes.items():
         loads[name][loads[name] == unreached] = np.nan
     return Diagnosis(

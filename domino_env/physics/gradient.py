@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from domino_env import kernels
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
+from domino_env.kernels.arrays import Arrays
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 
@@ -58,20 +58,20 @@ class Gradient:
     push: float | Floats
     rise: Floats | None = None
     tilt: Floats | None = None
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
 
-def arrays_of(layout: Layout) -> kernels.Arrays:
+def arrays_from(layout: Layout) -> Arrays:
     """Return the arrays of a layout for the kernels."""
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
-    return kernels.Arrays(*sizes, *layout.rise_and_tilt)
+    return Arrays(*sizes, *layout.rise_and_tilt)
 
 
-def batch_arrays_of(layout: Layout) -> kernels.Arrays:
+def batch_arrays_from(layout: Layout) -> Arrays:
     """Return the arrays of a layout as a batch of one."""
     ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
     flat = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
-    return kernels.Arrays(*flat, *ground)
+    return Arrays(*flat, *ground)
 
 
 def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:

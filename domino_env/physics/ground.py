@@ -12,17 +12,20 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from domino_env import kernels
-from domino_env.core.checks import numbers
+from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import Number, Value, about
+from domino_env.core.progress import advise
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
+from domino_env.kernels.arrays import Curve
+from domino_env.kernels.ground import place_on_ground, place_on_ground_vjp
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout, full_array
-from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.physics.standard import ADVICE, DENSITY, HEIGHT, WIDTH
 
 MAX_DISTANCE = 1e-4  # [m] of the ground under a base, over or under the chord
 STEEPEST = 45.0  # [°]
+WIDEST = 100.0  # [m] limit of plausible profiles
 MOST_POINTS = 10_000
 
 Angle = Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)]
@@ -82,6 +85,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
                     f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: give "
                     "points in the order of x"
                 )
+        if self.profile is not None and (span := self.profile[-1][0] - self.profile[0][0]) > WIDEST:
+            advise(f"profile spans {span:g} m: {ADVICE}")
         place, steepest = self.steepest
         if self.profile is not None and steepest > math.tan(math.radians(STEEPEST)):
             raise ValueError(
@@ -107,7 +112,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         ndarray
             Heights (…) [m].
         """
-        t, c = self._piece(np.asarray(x, dtype=np.float64))
+        t, c = self._piece(numbers("x", x))
         return np.asarray(((c[0] * t + c[1]) * t + c[2]) * t + c[3])
 
     @property
@@ -163,8 +168,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         ValueError
             For ground that bulges by more than a tenth of a millimetre under a base.
         """
-        gaps = np.asarray(spacing, dtype=np.float64)
-        thick = np.asarray(thickness, dtype=np.float64)
+        gaps, thick = numbers("spacing", spacing), numbers("thickness", thickness)
         if self.slope is not None:
             slope = math.radians(self.slope)
             return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
@@ -173,7 +177,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         arrays = _batch(gaps), _batch(thick)
         rise, tilt = (np.empty(array.shape) for array in arrays)
         size = len(tilt), thick.shape[-1]
-        share_pieces(kernels.place_on_ground, *size, self.curve, *arrays, rise, tilt)
+        share_pieces(place_on_ground, *size, self.curve, *arrays, rise, tilt)
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
     def layout(
@@ -248,6 +252,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Gradient
             Derivatives along the ground, without rise and tilt.
         """
+        require_type("gradient", gradient, Gradient, "a Gradient, such as wave.gradient()")
         if gradient.rise is None or gradient.tilt is None:
             return gradient  # on flat ground nothing changes
         spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
@@ -260,11 +265,11 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             arrays = [_batch(array) for array in (*geometry, gradient.rise, gradient.tilt)]
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
             size = arrays[1].shape
-            share_pieces(kernels.place_on_ground_vjp, *size, self.curve, *arrays, *written)
+            share_pieces(place_on_ground_vjp, *size, self.curve, *arrays, *written)
         return replace(gradient, spacing=spacing, thickness=thickness, rise=None, tilt=None)
 
     @cached_property
-    def curve(self) -> kernels.Curve:
+    def curve(self) -> Curve:
         """Ground as an argument of the kernels."""
         if self.profile is None:
             down = -math.tan(math.radians(self.slope or 0.0))
@@ -277,7 +282,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
             pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
         starts = np.concatenate([x[:1], x])
-        return kernels.Curve(*(_batch(array, 0) for array in (x, starts, pieces)))
+        return Curve(*(_batch(array, 0) for array in (x, starts, pieces)))
 
     def _piece(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the distance of x (…) from the start of its piece, and its coefficients (4, …)."""

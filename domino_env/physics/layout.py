@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env.core.checks import numbers, require
-from domino_env.core.files import naming
+from domino_env.core.files import errors_with_path
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
 from domino_env.physics import files, footing, standard
@@ -45,8 +45,8 @@ class Layout:
     ------
     ValueError
         For shapes that do not match, values that are not positive and finite, a tip that would
-        strike above the next domino's top, and ground too steep or too hollow; with the element,
-        its value and the next action.
+        strike above the next domino's top, and ground too steep or too hollow. The message has the
+        element, its value and the next action.
 
     Notes
     -----
@@ -117,7 +117,7 @@ class Layout:
         return Layout, (*sizes, *self.rise_and_tilt)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether two layouts are bitwise equal."""
+        """Return True if both layouts are bitwise equal."""
         if not isinstance(other, Layout):
             return NotImplemented
         return self.width == other.width and all(
@@ -129,14 +129,14 @@ class Layout:
         return hash((self.spacing.tobytes(), self.thickness.tobytes(), self.height.tobytes()))
 
     def __repr__(self) -> str:
-        number = f"{self.count} domino" + ("es" if self.count != 1 else "")
+        chain = f"{self.count} domino" + ("es" if self.count != 1 else "")
         sizes = [f"{_span(self.thickness)} mm thick", f"{_span(self.height)} mm high"]
         if self.count > 1:
-            number += f" over {self.length:.6g} m"
+            chain += f" over {self.length:.6g} m"
             sizes.insert(0, f"gaps {_span(self.spacing)} mm")
         if not self.is_flat:
             sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")
-        return f"Layout({number}: {', '.join(sizes)})"
+        return f"Layout({chain}: {', '.join(sizes)})"
 
     def _repr_png_(self) -> Any:
         return draw("layout", self, None, False)._repr_png_()
@@ -161,7 +161,7 @@ class Layout:
         count
             Number of dominoes N.
         pitch
-            Pivot to pivot [m]; give either this or `spacing`.
+            Distance from pivot to pivot [m]; give either this or `spacing`.
         spacing
             Free gap [m].
         thickness
@@ -187,7 +187,7 @@ class Layout:
         """
         require("count", count, 1, whole=True)
         if (pitch is None) == (spacing is None):
-            raise ValueError("give either pitch (pivot to pivot) or spacing (the free gap), in m")
+            raise ValueError(f"{pitch=}, {spacing=}: give either pitch or spacing (the gap) in m")
         require("thickness", thickness, above=0.0, unit="m")
         require("slope", slope, unit="rad")
         if pitch is not None:
@@ -206,7 +206,7 @@ class Layout:
 
     @cached_property
     def pitch(self) -> Floats:
-        """Pivot to pivot (N-1,) [m]."""
+        """Distances from pivot to pivot (N-1,) [m]."""
         pitches = footing.pitches(self.spacing, self.thickness, *self.rise_and_tilt)
         pitches.flags.writeable = False
         return pitches
@@ -214,9 +214,9 @@ class Layout:
     @cached_property
     def positions(self) -> Floats:
         """Pivots (front bottom edges) along the line through them (N,), the first at 0 [m]."""
-        places = np.concatenate(([0.0], np.cumsum(self.pitch)))
-        places.flags.writeable = False
-        return places
+        positions = np.concatenate(([0.0], np.cumsum(self.pitch)))
+        positions.flags.writeable = False
+        return positions
 
     @property
     def pivots(self) -> Floats:
@@ -227,7 +227,7 @@ class Layout:
 
     @property
     def length(self) -> float:
-        """Last pivot minus first [m]."""
+        """Distance from the first to the last pivot [m]."""
         return float(self.positions[-1])
 
     def plot(self, ax: Any = None) -> Any:
@@ -236,12 +236,12 @@ class Layout:
         Parameters
         ----------
         ax
-            Matplotlib axes that get its gaps and nothing else; None for a new figure.
+            Matplotlib axes in which only the gaps are drawn; None for a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
-            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+            The figure; notebooks show it, and `pyplot.show` does if pyplot is imported.
         """
         return draw("layout", self, ax)
 
@@ -253,7 +253,7 @@ class Layout:
         Parameters
         ----------
         path
-            The file, which is replaced in one step.
+            The file, which is replaced atomically.
         """
         files.write_csv(Path(path), self._parts())
 
@@ -263,7 +263,7 @@ class Layout:
         Parameters
         ----------
         path
-            The file, which is replaced in one step.
+            The file, which is replaced atomically.
         """
         files.write_json(Path(path), self._parts())
 
@@ -283,7 +283,7 @@ class Layout:
         path
             The file, in the format of `domino_env.physics.files.read_arguments`.
         width
-            Size across the fall where the file does not give it [m].
+            Size across the fall if the file does not give it [m].
 
         Returns
         -------
@@ -296,7 +296,7 @@ class Layout:
             For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
         """
-        with naming(path):
+        with errors_with_path(path):
             layout = cls(**{"width": width} | files.read_arguments(Path(path)))
         if layout.count > 1:
             standard.advise_on_units(path, *layout._sizes)
@@ -321,7 +321,7 @@ def _span(values: Floats, unit: float = 1e3) -> str:
 
 
 def full_array(name: str, values: ArrayLike, count: int) -> Floats:
-    """Return an array of full length."""
+    """Return an array (count,) of a number or of one per domino or pair; raise for other shapes."""
     array = numbers(name, values)
     if array.ndim == 0:
         full = np.empty(count)  # half the time of np.full

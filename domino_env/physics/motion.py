@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env import kernels
+from domino_env.core.checks import numbers
 from domino_env.core.types import Floats, Ints
+from domino_env.kernels.arrays import SNAPSHOT
+from domino_env.kernels.diagnosis import trace_motion
 from domino_env.kernels.jit import compile_alone
 from domino_env.physics import footing
-from domino_env.physics.gradient import arrays_of
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import Physics, require_arguments
+from domino_env.physics.wave import kernel_setting
 
 PIECES = 32  # equal steps of angle between two samples of a fall
 
@@ -50,11 +53,10 @@ class Motion:
     """
 
     def __init__(self, layout: Layout, physics: Physics, rtol: float = 1e-8) -> None:
+        require_arguments(layout, physics)
         self.layout, self.physics = layout, physics
-        snapshots = np.zeros((layout.count, PIECES + 1), kernels.SNAPSHOT)
-        falls = kernels.trace_motion(
-            arrays_of(layout), physics.friction, physics.gravity, physics.push, rtol, snapshots
-        )
+        snapshots = np.zeros((layout.count, PIECES + 1), SNAPSHOT)
+        falls = trace_motion(arrays_from(layout), *kernel_setting(physics, rtol), snapshots)
         self.samples = snapshots[:falls]
         self.starts = np.concatenate(([0.0], np.cumsum(self.samples["time"][:, -1])))
         self.end = float(self.starts[-1])
@@ -72,7 +74,7 @@ class Motion:
         tuple of ndarray
             Index of the leader (T,) and its lean (T,) [rad].
         """
-        t = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.end)
+        t = np.clip(numbers("times", times), 0.0, self.end)
         n = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, len(self.samples) - 1)
         angle = np.empty(len(t))
         for k in np.unique(n):
@@ -93,7 +95,7 @@ class Motion:
         ndarray
             Leans (T, N) [rad].
         """
-        n, angle = self.leader(np.atleast_1d(np.asarray(times, dtype=np.float64)))
+        n, angle = self.leader(np.atleast_1d(numbers("times", times)))
         return stack_leans(self.layout, n, angle)
 
 

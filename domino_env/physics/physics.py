@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from domino_env.core.checks import require_type
 from domino_env.core.models import Part, Size, Value, about
 from domino_env.physics.layout import Layout
 
@@ -42,18 +43,12 @@ def require_arguments(layout: object, physics: object) -> None:
     TypeError
         For anything but a Layout and a Physics, in this order.
     """
-    if not isinstance(layout, Layout):
-        raise TypeError(
-            f"layout is a {type(layout).__name__}: give a Layout, such as "
-            "Layout(spacing=[0.018, 0.02], thickness=0.0075), in metres"
-        )
+    example = "Layout(spacing=[0.018, 0.02], thickness=0.0075), in metres"
+    require_type("layout", layout, Layout, f"a Layout, such as {example}")
     require_physics(physics)
 
 
 def require_physics(physics: object) -> None:
     """Raise a TypeError for anything but a Physics."""
-    if not isinstance(physics, Physics):
-        raise TypeError(
-            f"physics is a {type(physics).__name__}: give a Physics, such as "
-            "Physics(friction=0.25, push=8.0)"
-        )
+    example = "Physics(friction=0.25, push=8.0)"
+    require_type("physics", physics, Physics, f"a Physics, such as {example}")

@@ -46,6 +46,8 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
         return f"no domino is thicker than {thickness[1]:g} m, and {tall}: {ADVICE}"
     if spacing[0] >= height:
         return f"no gap is smaller than {spacing[0]:g} m, and {tall}: {ADVICE}"
+    if spacing[1] > MOST * height:
+        return f"a gap is {spacing[1]:g} m wide, and {tall}: {ADVICE}"
     if spacing[1] < LEAST * height:
         return f"no gap is larger than {spacing[1]:g} m, and {tall}: {ADVICE}"
     return None

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env import kernels
 from domino_env.core.checks import numbers, require
 from domino_env.core.types import Floats
-from domino_env.physics.gradient import arrays_of
+from domino_env.kernels.arrays import FALL, RING_SIZE, Arrays
+from domino_env.kernels.chain import compose_falls, period_falls
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
@@ -33,15 +34,15 @@ class SteadyWave:
     Attributes
     ----------
     exists
-        True where there is one.
+        True if there is a steady wave.
     explanation
-        Reason why there is none.
+        Reason why there is none, if so.
     speed
-        Mean speed [m/s]; 0 where there is none.
+        Mean speed [m/s]; 0 if there is none.
     frequency
-        Hits per second; 0 where there is none.
+        Hits per second; 0 if there is none.
     omega_release
-        Angular velocity of each leader just after it is hit [rad/s]; nan where there is none. For a
+        Angular velocity of each leader just after it is hit [rad/s]; nan if there is none. For a
         pattern (P,), as the following fields.
     omega_impact
         Angular velocity of each leader just before it hits [rad/s].
@@ -68,18 +69,18 @@ def steady_wave(
     slope: float = 0.0,
     rtol: float = 1e-11,
 ) -> SteadyWave:
-    """Compute the steady wave of an endless uniform chain, or of each of many.
+    """Compute the steady wave of an endless uniform chain, or of each chain of an array.
 
     Parameters
     ----------
     pitch
-        Pivot to pivot [m]. An array gives a curve: one wave per value.
+        Distance from pivot to pivot [m]. An array gives a curve: one wave per value.
     thickness, height
-        Of every domino [m], broadcast with the pitch.
+        Sizes of every domino [m], broadcast with the pitch.
     physics
         Friction and gravity, by default those of `Physics()`; the push has no effect.
     density
-        Of every domino [kg/m³], broadcast with the pitch.
+        Density of every domino [kg/m³], broadcast with the pitch.
     slope
         Even slope of the ground, positive downhill [rad].
     rtol
@@ -93,7 +94,7 @@ def steady_wave(
     Raises
     ------
     ValueError
-        For chains that cannot stand.
+        For an argument out of its range, or a chain that cannot stand.
 
     Notes
     -----
@@ -105,11 +106,11 @@ def steady_wave(
     >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
     array([0.958, 0.894, 0.841])
     """
-    sizes = _checked(physics, slope, rtol, (pitch, thickness, height, density))
+    sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
     waves = [
-        vars(_steady(p, d, h, rho, physics, slope, rtol)).values()
+        vars(_solve_pattern(p, d, h, rho, physics, slope, rtol)).values()
         for p, d, h, rho in chains.swapaxes(0, 1)
     ]
     if not shape:
@@ -132,81 +133,79 @@ def steady_pattern(
     Parameters
     ----------
     pitch
-        (P,) from pivot j to j+1 [m], the last to the first of the next period.
+        (P,) distances from pivot j to j+1 [m], the last one to the first of the next period.
     thickness, height
-        A number or (P,) [m].
+        Sizes of every domino, a number or (P,) [m].
     physics, slope, rtol
         As for `steady_wave`.
     density
-        A number or (P,) [kg/m³].
+        Density of every domino, a number or (P,) [kg/m³].
 
     Returns
     -------
     SteadyWave
-        With `omega_release`, `omega_impact` and `fall_times` of shape (P,).
+        Wave with `omega_release`, `omega_impact` and `fall_times` of shape (P,).
 
     Raises
     ------
     ValueError
-        For chains that cannot stand.
+        For an argument out of its range, or a chain that cannot stand.
     """
-    sizes = _checked(physics, slope, rtol, (pitch, thickness, height, density))
+    sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
     pitches, thick, tall, rho = map(np.array, np.broadcast_arrays(*map(np.atleast_1d, sizes)))
-    return _steady(pitches, thick, tall, rho, physics, slope, rtol)
+    return _solve_pattern(pitches, thick, tall, rho, physics, slope, rtol)
 
 
-def _steady(
+def _solve_pattern(
     pitches: Floats, thick: Floats, tall: Floats, rho: Floats,
     physics: Physics, slope: float, rtol: float,
 ) -> SteadyWave:  # fmt: skip
     """Return the steady wave of a pattern, all sizes of shape (P,)."""
-    gaps = pitches - np.roll(thick, -1)
+    successors = np.arange(1, len(thick) + 2) % len(thick)
+    gaps = pitches - thick[successors[:-1]]
     rise = -np.sin(slope) * pitches
+    pairs, dominoes = successors - 1, np.append(0, successors)
     Layout(  # checks a period and the first domino of the next
-        np.append(gaps, gaps[0]),
-        np.append(thick, [thick[0], thick[1 % len(thick)]]),
-        np.append(tall, [tall[0], tall[1 % len(tall)]]),
-        density=np.append(rho, [rho[0], rho[1 % len(rho)]]),
-        rise=np.append(rise, rise[0]),
-        tilt=slope,
-    )
+        gaps[pairs], thick[dominoes], tall[dominoes],
+        density=rho[dominoes], rise=rise[pairs], tilt=slope,
+    )  # fmt: skip
     if np.any(gaps >= tall):
         j = int(np.argmax(gaps >= tall))
-        return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", len(thick))
+        return _no_wave(f"gap {j} = {gaps[j]} m is not below the height, {tall[j]} m", len(thick))
     ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
-    pattern = kernels.Arrays(gaps, thick, tall, rho, *ground)
+    pattern = Arrays(gaps, thick, tall, rho, *ground)
     # the steady wave is the fixed point of the map of one period
-    falls = np.zeros(len(thick), kernels.FALL)
-    ring_size = 512
+    falls = np.zeros(len(thick), FALL)
+    ring_size = 512  # dominoes behind the leader, more if those further back have an effect
     while True:
         setting = (pattern, physics.friction, physics.gravity, rtol, ring_size)
-        outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, True, falls)
-        if tail <= rtol or ring_size == kernels.RING_SIZE:
+        outcome, leader, tail, gain, offset, least_u = period_falls(*setting, 0.0, True, falls)
+        if tail <= rtol or ring_size == RING_SIZE:
             break
         ring_size *= 2
     if outcome != Outcome.PROPAGATED:
         reason = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
-        return _none(reason, len(thick))
+        return _no_wave(reason, len(thick))
     u = offset / (1.0 - gain) if gain < 1.0 else -1.0
-    if u <= max(need, 0.0):
-        return _none(
+    if u <= max(least_u, 0.0):
+        return _no_wave(
             "the chain releases less energy than its hits and friction dissipate; use wider gaps, "
             "thinner dominoes or less friction",
             len(thick),
         )
-    outcome, leader, *_ = kernels.period_falls(*setting, u, False, falls)
+    outcome, leader, *_ = period_falls(*setting, u, False, falls)
     if outcome != Outcome.PROPAGATED:
-        return _none(f"too near a stall of domino {leader} of the pattern", len(thick))
+        return _no_wave(f"domino {leader} of the pattern nearly stops; change its gap", len(thick))
     period = float(falls["time"].sum())
     speed, frequency = float((gaps + thick).sum()) / period, len(thick) / period
-    each = (falls[name].copy() for name in ("release", "impact", "time"))
-    return SteadyWave(True, "the chain has a steady wave", speed, frequency, *each)
+    intervals = (falls[name].copy() for name in ("release", "impact", "time"))
+    return SteadyWave(True, "the chain has a steady wave", speed, frequency, *intervals)
 
 
-def _checked(
+def _check_chains(
     physics: Physics, slope: float, rtol: float, chain: tuple[ArrayLike, ...]
 ) -> tuple[Floats, ...]:
-    """Return pitch, thickness, height and density as arrays; raise for what is no chain."""
+    """Return pitch, thickness, height and density as arrays; raise for values that are no chain."""
     require_physics(physics)
     require("rtol", rtol, 0.0, LOOSEST)
     require("slope", slope, unit="rad")
@@ -219,8 +218,8 @@ def _checked(
     return sizes
 
 
-def _none(reason: str, period: int) -> SteadyWave:
-    """Return that there is no steady wave, and why."""
+def _no_wave(reason: str, period: int) -> SteadyWave:
+    """Return the result for a chain without steady wave, with the reason."""
     unknown = [np.full(period, np.nan)] * 3
     return SteadyWave(False, f"there is no steady wave: {reason}", 0.0, 0.0, *unknown)
 
@@ -240,18 +239,23 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
     Returns
     -------
     float
-        Smallest push [rad/s]; inf where no push is enough: a gap out of reach, friction that jams
-        the chain, or no rigid answer. It is never 0, as the first domino has to be lifted over its
+        Smallest push [rad/s]; inf if no push is enough: a gap out of reach, friction that jams the
+        chain, or no rigid answer. It is never 0, as the first domino has to be lifted over its
         edge.
+
+    Raises
+    ------
+    TypeError
+        For a layout or physics of another type.
+    ValueError
+        For `rtol` out of its range.
     """
     require_arguments(layout, physics)
     require("rtol", rtol, 0.0, LOOSEST)
-    outcome, need = kernels.compose_falls(
-        arrays_of(layout), physics.friction, physics.gravity, rtol
-    )
+    outcome, least_u = compose_falls(arrays_from(layout), physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf
-    return math.sqrt(max(float(need), 0.0))
+    return math.sqrt(max(float(least_u), 0.0))
 
 
 def terminal_speed_estimate(
@@ -262,9 +266,9 @@ def terminal_speed_estimate(
     Parameters
     ----------
     pitch
-        Pivot to pivot [m].
+        Distance from pivot to pivot [m].
     thickness, height
-        Of every domino [m].
+        Sizes of every domino [m].
     gravity
         Acceleration [m/s²].
 
@@ -276,13 +280,14 @@ def terminal_speed_estimate(
     Raises
     ------
     ValueError
-        Where no energy is released and the formula has no answer (eq. 12).
+        For a size out of its range, or a fall that releases no energy (eq. 12).
 
     References
     ----------
     Chapman, The physics of toppling dominoes, eq. 13.
     """
     limit = existence_limit(thickness, height)
+    require("gravity", gravity, above=0.0, unit="m/s²")
     require("pitch", pitch, above=thickness, below=thickness + height, unit="m")
     lean, slender = thickness / pitch, thickness / height
     drop = 1.0 - lean - slender * math.sqrt(1.0 - lean * lean)
@@ -303,12 +308,17 @@ def existence_limit(thickness: float, height: float = HEIGHT) -> float:
     Parameters
     ----------
     thickness, height
-        Of every domino [m].
+        Sizes of every domino [m].
 
     Returns
     -------
     float
         Ratio, without unit.
+
+    Raises
+    ------
+    ValueError
+        For a size out of its range.
 
     References
     ----------

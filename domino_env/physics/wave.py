@@ -12,29 +12,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernels
 from domino_env.core.checks import numbers, require, require_choice
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
+from domino_env.kernels import arrays as kernel_arrays
+from domino_env.kernels.adjoint.chain import vjp, vjp_batch
+from domino_env.kernels.adjoint.contact import PHYSICS_BAR
+from domino_env.kernels.chain import solve_batch
 from domino_env.physics import footing
-from domino_env.physics.gradient import Gradient, arrays_of, batch_arrays_of, with_length_gradient
+from domino_env.physics.gradient import (
+    Gradient,
+    arrays_from,
+    batch_arrays_from,
+    with_length_gradient,
+)
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 LOOSEST, TIGHTEST = 1e-3, 1e-13
-_UNTAPED = np.empty(0, kernels.EVENT)
+_UNTAPED = np.empty(0, kernel_arrays.EVENT)
 
 
 class Outcome(enum.IntEnum):
     """Reason why a wave ended."""
 
-    PROPAGATED = kernels.PROPAGATED
-    STALLED = kernels.STALLED
-    OUT_OF_REACH = kernels.OUT_OF_REACH
-    JAMMED = kernels.JAMMED
-    NO_RIGID_ANSWER = kernels.NO_RIGID_ANSWER
+    PROPAGATED = kernel_arrays.PROPAGATED
+    STALLED = kernel_arrays.STALLED
+    OUT_OF_REACH = kernel_arrays.OUT_OF_REACH
+    JAMMED = kernel_arrays.JAMMED
+    NO_RIGID_ANSWER = kernel_arrays.NO_RIGID_ANSWER
 
     def __str__(self) -> str:
         return self.name
@@ -127,7 +135,7 @@ class Wave:
         if self.mean_speed > 0.0:
             how = f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
         else:
-            how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+            how = f"{self.hit} of {count} dominoes were hit, {self.toppled} toppled"
         return f"Wave({ended}: {how})"
 
     def _repr_png_(self) -> Any:
@@ -188,9 +196,9 @@ class Wave:
             raise ValueError(
                 f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
             )
-        arrays, physics_bar = arrays_of(self.layout), np.zeros(1, kernels.PHYSICS_BAR)[0]
-        setting, bars = _setting(self.physics, self.rtol)[:3], _empty_adjoints(arrays)
-        kernels.vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
+        arrays, physics_bar = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)[0]
+        setting, bars = kernel_setting(self.physics, self.rtol)[:3], _empty_adjoints(arrays)
+        vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
         friction, gravity, push = physics_bar.item()
         return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
@@ -288,7 +296,7 @@ class WaveBatch:
         Gradient of the total time, zero for a wave that did not propagate; None without `gradient`.
     """
 
-    arrays: kernels.Arrays
+    arrays: kernel_arrays.Arrays
     physics: Physics
     rtol: float
     summaries: NDArray[np.record]
@@ -336,8 +344,12 @@ class WaveBatch:
         Gradient
             Arrays with a leading B, zero for a wave that did not propagate.
         """
-        setting = _setting(self.physics, self.rtol)
-        return _pulled_back(self.arrays, setting, arrival_bar, np.empty_like(self.summaries))
+        setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
+        bars = numbers("arrival_bar", arrival_bar)
+        if bars.shape != shape:
+            wanted = f"give the shape of the thicknesses, {shape}"
+            raise ValueError(f"arrival_bar has shape {bars.shape}: {wanted}")
+        return _pulled_back(self.arrays, setting, bars, np.empty_like(self.summaries))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
         """Return one wave as `simulate` returns it.
@@ -365,7 +377,7 @@ class WaveBatch:
         if layout is None:
             parts = self.arrays._asdict().items()
             layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
-        summary = kernels.Summary._make(self.summaries.item(b))
+        summary = kernel_arrays.Summary._make(self.summaries.item(b))
         seconds = self.run_time / len(self)
         return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), seconds)
 
@@ -385,11 +397,7 @@ class WaveBatch:
 
 
 def simulate(
-    layout: Layout,
-    physics: Physics = STANDARD,
-    *,
-    rtol: float = 1e-8,
-    gradient: bool = False,
+    layout: Layout, physics: Physics = STANDARD, *, rtol: float = 1e-8, gradient: bool = False
 ) -> Wave:
     """Simulate the wave of a layout.
 
@@ -435,15 +443,16 @@ def simulate(
     """
     began = time.perf_counter()
     require_arguments(layout, physics)
-    arrays, setting, count = batch_arrays_of(layout), _setting(physics, rtol), layout.count
-    summaries, arrivals = np.empty(1, kernels.SUMMARY), np.empty((1, count), kernels.ARRIVAL)
-    tape = np.empty(4 * count + 16, kernels.EVENT) if gradient else _UNTAPED
+    arrays, setting, count = batch_arrays_from(layout), kernel_setting(physics, rtol), layout.count
+    summaries = np.empty(1, kernel_arrays.SUMMARY)
+    arrivals = np.empty((1, count), kernel_arrays.ARRIVAL)
+    tape = np.empty(4 * count + 16, kernel_arrays.EVENT) if gradient else _UNTAPED
     while True:
-        kernels.solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
-        summary = kernels.Summary._make(summaries.item())
+        solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
+        summary = kernel_arrays.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
-        tape = np.empty(summary.taped, kernels.EVENT)  # as many as the same run writes again
+        tape = np.empty(summary.taped, kernel_arrays.EVENT)  # as many as the same run writes again
     kept = tape[: summary.taped].copy() if gradient else None
     run_time = time.perf_counter() - began
     return _wave(layout, physics, rtol, summary, arrivals[0], run_time, kept)
@@ -506,45 +515,45 @@ def simulate_batch(
     began = time.perf_counter()
     require_physics(physics)
     arrays = _checked_batch(spacing, thickness, height, density, rise, tilt)
-    (number, count), setting = arrays.thickness.shape, _setting(physics, rtol)
+    (number, count), setting = arrays.thickness.shape, kernel_setting(physics, rtol)
     record, by_time = record and not gradient, None
-    summaries = np.empty(number, kernels.SUMMARY)
-    arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
+    summaries = np.empty(number, kernel_arrays.SUMMARY)
+    arrivals = np.empty((number, count if record else 0), kernel_arrays.ARRIVAL)
     size = number, count, arrays, *setting
     if gradient:
         by_time = _pulled_back(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
-        share_pieces(kernels.solve_batch, *size, record, summaries, arrivals, _UNTAPED)
+        share_pieces(solve_batch, *size, record, summaries, arrivals, _UNTAPED)
     run_time = time.perf_counter() - began
     return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, by_time)
 
 
 def _pulled_back(
-    arrays: kernels.Arrays,
+    arrays: kernel_arrays.Arrays,
     setting: tuple[float, ...],
     arrival_bar: Floats,
     summaries: NDArray[np.record],
 ) -> Gradient:
     """Simulate layouts, write their summaries, and return the gradient of arrival times."""
-    bars, physics_bars = _empty_adjoints(arrays), np.empty(len(summaries), kernels.PHYSICS_BAR)
+    bars, physics_bars = _empty_adjoints(arrays), np.empty(len(summaries), PHYSICS_BAR)
     size = arrays.thickness.shape
     written = summaries, bars, physics_bars
-    share_pieces(kernels.vjp_batch, *size, arrays, *setting, arrival_bar, *written)
+    share_pieces(vjp_batch, *size, arrays, *setting, arrival_bar, *written)
     friction, gravity, push = (physics_bars[name] for name in ("friction", "gravity", "push"))
     return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
 
-def _empty_adjoints(arrays: kernels.Arrays) -> kernels.Arrays:
+def _empty_adjoints(arrays: kernel_arrays.Arrays) -> kernel_arrays.Arrays:
     """Return empty arrays for the derivatives with respect to all of a layout or a batch."""
     empty: list[Any] = [None if array is None else np.empty(array.shape) for array in arrays]
-    return kernels.Arrays(*empty)
+    return kernel_arrays.Arrays(*empty)
 
 
 def _wave(
     layout: Layout,
     physics: Physics,
     rtol: float,
-    summary: kernels.Summary,
+    summary: kernel_arrays.Summary,
     arrival: NDArray[np.record],
     run_time: float,
     tape: NDArray[np.record] | None = None,
@@ -576,7 +585,7 @@ def _ended(outcome: Outcome) -> str:
     return outcome.name.lower().replace("_", " ")
 
 
-def _setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
+def kernel_setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
     """Return friction, gravity, push and checked tolerance for the kernels."""
     if not (type(rtol) is float and TIGHTEST <= rtol <= LOOSEST):  # a call of `require` is 1 µs
         require("rtol", rtol, TIGHTEST, LOOSEST)
@@ -590,7 +599,7 @@ def _checked_batch(
     density: ArrayLike,
     rise: ArrayLike,
     tilt: ArrayLike,
-) -> kernels.Arrays:
+) -> kernel_arrays.Arrays:
     """Return the arrays of a batch for the kernels; raise for dominoes that cannot stand."""
     gaps = numbers("spacing", spacing, None)
     if gaps.ndim != 2:
@@ -624,4 +633,4 @@ def _checked_batch(
     copies = [np.array(part, order="C") for part in parts]
     for copy in copies:
         copy.flags.writeable = False  # as those of a Layout, for which the kernel is compiled
-    return kernels.Arrays(*copies)
+    return kernel_arrays.Arrays(*copies)

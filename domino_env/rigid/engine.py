@@ -24,13 +24,7 @@ from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.rigid.simulation import (
-    PATIENCE,
-    RigidWave,
-    floor_name,
-    largest_difference,
-    window_of,
-)
+from domino_env.rigid import simulation
 
 MM = 1000.0
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
@@ -43,11 +37,8 @@ SWEEPS, MOST_SWEEPS = 60, 1920
 
 
 def simulate_in_engine(
-    layout: Layout,
-    physics: Physics,
-    floor_friction: float | None,
-    progress: bool | None = False,
-) -> RigidWave:
+    layout: Layout, physics: Physics, floor_friction: float | None, progress: bool | None = False
+) -> simulation.RigidWave:
     """Simulate in Chipmunk, with more sweeps and finer steps until the arrival times converge.
 
     At the coarsest step the sweeps are doubled until no arrival time changes by more than half of
@@ -72,10 +63,11 @@ def simulate_in_engine(
         Without pymunk; names what to install.
     """
     begun = time.perf_counter()
-    window = window_of(layout)
+    window = simulation.window_size(layout)
 
     def run(step: float, sweeps: int) -> tuple[Floats, Floats]:
-        description = f"engine, {floor_name(floor_friction)}, {1e6 * step:g} µs, {sweeps} sweeps"
+        place = simulation.floor_name(floor_friction)
+        description = f"engine, {place}, {1e6 * step:g} µs, {sweeps} sweeps"
         with progress_bar(
             progress, total=layout.count, desc=description, unit=" dominoes", leave=False, delay=1.0
         ) as bar:
@@ -86,7 +78,7 @@ def simulate_in_engine(
     while change > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
         sweeps *= 2
         before, (times, lean) = times, run(STEPS[0], sweeps)
-        change = largest_difference(before, times)
+        change = simulation.largest_difference(before, times)
     limit, uncertainty, finest = times, math.inf, STEPS[0]
     for k, step in enumerate(STEPS[1:]):
         coarse, (times, lean) = times, run(step, sweeps)
@@ -94,11 +86,11 @@ def simulate_in_engine(
         hit = np.isfinite(coarse) & np.isfinite(times)
         limit = np.full(layout.count, np.inf)
         limit[hit] = times[hit] + (times[hit] - coarse[hit]) * step / (finest - step)
-        finest, uncertainty = step, change + largest_difference(limit, before)
+        finest, uncertainty = step, change + simulation.largest_difference(limit, before)
         if uncertainty <= RTOL:
             break
     unknown = np.full(layout.count, np.nan)
-    return RigidWave(
+    return simulation.RigidWave(
         layout=layout,
         physics=physics,
         floor_friction=floor_friction,
@@ -150,8 +142,7 @@ def follow(
     space = _Space(layout, physics, sweeps, floor_friction)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
-    patience = PATIENCE * math.sqrt(float(layout.height.max()) / physics.gravity)
-    patience += 2.0 / physics.push
+    patience = simulation.longest_wait(layout, physics)
     now, leader, before = 0.0, 0, space.room(0) if layout.count > 1 else 0.0
     while leader < layout.count - 1:
         space.advance(step)

@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from domino_env.core.files import naming, read_json, write_text
-from domino_env.core.models import model_of
+from domino_env.core.files import errors_with_path, read_json, write_text
+from domino_env.core.models import read_model
 from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -117,8 +117,8 @@ def read_verified(path: Path = PATH) -> dict[str, Verified]:
     if not path.exists():
         return {}
     document = read_json(path)
-    with naming(path):
-        return {name: model_of(Verified, table, name) for name, table in document.items()}
+    with errors_with_path(path):
+        return {name: read_model(Verified, table, name) for name, table in document.items()}
 
 
 def write_verified(verified: dict[str, Verified], path: Path = PATH) -> None:

@@ -88,7 +88,7 @@ class RigidWave:
             result = f"{count} dominoes in {self.arrival_times[-1]:.5g} s"
             result = f"{result}, {self.mean_speed:.5g} m/s"
         else:
-            result = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+            result = f"{self.hit} of {count} dominoes were hit, {self.toppled} toppled"
         return f"RigidWave({floor_name(self.floor_friction)}: {result}, ±{self.error_estimate:.0e})"
 
     @property
@@ -114,7 +114,7 @@ class RigidWave:
 
     @property
     def propagated(self) -> bool:
-        """True if all dominoes were struck and toppled, as of a wave of the model."""
+        """True if all dominoes were hit and toppled, as of a wave of the model."""
         return self.hit == self.toppled == self.layout.count
 
     @property
@@ -252,7 +252,7 @@ def _require_time(elapsed: float, struck: int, count: int, floor: str) -> None:
         )
 
 
-def window_of(layout: Layout) -> int:
+def window_size(layout: Layout) -> int:
     """Return the number of dominoes behind the leader that still move in `simulate_standing`.
 
     Notes
@@ -265,6 +265,19 @@ def window_of(layout: Layout) -> int:
     forgotten = np.cumsum(np.append(0.0, -np.log(np.clip(passed, 1e-3, 1.0 - 1e-3))))
     first = np.searchsorted(forgotten, forgotten + math.log(NEGLIGIBLE), side="right")
     return max(WINDOW, int(np.max(np.arange(layout.count) - first)) + 1)
+
+
+def longest_wait(layout: Layout, physics: Physics) -> float:
+    """Return the time without a hit after which a wave has stopped [s].
+
+    A smaller push than the least that tips the first domino ends as soon as that one.
+    """
+    height, thickness, tilt = layout.height[0], layout.thickness[0], layout.tilt[0]
+    diagonal = math.hypot(height, thickness)
+    lift = diagonal - height * math.cos(tilt) - thickness * math.sin(tilt)
+    tipping = math.sqrt(3.0 * physics.gravity * lift) / diagonal
+    swing = math.sqrt(float(layout.height.max()) / physics.gravity)
+    return float(PATIENCE * swing + 2.0 / max(physics.push, tipping))
 
 
 def _run(
@@ -290,8 +303,8 @@ def _run(
     friction = dynamics.FIXED_PIVOTS if floor is None else floor
     setting = dynamics.Setting(
         physics.friction, friction, physics.gravity, fineness,
-        SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
-        PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
+        SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_size(layout),
+        longest_wait(layout, physics),
     )  # fmt: skip
     arrival_times = np.append(0.0, np.full(count - 1, np.inf))
     lengths = count, count, count - 1, count - 1
@@ -316,6 +329,6 @@ def _run(
     if status == dynamics.FAILED:
         raise ArithmeticError(
             f"a velocity is not a number after {np.isfinite(arrival_times).sum()} of {count} "
-            "dominoes were struck: this is a fault of the simulator, so please report the layout"
+            "dominoes were hit: this is a fault of the simulator, so please report the layout"
         )
     return record, int(state.run["steps"][0])

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.checks import require
-from domino_env.core.results import as_json, brief, document
+from domino_env.core.checks import numbers, require, require_choice
+from domino_env.core.results import as_json, dataclass_repr, document
 from domino_env.core.tables import text_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
@@ -19,10 +19,7 @@ from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
 
 FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
-AGREES, EXPLAINED = (
-    0.001,
-    0.003,
-)  # relative; verdicts AGREES and CLOSE up to these
+AGREES, EXPLAINED = 0.001, 0.003  # relative; verdicts AGREES and CLOSE up to these
 NEAR_STALL = 0.05  # stall margins below are named as a reason
 NEAR = 10  # contacts behind the leader; those further back hardly affect it
 WIDE = 1e-3  # of the height: a contact that opens by less is not named
@@ -46,7 +43,7 @@ class Verification:
     reference: tuple[RigidWave, ...]
     engine: tuple[RigidWave, ...] = ()
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     @property
     def fixed(self) -> RigidWave:
@@ -164,9 +161,10 @@ def verify(
     require_arguments(layout, physics)
     if layout.count < 2:
         raise ValueError("one domino has no wave: give a layout of two or more")
-    for floor in floors:
-        require("floor", floor, above=0.0, hint="a coefficient of friction")
-    places = (None, *floors)
+    frictions = np.atleast_1d(numbers("floors", floors))
+    require("floors", frictions, above=0.0, hint="coefficients of friction")
+    require_choice("engine", engine, (False, True))
+    places = (None, *frictions.tolist())
     return Verification(
         simulate(layout, physics),
         tuple(

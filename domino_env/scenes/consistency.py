@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from domino_env.core.models import model_of
+from domino_env.core.models import read_model
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MOST, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
 from domino_env.scenes.tables import MOST_PAIRS, RangeTable, SceneFile
 
-TALLEST = 1e30  # [m] that a growing domino may reach: its square is still a number
+TALLEST = 30.0  # power of ten of the largest height [m]: its square is still a number
 LONGEST_GROUND = 100.0  # times the longest layout that a profile may span
 
 EXCLUSIVE = (
@@ -33,7 +33,7 @@ EXCLUSIVE = (
 """Tables or keys that exclude each other, and why."""
 
 
-def tables_of(document: dict[str, Any]) -> SceneFile:
+def check_document(document: dict[str, Any]) -> SceneFile:
     """Check a scene's document and return its tables.
 
     Parameters
@@ -46,7 +46,7 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
     ValueError
         With key, value and accepted range, or the tables that exclude each other.
     """
-    tables = model_of(SceneFile, document)
+    tables = read_model(SceneFile, document)
     for sentence in _violations(tables):
         raise ValueError(sentence)
     return tables
@@ -64,7 +64,7 @@ def _violations(tables: SceneFile) -> Iterator[str]:
     yield from _violations_of_units(tables)
     yield from _violations_of_objective(tables)
     yield from _violations_of_first(tables)
-    pairs = len(tables.spacing.allowed()[1] or "1") * len(tables.thickness_allowed()[1] or "1")
+    pairs = len(tables.spacing.domain()[1] or "1") * len(tables.thickness_domain()[1] or "1")
     if pairs > MOST_PAIRS:
         yield (
             f"spacing and thickness have {pairs:,} pairs of listed values, and each is tried "
@@ -89,15 +89,15 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
         if tables.value_at(name) is not None:
             yield f'{name} is in metres: not with of = "height"'
     for name, table in (("spacing", tables.spacing), ("thickness", tables.thickness)):
-        if table is not None and table.allowed()[1] is not None:
+        if table is not None and table.domain()[1] is not None:
             yield f'{name}.step or values is in metres: not with of = "height"'
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     """Yield bounds within which nothing falls, and so were probably meant in another unit."""
     height, scale = tables.row.height, tables.row.height if tables.in_heights else 1.0
-    (low, high), _ = tables.spacing.allowed()
-    thin, thick = (0.0, 0.0) if tables.stock else tables.thickness_allowed()[0]
+    (low, high), _ = tables.spacing.domain()
+    thin, thick = (0.0, 0.0) if tables.stock else tables.thickness_domain()[0]
     if (tables.growth is None and scale * low >= height) or scale * thin > MOST * height:
         hint = unit_hint(height, (scale * low, scale * high), (scale * thin, scale * thick))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
@@ -130,13 +130,12 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
 def _violations_of_first(tables: SceneFile) -> Iterator[str]:
     """Yield violations of domino 0 and of the number of dominoes."""
     row, stock = tables.row, tables.stock
-    if row.first_thickness is None:
-        low, high = tables.thickness.allowed()[0] if tables.thickness else (0.0, 1.0)
-        if low < high:
-            yield (
-                "row.first_thickness is missing: give the thickness of domino 0 [m], as that "
-                "of the others is free"
-            )
+    low, high = tables.thickness.domain()[0] if tables.thickness else (0.0, 1.0)
+    if row.first_thickness is None and low < high:
+        yield (
+            "row.first_thickness is missing: give the thickness of domino 0 [m], as that of the "
+            "others is free"
+        )
     if stock is not None:
         if sum(stock.count) < row.count or (row.length and sum(stock.count) > row.count):
             exactly = "exactly " if row.length else "at least "
@@ -149,19 +148,19 @@ def _violations_of_first(tables: SceneFile) -> Iterator[str]:
         except ValueError as error:
             yield f"row.first_thickness = {row.first_thickness}: {error}"
     if tables.growth is not None:
-        tallest = math.log(row.height) + (row.count - 1) * math.log(tables.growth.max)
-        if tallest > math.log(TALLEST):
+        tallest = math.log10(row.height) + (row.count - 1) * math.log10(tables.growth.max)
+        if tallest > TALLEST:
             yield (
                 f"growth.max = {tables.growth.max}: {row.count} dominoes could grow to "
-                f"10^{tallest / math.log(10.0):.0f} m; let them grow less, or ask for fewer"
+                f"10^{tallest:.0f} m; let them grow less, or ask for fewer"
             )
 
 
 def _pitches(tables: SceneFile) -> Bounds:
     """Return the least and the largest mean pitch within the bounds [m]."""
     unit = tables.row.height if tables.in_heights else 1.0
-    (low, high), _ = tables.spacing.allowed()
-    (thin, thick), _ = tables.thickness_allowed()
+    (low, high), _ = tables.spacing.domain()
+    (thin, thick), _ = tables.thickness_domain()
     if tables.stock is not None:
         bodies = tables.stock.without(tables.first_thickness()).dominoes
         thin = thick = float(bodies.mean())
@@ -176,7 +175,7 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     low, high = _pitches(tables)
     if pairs * low - 1e-12 <= length <= pairs * high + 1e-12:
         return
-    bounds = tables.spacing.allowed()[0], tables.thickness_allowed()[0]
+    bounds = tables.spacing.domain()[0], tables.thickness_domain()[0]
     hint = unit_hint(tables.row.height, *bounds)
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
@@ -199,7 +198,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     """
     height, first = tables.row.height, tables.first_thickness()
     unit = height if tables.in_heights else 1.0
-    free = [unit * depth for depth in tables.thickness_allowed()[0]]
+    free = [unit * depth for depth in tables.thickness_domain()[0]]
     thin, thick = min(first, *free), max(first, *free)
     if ground.profile is not None:
         span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
@@ -210,7 +209,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
             )
     place, steepest = ground.steepest
     if steepest >= thin / height:
-        slope, most = (math.degrees(math.atan(one)) for one in (steepest, thin / height))
+        slope, most = (math.degrees(math.atan(tangent)) for tangent in (steepest, thin / height))
         where = "" if ground.is_even else f" near x = {place:.4g} m"
         yield (
             f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thin:.4g} mm thick "
@@ -221,7 +220,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
         return
     if violation := ground.violation(thick):
         yield violation
-    low, high = (unit * gap for gap in tables.spacing.allowed()[0])
+    low, high = (unit * gap for gap in tables.spacing.domain()[0])
     yield from _violations_of_bends(ground, height, thick, (low, high))
 
 

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import naming
+from domino_env.core.files import errors_with_path
 from domino_env.core.types import Floats
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
-from domino_env.scenes.io.ranges import COUNT, PUSH, Place, filled, has_ranges, ranges_of
+from domino_env.scenes.io.ranges import COUNT, PUSH, Place, fill_in, has_ranges, read_ranges
 from domino_env.scenes.io.reading import read_named, scene_of_document
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
-from domino_env.scenes.tables import text_of
+from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
@@ -42,7 +42,7 @@ class SceneDistribution:
     Attributes
     ----------
     name, title
-        As of a scene.
+        See `Scene`.
     ranges
         Sampled numbers, by table and key of the file.
     features
@@ -62,8 +62,8 @@ class SceneDistribution:
 
     def __init__(self, document: dict[str, Any], name: str, file: str | None = None) -> None:
         self.file = file or name
-        with naming(self.file):
-            self.ranges = ranges_of(document)
+        with errors_with_path(self.file):
+            self.ranges = read_ranges(document)
             if not self.ranges:
                 raise ValueError("it is one scene, without a range: load it by load_scene")
         self.name = str(document.get("name", name))
@@ -72,7 +72,7 @@ class SceneDistribution:
         self.features = tuple(
             key if table in ("row", "physics") else f"{table} {key}" for table, key in self.ranges
         )
-        self.first = self.sample(np.random.default_rng(0))
+        self.first = self.sample(0)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, SceneDistribution):
@@ -93,15 +93,15 @@ class SceneDistribution:
         str
             TOML that `load_distribution` reads as the same distribution.
         """
-        return text_of(self.document | {"name": self.name})
+        return format_toml(self.document | {"name": self.name})
 
-    def sample(self, rng: np.random.Generator, name: str = "sampled") -> Scene:
+    def sample(self, rng: np.random.Generator | int, name: str = "sampled") -> Scene:
         """Sample a scene.
 
         Parameters
         ----------
         rng
-            Source of randomness.
+            Source of randomness, or its seed.
         name
             Name of the scene.
 
@@ -117,7 +117,7 @@ class SceneDistribution:
         """
         return self.scene(self.sample_numbers(rng), name)
 
-    def sample_numbers(self, rng: np.random.Generator, digits: int | None = None) -> Floats:
+    def sample_numbers(self, rng: np.random.Generator | int, digits: int | None = None) -> Floats:
         """Sample the numbers (V,) of a scene in which some uniform layout completes.
 
         Parameters
@@ -132,7 +132,7 @@ class SceneDistribution:
         ValueError
             If none of 1000 scenes can be used.
         """
-        reason = "no uniform layout completes in any of them"
+        rng, reason = np.random.default_rng(rng), "no uniform layout completes in any of them"
         for _ in range(MOST_SAMPLED):
             numbers = self._sample_once(rng)
             if digits is not None:
@@ -164,9 +164,7 @@ class SceneDistribution:
                 value = float(np.exp(rng.uniform(*np.log((low, end)))))
             else:
                 value = float(rng.uniform(low, end))
-            if place == COUNT:
-                value = float(min(np.floor(value), high))
-            numbers[place] = value
+            numbers[place] = float(min(np.floor(value), high)) if place == COUNT else value
         return np.array([numbers[place] for place in self.ranges])
 
     def scene(self, numbers: Floats, name: str = "sampled") -> Scene:
@@ -191,7 +189,7 @@ class SceneDistribution:
             sampled.get(("physics", "gravity"), physics.get("gravity", Physics().gravity)),
         )
         values = {place: value * units.get(place, 1.0) for place, value in sampled.items()}
-        document = filled(self.document, values) | {"name": name, "title": self.title}
+        document = fill_in(self.document, values) | {"name": name, "title": self.title}
         return scene_of_document(document, name, self.file)
 
     def _units(self, height: float, gravity: float) -> dict[Place, float]:

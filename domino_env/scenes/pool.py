@@ -43,12 +43,10 @@ class ScenePool:
         self.distribution = distribution
         self.numbers = np.full((size, len(distribution.features)), np.nan)
         self.points = np.full((size, 2), np.nan)  # of the uniform baselines
-        self.uniform_scores = np.full((size, 2), np.nan)  # their scores and mean speeds
         table = _table(distribution, "pool")
         if table is not None:
             n = min(size, len(table))
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
-            self.uniform_scores[:n] = table[:n, -1:]  # their objective is the mean speed
         self.features = distribution.scaled(self.numbers)
 
     def __len__(self) -> int:
@@ -56,7 +54,7 @@ class ScenePool:
 
     def scene(self, i: int) -> Scene:
         """Return scene i with its uniform baseline."""
-        if np.isnan(self.uniform_scores[i, 0]):
+        if np.isnan(self.points[i, 0]):
             self._sample(i)
         return self._scene(i)
 
@@ -65,14 +63,11 @@ class ScenePool:
         return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
 
     def _sample(self, i: int) -> None:
-        rng = np.random.default_rng([TRAINING, i])
-        score = 0.0
+        rng, score = np.random.default_rng([TRAINING, i]), 0.0
         while not score > 0.0:
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
-            baseline = self._scene(i).uniform()
-            score = baseline.score
-        self.uniform_scores[i] = score, baseline.wave.mean_speed
+            score = self._scene(i).uniform().score
         self.features[i] = self.distribution.scaled(self.numbers[i])
 
 
@@ -120,12 +115,12 @@ def _table(distribution: SceneDistribution, kind: str) -> Floats | None:
     if not file.is_file():
         return None
     lines = file.read_text("utf-8").splitlines()
-    if lines[0] != stamp_of(distribution):
+    if lines[0] != make_stamp(distribution):
         return None
     return np.loadtxt(lines[2:], delimiter=",", ndmin=2)
 
 
-def stamp_of(distribution: SceneDistribution) -> str:
+def make_stamp(distribution: SceneDistribution) -> str:
     """Return the first line of files made for a distribution as it is now."""
     document = {k: v for k, v in distribution.document.items() if k not in ("name", "title")}
     return "# " + hashlib.sha256(repr(document).encode()).hexdigest()

@@ -44,7 +44,7 @@ def off_list(name: str, values: Floats, allowed: Values | None, first: int) -> l
 
 def listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
     """Return True for each value (…) that is one of the rising values `allowed`."""
-    return np.abs(values - nearest_of(values, np.array(allowed))) <= ON_LIST
+    return np.abs(values - find_nearest(values, np.array(allowed))) <= ON_LIST
 
 
 def too_steep(spacing: Floats, largest_change: float | None) -> list[str]:
@@ -74,7 +74,7 @@ def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
     return violations
 
 
-def nearest_of(values: Floats, allowed: Floats) -> Floats:
+def find_nearest(values: Floats, allowed: Floats) -> Floats:
     """Return the nearest of the rising values `allowed` for each entry of an array of any shape."""
     place = np.clip(np.searchsorted(allowed, values), 1, max(len(allowed) - 1, 1))
     if len(allowed) == 1:
@@ -200,7 +200,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         """
         kinds = np.array(self.thickness)
         rising = np.argsort(kinds)
-        nearest = nearest_of(thickness, kinds[rising])
+        nearest = find_nearest(thickness, kinds[rising])
         near = rising[np.searchsorted(kinds[rising], nearest)]
         unknown = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
         if len(unknown):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import ClassVar, Self
+from functools import lru_cache
+from typing import ClassVar, Self, cast
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import require_arguments
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives import Evaluation
-from domino_env.scenes.objectives.robust import placed
+from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.specification import Specification
-from domino_env.scenes.tables import text_of
+from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, gain_in_words
 from domino_env.scenes.waves import LayoutBatch, Waves
 
@@ -230,11 +230,10 @@ class Scene(Specification):
         require("seeds", numbered := np.atleast_1d(seeds), 0, whole=True)
         generators = [np.random.default_rng(seed) for seed in numbered]
         errors = [self.placement_errors(generator) for generator in generators]
-        gaps = placed(layout.spacing, np.array(errors))
+        gaps = add_errors(layout.spacing, np.array(errors))
         ones = np.ones((len(gaps), 1))
         thick = self.orders(generators) if self.hand else ones * layout.thickness[1:]
-        tall = ones * layout.height[1:] if self.growth is not None else None
-        batch = self.batch(gaps, thick, tall, SCORE_RTOL)
+        batch = self.batch(gaps, thick, ones * layout.height[1:], SCORE_RTOL)
         return self.as_placed.evaluate(batch).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
@@ -312,14 +311,10 @@ class Scene(Specification):
         ValueError
             If the rules allow no uniform layout.
         """
-        if seconds is not None and self.floor_friction is not None and "_uniform" not in vars(self):
-            vars(self)["_uniform"] = _find_baseline(self, self.known_point, seconds)
-        return self._uniform
-
-    @cached_property
-    def _uniform(self) -> UniformBaseline:
-        # cached here too, so that it is pickled with the scene
-        return _baseline(self, self.known_point)
+        limit = None if self.floor_friction is None else seconds
+        if "_uniform" not in vars(self):  # kept here too, so that it is pickled with the scene
+            vars(self)["_uniform"] = _find_baseline(self, self.known_point, limit)
+        return cast("UniformBaseline", vars(self)["_uniform"])
 
     def with_uniform(self, point: Floats) -> Self:
         """Return the same scene with a known uniform baseline.
@@ -347,15 +342,13 @@ class Scene(Specification):
         str
             TOML that `load_scene` reads as the same scene.
         """
-        return text_of(self.document())
+        return format_toml(self.document())
 
 
+@lru_cache(maxsize=32)
 def _find_baseline(
-    scene: Scene, known: tuple[float, float] | None, seconds: float | None = None
+    scene: Scene, known: tuple[float, float] | None, seconds: float | None
 ) -> UniformBaseline:
     layout, score = best_uniform(scene, known, seconds)
     wave = scene.simulate(layout)
     return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)
-
-
-_baseline = lru_cache(maxsize=32)(_find_baseline)

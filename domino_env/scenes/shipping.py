@@ -21,7 +21,7 @@ from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.pool import BEYOND, DIGITS, POINT, ScenePool, stamp_of
+from domino_env.scenes.pool import BEYOND, DIGITS, POINT, ScenePool, make_stamp
 from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent
@@ -63,7 +63,7 @@ def _or_range(field: dict[str, Any]) -> dict[str, Any]:
 def _without_null(schema: Any) -> Any:
     """Return a schema without null, which TOML does not have: keys may be left out instead."""
     if isinstance(schema, list):
-        return [_without_null(one) for one in schema if one != {"type": "null"}]
+        return [_without_null(entry) for entry in schema if entry != {"type": "null"}]
     if not isinstance(schema, dict):
         return schema
     kept = {key: _without_null(value) for key, value in schema.items() if value is not None}
@@ -90,14 +90,14 @@ def write_distribution(name: str) -> None:
     entries_of = {"test": (columns, _test_scenes(distribution, TESTED))}
     if name == "varied":
         beyond = [_beyond(distribution, place) for place in distribution.ranges]
-        entries_of["beyond"] = (columns, [x for one in beyond for x in _test_scenes(one, BEYOND)])
+        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND)])
     if name != "varied-beyond":
-        for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
-            pool.scene(i)
-        table = np.hstack([pool.numbers, pool.points, pool.uniform_scores[:, :1]])
+        bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
+        scores = [pool.scene(i).uniform().score for i in bar]
+        table = np.column_stack([pool.numbers, pool.points, scores])
         entries_of["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
     for kind, (columns, entries) in entries_of.items():
-        lines = [stamp_of(distribution), ",".join(columns)]
+        lines = [make_stamp(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
         write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
 

@@ -15,13 +15,13 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
-from domino_env.scenes.consistency import tables_of
+from domino_env.scenes.consistency import check_document
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import MeanOverDraws
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import Bounds, Stock, off_list, on_other_ground, outside, too_steep
-from domino_env.scenes.tables import document_of
+from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
 
 LENGTH_TOLERANCE = 1e-9  # [m]
@@ -59,7 +59,7 @@ class Specification:
 
     def __post_init__(self) -> None:
         try:
-            vars(self).update(tables_of(self.document()).fields())
+            vars(self).update(check_document(self.document()).fields())
         except ValueError as error:
             raise ValueError(f"scene '{self.name}': {error}") from None
 
@@ -73,12 +73,12 @@ class Specification:
             With key, value and accepted range.
         """
         scene = object.__new__(cls)
-        vars(scene).update(tables_of(document).fields())
+        vars(scene).update(check_document(document).fields())
         return scene
 
     def document(self) -> dict[str, Any]:
         """Return the tables of the file that reads back as the same scene."""
-        return document_of(self)
+        return make_document(self)
 
     def replace(self, **changes: Any) -> Self:
         """Return another scene, with some fields changed.
@@ -160,10 +160,10 @@ class Specification:
         return self.growth is not None and bool(self.growth[0] < self.growth[1])
 
     @property
-    def plain(self) -> bool:
-        """True where bounds and a length are all the rules, so that gaps are chosen one by one."""
-        rules = (self.spacing_values, self.thickness_values, self.largest_change, self.stock)
-        return all(rule is None for rule in (*rules, self.growth, self.limits))
+    def is_homogeneous(self) -> bool:
+        """True where the rules are the same for all dominoes but the first."""
+        is_even = self.ground is None or self.ground.is_even
+        return is_even and self.stock is None and self.growth is None
 
     def layout(
         self,

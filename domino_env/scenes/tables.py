@@ -12,9 +12,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from domino_env.core.files import shown
+from domino_env.core.files import as_text
 from domino_env.core.models import LARGEST, Part, Size, Table, about, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics, require_physics
@@ -25,8 +26,8 @@ from domino_env.scenes.objectives.robust import LARGEST_DRAWS
 from domino_env.scenes.rules import MOST_DOMINOES, Bounds, Stock, Values
 
 MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
-ALIKE = 1e-8  # [m] values closer than this are the same
-SAME = ("name", "objective", "stock", "ground", "limits")  # in a file as in a scene
+RESOLUTION = 1e-8  # [m] least distance of two values
+SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")  # of files and scenes
 
 # begins with a letter or a digit of any language; without characters special to paths and shells
 NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
@@ -39,33 +40,33 @@ else:
 
 
 class ChainTable(Table):
-    """The dominoes."""
+    """Dominoes of the chain."""
 
     count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
-    height: Annotated[Size, about("of every domino, or of the first [m]")] = HEIGHT
+    height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
     width: Annotated[Size, about("size across the fall; it changes no time [m]")] = WIDTH
-    density: Annotated[Size, about("of every domino [kg/m³]")] = DENSITY
+    density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
     first_thickness: Annotated[
-        Size | None, about("of domino 0 [m]; needed where thickness is free")
+        Size | None, about("thickness of domino 0 [m]; required if thickness is free")
     ] = None
-    length: Annotated[Size | None, about("first to last pivot, met exactly [m]")] = None
+    length: Annotated[Size | None, about("exact distance from first to last pivot [m]")] = None
 
 
-Step = Annotated[float, Meta(ge=ALIKE, le=LARGEST)]
+Step = Annotated[float, Meta(ge=RESOLUTION, le=LARGEST)]
 Listed = Annotated[list[Size], Meta(min_length=1)]
 
 
 class RangeTable(Table):
     """Allowed values: one, any from min to max, those in steps, or those of a list."""
 
-    fixed: Annotated[Size | None, about("the only value [m]")] = None
-    min: Annotated[Size | None, about("the least [m]")] = None
-    max: Annotated[Size | None, about("the largest [m]")] = None
+    fixed: Annotated[Size | None, about("only value [m]")] = None
+    min: Annotated[Size | None, about("least value [m]")] = None
+    max: Annotated[Size | None, about("largest value [m]")] = None
     step: Annotated[Step | None, about("from min to max only in steps of this [m]")] = None
     values: Annotated[Listed | None, about("all values allowed [m]")] = None
     of: Annotated[
         Literal["height"] | None,
-        about("in heights of the domino, at a gap of the shorter one; else in metres"),
+        about("unit: height of the domino, at a gap of the shorter one; else metres"),
     ] = None
 
     SCHEMA: ClassVar = {
@@ -81,33 +82,31 @@ class RangeTable(Table):
                 "and max, and step if only steps are allowed [m]"
             )
         for a, b in pairwise(sorted(self.values or ())):
-            if b - a < ALIKE:
-                raise ValueError(f"values holds {a} and {b}: they are the same")
+            if b - a < RESOLUTION:
+                raise ValueError(f"values has {a} and {b}: list values over {RESOLUTION} m apart")
         low, high = self.min or 0.0, self.max or 0.0
         if low > high:
             raise ValueError(f"min = {low} m is more than max = {high} m")
         if self.step is not None and (high - low) / self.step >= MOST_PAIRS:
-            raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
+            raise ValueError(f"step = {self.step} m: {MOST_PAIRS:,} values or more; enlarge it")
 
     @classmethod
-    def of_bounds(
-        cls, name: str, bounds: Bounds, values: Values | None, **more: Any
+    def from_bounds(
+        cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
     ) -> dict[str, Any]:
-        """Return the table, as in a document, whose `allowed` are these bounds and values."""
-        if not hasattr(bounds, "__len__") or len(bounds) != 2:
-            raise ValueError(f"{name} = {shown(bounds)}: give two bounds, such as (0.002, 0.04)")
-        low, high = bounds
+        """Return the table, as in a document, whose `domain` is these bounds and values."""
+        low, high = _require_pair(name, bounds)
         if low == high:
-            return {"fixed": low, **more}
+            return {"fixed": low, **entries}
         if values is None:
-            return {"min": low, "max": high, **more}
-        step = round(values[1] - values[0], 12)
-        if len(values) > 2 and steps(low, high, step) == tuple(values):
-            return {"min": low, "max": high, "step": step, **more}
-        return {"values": values, **more}
+            return {"min": low, "max": high, **entries}
+        step = round(values[1] - values[0], 12) if np.size(values) > 2 else high
+        if np.size(values) > 2 and steps(low, high, step) == tuple(values):
+            return {"min": low, "max": high, "step": step, **entries}
+        return {"values": values, **entries}
 
-    def allowed(self) -> tuple[Bounds, Values | None]:
-        """Return the least and the largest value, and all values where not every one is allowed."""
+    def domain(self) -> tuple[Bounds, Values | None]:
+        """Return the least and the largest value, and all values if they are discrete."""
         if self.fixed is not None:
             return (self.fixed, self.fixed), None
         low, high = self.min or 0.0, self.max or 0.0
@@ -120,16 +119,16 @@ class RangeTable(Table):
 
 
 class SpacingTable(RangeTable):
-    """The free gaps."""
+    """Free gaps."""
 
-    largest_change: Annotated[Part | None, about("from gap to gap, at most [m]")] = None
+    largest_change: Annotated[Part | None, about("largest change from gap to gap [m]")] = None
 
 
 class GrowthTable(Table, kw_only=True):
-    """The height of a domino over that of the one before."""
+    """Ratio of the heights of a domino and the previous one."""
 
-    min: Annotated[float, Meta(ge=1, le=LARGEST, description="at least")] = 1.0
-    max: Annotated[float, Meta(ge=1, le=LARGEST, description="at most")]
+    min: Annotated[float, Meta(ge=1, le=LARGEST, description="least ratio")] = 1.0
+    max: Annotated[float, Meta(ge=1, le=LARGEST, description="largest ratio")]
 
     def __post_init__(self) -> None:
         if self.min > self.max:
@@ -140,7 +139,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
-        Part | None, about("of the floor of free-standing dominoes; without it pivots are fixed")
+        Part | None, about("friction of dominoes with the floor; without it pivots are fixed")
     ] = None
 
 
@@ -158,7 +157,7 @@ Title = Annotated[str, Meta(pattern=LINE, max_length=300)]
 
 
 class SceneTables(Table, kw_only=True):
-    """A design problem: dominoes, allowed values, objective."""
+    """Design problem: dominoes, allowed values, objective."""
 
     name: Annotated[
         Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
@@ -194,27 +193,27 @@ class SceneTables(Table, kw_only=True):
         return value
 
     def first_thickness(self) -> float:
-        """Return the thickness of domino 0 [m]: that of all others, where it is not given."""
+        """Return the thickness of domino 0 [m], by default that of the others."""
         if self.row.first_thickness is not None:
             return self.row.first_thickness
         assert self.thickness is not None
-        (low, _), _ = self.thickness.allowed()
+        (low, _), _ = self.thickness.domain()
         return low * self.row.height if self.in_heights else low
 
-    def thickness_allowed(self) -> tuple[Bounds, Values | None]:
-        """Return the thicknesses allowed of dominoes 1 … N-1, as `RangeTable.allowed`."""
+    def thickness_domain(self) -> tuple[Bounds, Values | None]:
+        """Return the thicknesses allowed for dominoes 1 … N-1, as `RangeTable.domain`."""
         if self.thickness is not None:
-            return self.thickness.allowed()
+            return self.thickness.domain()
         assert self.stock is not None
-        rest = self.stock.without(self.first_thickness()).dominoes
-        values = tuple(sorted({float(d) for d in rest}))
+        remaining = self.stock.without(self.first_thickness()).dominoes
+        values = tuple(sorted({float(d) for d in remaining}))
         return (values[0], values[-1]), values
 
     def fields(self) -> dict[str, Any]:
-        """Return the fields of the scene that the tables describe; inverse of `document_of`."""
-        spacing, spacing_values = self.spacing.allowed()
-        thickness, thickness_values = self.thickness_allowed()
-        same = {name: getattr(self, name) for name in SAME}
+        """Return the fields of the scene that the tables describe; inverse of `make_document`."""
+        spacing, spacing_values = self.spacing.domain()
+        thickness, thickness_values = self.thickness_domain()
+        same = {name: getattr(self, name) for name in SHARED_FIELDS}
         return msgspec.structs.asdict(self.row) | same | {
             "title": self.title or self.name,
             "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
@@ -231,15 +230,15 @@ class SceneTables(Table, kw_only=True):
         }  # fmt: skip
 
 
-def document_of(scene: Any) -> dict[str, Any]:
+def make_document(scene: Any) -> dict[str, Any]:
     """Return the tables of the file that describes a scene; inverse of `SceneTables.fields`."""
     require_physics(scene.physics)
     of = "height" if scene.in_heights else None
     tables: dict[str, Any] = {
-        name: getattr(scene, name) for name in ("name", "title", *SAME[1:])
+        name: getattr(scene, name) for name in ("name", "title", *SHARED_FIELDS[1:])
     } | {
         "row": {name: getattr(scene, name) for name in ChainTable.__struct_fields__},
-        "spacing": RangeTable.of_bounds(
+        "spacing": RangeTable.from_bounds(
             "spacing",
             scene.spacing,
             scene.spacing_values,
@@ -250,23 +249,30 @@ def document_of(scene: Any) -> dict[str, Any]:
     }
     if scene.stock is None and scene.thickness is not None:
         bounds, values = scene.thickness, scene.thickness_values
-        tables["thickness"] = RangeTable.of_bounds("thickness", bounds, values, of=of)
+        tables["thickness"] = RangeTable.from_bounds("thickness", bounds, values, of=of)
     if scene.growth is not None:
-        tables["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
+        low, high = _require_pair("growth", scene.growth)
+        tables["growth"] = {"min": low, "max": high}
     if scene.placement_deviation:
         noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
         tables["placement"] = noise
     if scene.settings is not None:
         kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
         tables[next(kinds, "settings")] = scene.settings
-    return dict(_of_file(plain(tables)))
+    return dict(_drop_none(plain(tables)))
 
 
-def _of_file(value: Any) -> Any:
+def _require_pair(name: str, bounds: Bounds) -> Bounds:
+    if np.shape(bounds) != (2,):
+        raise ValueError(f"{name} = {as_text(bounds)}: give two bounds, such as (0.002, 0.04)")
+    return bounds
+
+
+def _drop_none(value: Any) -> Any:
     """Return a value without entries that are None, and with lists for tuples."""
     if isinstance(value, dict):
-        return {key: _of_file(one) for key, one in value.items() if one is not None}
-    return [_of_file(one) for one in value] if isinstance(value, tuple | list) else value
+        return {key: _drop_none(entry) for key, entry in value.items() if entry is not None}
+    return [_drop_none(entry) for entry in value] if isinstance(value, tuple | list) else value
 
 
 def steps(low: float, high: float, step: float) -> Values:
@@ -289,7 +295,7 @@ else:
 """Tables of a scene's file: `SceneTables`, and the tables of objectives by their names."""
 
 
-def text_of(document: dict[str, Any]) -> str:
+def format_toml(document: dict[str, Any]) -> str:
     """Return a document as TOML: values before tables, and inner tables in one line."""
     lines = []
     for key, value in sorted(document.items(), key=lambda item: isinstance(item[1], dict)):
@@ -302,10 +308,6 @@ def text_of(document: dict[str, Any]) -> str:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, dict):
         return f"{{{', '.join(f'{k} = {_toml(v)}' for k, v in value.items())}}}"
-    return repr(float(value) if isinstance(value, float) else int(value))
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

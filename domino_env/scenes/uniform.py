@@ -16,7 +16,7 @@ import numpy as np
 
 from domino_env.core.files import one_line
 from domino_env.core.progress import notice
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
@@ -77,7 +77,7 @@ class UniformBaseline:
     wave: Wave
     score: float
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
 
 def gain_in_words(value: float, digits: int = 2) -> str:
@@ -104,9 +104,7 @@ def gain(score: float, reference: float) -> float | None:
 
 
 def best_uniform(
-    scene: Specification,
-    known: tuple[float, float] | None = None,
-    seconds: float | None = None,
+    scene: Specification, known: tuple[float, float] | None = None, seconds: float | None = None
 ) -> tuple[Layout, float | None]:
     """Return the best layout of one pitch and one thickness within the scene's rules.
 

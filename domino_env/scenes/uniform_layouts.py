@@ -178,21 +178,14 @@ class UniformLayouts:
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""
-        spacing, thickness, height = self.at(point[None])
-        tall = None if height is None else height[0]
-        return self.scene.layout(spacing[0], thickness[0], tall)
+        return self.scene.batch(*self.at(point[None])).layout(0)
 
     @property
     def steady(self) -> bool:
         """True where the first dominoes tell the score: all dominoes but the first are alike."""
-        scene = self.scene
-        return not (
-            scene.growth is not None
-            or len(self.bodies)
-            or scene.criterion.simulates_anew
-            or scene.criterion.needs_arrivals
-            or (scene.ground is not None and not scene.ground.is_even)
-        )
+        criterion = self.scene.criterion
+        needs_all = criterion.simulates_anew or criterion.needs_arrivals
+        return self.scene.is_homogeneous and not needs_all
 
     def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
         """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`.

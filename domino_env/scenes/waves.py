@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats, Ints
 from domino_env.physics import footing
@@ -49,7 +49,7 @@ class LayoutBatch:
     ground
         Ground on which they stand; None for flat ground.
     stop
-        As of `simulate_standing`, where they are free-standing on a floor; None for no such end.
+        End of the motion of free-standing dominoes, see `simulate_standing`; else None.
     """
 
     spacing: Floats
@@ -62,7 +62,7 @@ class LayoutBatch:
     ground: Ground | None = None
     stop: Callable[[], bool] | None = None
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     def __len__(self) -> int:
         return len(self.spacing)
@@ -152,8 +152,6 @@ class Waves:
     last_height: Floats
     count: int
     rtol: float
-
-    __repr__ = brief
 
     @classmethod
     def of_batch(cls, batch: WaveBatch, layouts: LayoutBatch) -> Self:

@@ -149,8 +149,7 @@ def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Me
             wave = simulate(example.layout, example.physics, rtol=setting)
             outcome, times, estimate = wave.outcome, wave.arrival_times, wave.error_estimate
         else:
-            stepped = integrate(example.layout, example.physics, solver, setting)
-            outcome, times = stepped.outcome, stepped.arrival_times
+            outcome, times = integrate(example.layout, example.physics, solver, setting)
         seconds.append(time.process_time() - began)
     same = outcome == exact.outcome
     error = largest_difference(times, exact.arrival_times) if same else math.inf

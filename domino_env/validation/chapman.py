@@ -13,16 +13,11 @@ from domino_env.core.colours import BLUE, COLOURS, PALE, RED
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
+from domino_env.physics import steady
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, stack_leans
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
-from domino_env.physics.steady import (
-    SteadyWave,
-    existence_limit,
-    steady_wave,
-    terminal_speed_estimate,
-)
 from domino_env.physics.wave import Wave, simulate
 from domino_env.view.energy import energies
 
@@ -39,8 +34,8 @@ PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
 MEASURED = ((59.7, 59.1, 64.4), (37.2, 36.9, 42.3), (26.2, 26.1, 28.1))
 
 
-def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -> SteadyWave:
-    return steady_wave(pitch, thickness, physics=Physics(friction, GRAVITY))
+def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -> steady.SteadyWave:
+    return steady.steady_wave(pitch, thickness, physics=Physics(friction, GRAVITY))
 
 
 def angular_velocities() -> list[tuple[float, ...]]:
@@ -155,7 +150,8 @@ def correction_factor(axes: Axes) -> None:
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thick = ratio * HEIGHT
         low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
-        x, estimate, simulated = _speeds(np.linspace(low, existence_limit(thick), 60)[:-1], thick)
+        ratios = np.linspace(low, steady.existence_limit(thick), 60)[:-1]
+        x, estimate, simulated = _speeds(ratios, thick)
         axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
         axes.plot(x, estimate, color=colour, linestyle=ESTIMATE)
     axes.plot([], [], color="0.4", label="simulated")
@@ -238,7 +234,7 @@ def _speeds(ratios: Floats, thick: float) -> tuple[Floats, Floats, Floats]:
         if thick < pitch < HEIGHT + thick:
             layout = Layout.uniform(100, pitch=pitch, thickness=thick)
             if simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0:
-                estimate = terminal_speed_estimate(pitch, thick, gravity=GRAVITY)
+                estimate = steady.terminal_speed_estimate(pitch, thick, gravity=GRAVITY)
                 speed = _steady(pitch, thick).speed or math.nan
                 lines.append((thick / pitch, estimate / UNIT, speed / UNIT))
     x, estimates, speeds = np.array(lines).reshape(-1, 3).T

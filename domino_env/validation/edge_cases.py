@@ -36,7 +36,7 @@ class EdgeCase:
     name
         Its size.
     layout, physics
-        As of `simulate`.
+        See `simulate`.
     expected
         Right outcomes, where they are known in advance.
     """

@@ -22,14 +22,7 @@ from domino_env.physics.standard import HEIGHT
 from domino_env.physics.steady import steady_wave
 from domino_env.physics.wave import simulate, simulate_batch
 from domino_env.rigid.simulation import simulate_standing
-from domino_env.validation.source import (
-    TEMPLATE,
-    Chain,
-    Quantity,
-    Setting,
-    Source,
-    source_of_frequencies,
-)
+from domino_env.validation.source import TEMPLATE, Chain, Quantity, Setting, Source
 
 Effect = Callable[[Setting, float, float], float]
 """Speed with the effect over speed without, of a setting at a pitch and a friction."""
@@ -293,7 +286,7 @@ def fit_friction(
     >>> round(de.fit_friction([0.016, 0.024, 0.032], [64.4, 42.3, 28.1]).friction, 2)
     0.18
     """
-    source = source_of_frequencies(pitches, frequencies, thickness, height, gravity)
+    source = Source.from_frequencies(pitches, frequencies, thickness, height, gravity)
     return compare(source, source.setting)
 
 

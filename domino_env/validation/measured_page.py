@@ -115,8 +115,8 @@ def draw(validations: Sequence[Validation], path: Path) -> None:
     for axes, validation in zip(panels, validations, strict=True):
         _draw_panel(axes, validation)
     figure.suptitle(
-        "Measured, with two standard uncertainties, beside the model at the fitted friction and "
-        "without any", color=INK, fontsize=11.5,
+        "Measured speeds with two standard uncertainties; the model with the fitted friction and "
+        "without friction", color=INK, fontsize=11.5,
     )  # fmt: skip
     write_png(figure, path)
 

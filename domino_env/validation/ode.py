@@ -12,15 +12,15 @@ friction, unequal dominoes. They differ in their steps:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from domino_env.core.types import Floats
-from domino_env.kernels import Arrays, stepping
-from domino_env.physics.gradient import arrays_of
+from domino_env.kernels import stepping
+from domino_env.kernels.arrays import Arrays
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome
@@ -30,29 +30,15 @@ ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
 OVERSHOOT = 1e-12  # of 1 - cos θ, past which SciPy locates a change of contact, so that it is due
 
 
-@dataclass(frozen=True, eq=False)
-class SteppedWave:
-    """A wave computed by an ODE solver.
-
-    Attributes
-    ----------
-    outcome
-        As `Wave.outcome`.
-    arrival_times
-        Arrival times [s], shape (N,); inf for dominoes that are not hit.
-    """
-
-    outcome: Outcome
-    arrival_times: Floats
-
-
-def integrate(layout: Layout, physics: Physics, method: str, setting: float) -> SteppedWave:
+def integrate(
+    layout: Layout, physics: Physics, method: str, setting: float
+) -> tuple[Outcome, Floats]:
     """Simulate a layout with an ODE solver.
 
     Parameters
     ----------
     layout, physics
-        As of `simulate`.
+        See `simulate`.
     method
         One of `FIXED` or `ADAPTIVE`.
     setting
@@ -60,10 +46,10 @@ def integrate(layout: Layout, physics: Physics, method: str, setting: float) -> 
 
     Returns
     -------
-    SteppedWave
-        Outcome and arrival times.
+    tuple
+        Outcome, and arrival times (N,) [s]: inf for dominoes that are not hit.
     """
-    arrays = arrays_of(layout)
+    arrays = arrays_from(layout)
     chain = stepping.stand_and_push(arrays, physics.friction, physics.gravity, physics.push)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
@@ -71,7 +57,7 @@ def integrate(layout: Layout, physics: Physics, method: str, setting: float) -> 
         code = stepping.follow(arrays, *chain, setting, FIXED[method], arrivals)
     else:
         code = _adaptive(arrays, chain, physics, method, setting, arrivals)
-    return SteppedWave(Outcome(code), arrivals)
+    return Outcome(code), arrivals
 
 
 def _adaptive(

@@ -5,7 +5,7 @@ of velocities are differences of positions, forces and impulses follow from one 
 of Newton's and Euler's equations, and friction opposes the sliding that follows from the positions.
 In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
 Gauss-Legendre collocation on panels that are halved until the halves agree with the whole. The
-result is good to about 18 digits where u does not dip.
+result has about 18 correct digits unless u almost vanishes on the way.
 
 `REFERENCE` holds the waves of `edge_cases.short_cases`, written by
 ``python -m domino_env.validation.edge_cases`` (mpmath needed, three minutes).
@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.files import read_json, write_text
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome
@@ -40,20 +40,19 @@ Number = Any  # mpmath's, which has no types
 Pair = tuple[Number, Number]
 Panel = tuple[Number, Number, Number]
 Angles = dict[int, Number]
-Floats = NDArray[np.float64]
 
 REFERENCE = Path(__file__).with_name("reference.json")
-DIGITS = 100  # carried along; 60 do where no gap is nearly out of reach
-KEPT = 30  # digits of an arrival time that are stored
-NODES = 24
-U_ERROR, TIME_ERROR = 1e-24, 1e-18  # relative, in an interval
-DEPTH = 40  # halvings of a panel at most
-TOGETHER = 1e-9  # [rad] contacts that close within this do so in one impact
+DIGITS = 100  # of the arithmetic; 60 suffice if no gap is nearly out of reach
+FIGURES = 30  # of an arrival time
+NODES = 24  # of a panel
+U_ERROR, TIME_ERROR = 1e-24, 1e-18  # relative errors allowed in a panel
+DEPTH = 40  # largest number of halvings of a panel
+IMPACT_TOLERANCE = 1e-9  # [rad] contacts that close within this do so in one impact
 
 
 @dataclass(frozen=True)
 class PreciseWave:
-    """Arrival times to many digits, and the outcome.
+    """Outcome of a wave and its arrival times to many digits.
 
     Attributes
     ----------
@@ -73,7 +72,13 @@ class PreciseWave:
     lowest: float
 
     def relative_error(self, arrival_times: Floats) -> float:
-        """Return the largest |t_k / true t_k - 1| over the dominoes hit; inf where others are."""
+        """Return the largest |t_k / true t_k - 1| over the dominoes hit; inf if others are hit.
+
+        Parameters
+        ----------
+        arrival_times
+            (N,) arrival times to compare [s]; not finite for dominoes that are not hit.
+        """
         times = arrival_times[np.isfinite(arrival_times)].tolist()
         if len(times) != len(self.arrival_times):
             return float("inf")
@@ -82,12 +87,12 @@ class PreciseWave:
 
 
 def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
-    """Solve for the wave of a layout of exact numbers, in seconds for half a dozen dominoes.
+    """Compute the wave of a layout to many digits, in seconds for half a dozen dominoes.
 
     Parameters
     ----------
     layout, physics
-        As of `simulate`.
+        See `simulate`.
 
     Returns
     -------
@@ -97,7 +102,7 @@ def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
     Raises
     ------
     ImportError
-        mpmath is missing.
+        If mpmath is missing.
     """
     if mp is None:
         raise ImportError("multi-precision arithmetic needs mpmath: pip install mpmath")
@@ -105,18 +110,18 @@ def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
         return _Chain(layout, physics).topple()
 
 
-class _StallsError(Exception):
-    """The leader stops."""
+class _StallError(Exception):
+    """Signal that the leader stops."""
 
 
 class _Chain:
-    """A chain, the states of its contacts, and the equations of its stack."""
+    """Chain, with the states of its contacts and the equations of its stack."""
 
     def __init__(self, layout: Layout, physics: Physics) -> None:
         def exact(values: Floats) -> list[Number]:
             return [mp.mpf(float(x)) for x in values]
 
-        self.nudge = mp.mpf(10) ** -(DIGITS // 4)  # [rad] of differences: they err by its square
+        self.step = mp.mpf(10) ** -(DIGITS // 4)  # [rad] step of central differences
         self.count = layout.count
         self.height, self.thick = exact(layout.height), exact(layout.thickness)
         self.gap, density = exact(layout.spacing), exact(layout.density)
@@ -139,7 +144,7 @@ class _Chain:
         return along / mp.cos(slope), e
 
     def angles(self, n: int, angle: Number, last: int) -> Angles:
-        """Return the angles of dominoes n … last where n leads."""
+        """Return the angles of dominoes n … last if n leads."""
         lean = {n: angle}
         for i in range(n - 1, last - 1, -1):
             (p, e), d, b = self.shift(i), self.thick[i + 1], lean[i + 1]
@@ -151,10 +156,10 @@ class _Chain:
 
     def motion(self, n: int, angle: Number) -> tuple[Angles, Angles, Angles]:
         """Return the angles, their first and second derivatives by the leader's."""
-        here, less, more = (self.angles(n, angle + k * self.nudge, self.back) for k in (0, -1, 1))
-        rate = {i: (more[i] - less[i]) / (2 * self.nudge) for i in here}
-        bend = {i: (more[i] - 2 * here[i] + less[i]) / self.nudge**2 for i in here}
-        return here, rate, bend
+        lean, low, high = (self.angles(n, angle + k * self.step, self.back) for k in (0, -1, 1))
+        rate = {i: (high[i] - low[i]) / (2 * self.step) for i in lean}
+        bend = {i: (high[i] - 2 * lean[i] + low[i]) / self.step**2 for i in lean}
+        return lean, rate, bend
 
     # forces -----------------------------------------------------------------------------------
     def arms(self, i: int, lean: Angles, rate: Angles) -> Pair:
@@ -175,14 +180,14 @@ class _Chain:
 
         # a point (x, y) moves with ω (y, -x): its speed along the face is ω times a torque
         sliding = rate[i] * torque(at_i, along) - rate[i + 1] * torque(at_next, along)
-        rub = self.mu * mp.sign(sliding)
-        force = normal[0] + rub * along[0], normal[1] + rub * along[1]
+        friction = self.mu * mp.sign(sliding)
+        force = normal[0] + friction * along[0], normal[1] + friction * along[1]
         return torque(at_i, force), torque(at_next, force)
 
     def solve(self, n: int, lean: Angles, rate: Angles, rhs: Angles, sliding: Angles) -> Number:
         """Return the leader's x with I_k J_k x = rhs_k + torques of the contacts.
 
-        sliding: rates of motion that friction opposes.
+        rate: J_k. sliding: rates of motion that friction opposes.
         """
         size = n + 1 - self.back
         matrix, column = mp.zeros(size), mp.zeros(size, 1)
@@ -220,7 +225,7 @@ class _Chain:
     def interval(
         self, n: int, a: Number, b: Number, u: Number, whole: Panel | None = None, depth: int = 0
     ) -> tuple[Number, Number]:
-        """Return u at b and the time, on halves where those do not agree with the whole panel."""
+        """Return u at b and the time; halve panels until the halves agree with the whole."""
         end, time, _ = whole or self.panel(n, a, b, u)
         middle = (a + b) / 2
         first = self.panel(n, a, middle, u)
@@ -228,37 +233,37 @@ class _Chain:
         if abs(second[0] - end) <= U_ERROR * u or depth == DEPTH:
             self.least = min(self.least, first[2], second[2])
             if self.least <= 0:
-                raise _StallsError
-            halves = first[1] + second[1]
-            if abs(halves - time) <= TIME_ERROR * halves or depth == DEPTH:
-                return second[0], halves
-        half, early = self.interval(n, a, middle, u, first, depth + 1)
-        last, late = self.interval(n, middle, b, half, None, depth + 1)
-        return last, early + late
+                raise _StallError
+            total = first[1] + second[1]
+            if abs(total - time) <= TIME_ERROR * total or depth == DEPTH:
+                return second[0], total
+        u_middle, first_time = self.interval(n, a, middle, u, first, depth + 1)
+        u_end, last_time = self.interval(n, middle, b, u_middle, None, depth + 1)
+        return u_end, first_time + last_time
 
     # changes of contact -----------------------------------------------------------------------
-    def due(self, i: int) -> tuple[Number, bool]:
+    def change_angle(self, i: int) -> tuple[Number, bool]:
         """Return the angle of i+1 at which contact i changes, and True for a change to the face."""
         length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
-        far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1 from pivot i
-        if not self.on_face[i] and far * far - d * d < length * length:
-            return mp.acos(d / far) - up, True
-        cosine = (far * far + d * d - length * length) / (2 * far * d)
-        return (mp.acos(cosine) - up if cosine > -1 else mp.inf), False
+        r, rise = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # polar coordinates of pivot i+1 from i
+        if not self.on_face[i] and r * r - d * d < length * length:
+            return mp.acos(d / r) - rise, True
+        cosine = (r * r + d * d - length * length) / (2 * r * d)
+        return (mp.acos(cosine) - rise if cosine > -1 else mp.inf), False
 
     def next_change(self, n: int, a: Number, b: Number) -> Number | None:
-        """Return the leader's least angle in (a, b] at which a contact changes."""
+        """Return the leader's least angle in (a, b] at which a contact changes; else None."""
         lean = self.angles(n, b, self.back)
         first = None
         for i in range(n - 1, self.back - 1, -1):
-            goal, _ = self.due(i)
-            if lean[i + 1] < goal - mp.mpf(10) ** -40:
+            threshold, _ = self.change_angle(i)
+            if lean[i + 1] < threshold - mp.mpf(10) ** -40:
                 continue
             low, high = a, b  # bisection, because the angles are not smooth
             for _ in range(200):
                 middle = (low + high) / 2
-                over = self.angles(n, middle, i + 1)[i + 1] >= goal
-                low, high = (low, middle) if over else (middle, high)
+                reached = self.angles(n, middle, i + 1)[i + 1] >= threshold
+                low, high = (low, middle) if reached else (middle, high)
             first = high if first is None else min(first, high)
         return first
 
@@ -267,27 +272,27 @@ class _Chain:
         lean, rate, _ = self.motion(n, angle)
         flushed = self.flushes
         for i in range(n - 1, self.back - 1, -1):
-            goal, to_face = self.due(i)
-            if not to_face and lean[i + 1] >= goal - mp.mpf(10) ** -30:
+            threshold, to_face = self.change_angle(i)
+            if not to_face and lean[i + 1] >= threshold - mp.mpf(10) ** -30:
                 self.back = i + 1
                 break
-            if to_face and abs(lean[i] - lean[i + 1]) <= TOGETHER:
+            if to_face and abs(lean[i] - lean[i + 1]) <= IMPACT_TOLERANCE:
                 self.on_face[i] = True
                 self.flushes += 1
         if self.flushes == flushed:
             return u
         _, new_rate, _ = self.motion(n, angle)
-        before = {k: self.inertia[k] * rate[k] for k in new_rate}
+        momenta = {k: self.inertia[k] * rate[k] for k in new_rate}
         # a face impact stops all dominoes behind it, which still slide during the impact
-        ratio = self.solve(n, lean, new_rate, before, rate)
+        ratio = self.solve(n, lean, new_rate, momenta, rate)
         return u * ratio * ratio if ratio > 0 else None
 
     # the chain --------------------------------------------------------------------------------
     def topple(self) -> PreciseWave:
-        """Solve interval by interval until the wave ends."""
-        u, now, times, lowest = self.push**2, mp.mpf(0), [Fraction(0)], mp.mpf(1)
+        """Compute one interval after another until the wave ends."""
+        u, time, times, lowest = self.push**2, mp.mpf(0), [Fraction(0)], mp.mpf(1)
 
-        def ended(outcome: Outcome) -> PreciseWave:
+        def result(outcome: Outcome) -> PreciseWave:
             return PreciseWave(outcome, tuple(times), self.flushes, float(lowest))
 
         for n in range(self.count):
@@ -296,32 +301,32 @@ class _Chain:
                 b = self.tilt[n + 1] + mp.asin(self.gap[n] / self.height[n])
             else:
                 b = mp.atan(self.thick[n] / self.height[n])
-            a, released = self.tilt[n], u
+            a, u_release = self.tilt[n], u
             while a < b:
                 end = self.next_change(n, a, b) or b
                 if end > a:
                     self.least = u
                     try:
                         u, spent = self.interval(n, a, end, u)
-                    except _StallsError:
-                        return ended(Outcome.STALLED)
-                    now += spent
-                    lowest = min(lowest, self.least / released)
+                    except _StallError:
+                        return result(Outcome.STALLED)
+                    time += spent
+                    lowest = min(lowest, self.least / u_release)
                 a = end
-                if end < b or self.next_change(n, a - self.nudge, b) is not None:
-                    after = self.change(n, end, u)
-                    if after is None:
-                        return ended(Outcome.JAMMED)
-                    u = after
+                if end < b or self.next_change(n, a - self.step, b) is not None:
+                    u_new = self.change(n, end, u)
+                    if u_new is None:
+                        return result(Outcome.JAMMED)
+                    u = u_new
             if not hits:
-                return ended(Outcome.PROPAGATED if n + 1 == self.count else Outcome.OUT_OF_REACH)
-            times.append(Fraction(mp.nstr(now, mp.mp.dps)))
+                return result(Outcome.PROPAGATED if n + 1 == self.count else Outcome.OUT_OF_REACH)
+            times.append(Fraction(mp.nstr(time, mp.mp.dps)))
             lean, rate, _ = self.motion(n + 1, self.tilt[n + 1])
-            before = {k: self.inertia[k] * rate[k] * (k <= n) for k in lean}
-            ratio = self.solve(n + 1, lean, rate, before, rate)
+            momenta = {k: self.inertia[k] * rate[k] * (k <= n) for k in lean}
+            ratio = self.solve(n + 1, lean, rate, momenta, rate)
             if not 0 < ratio < 1:
-                return ended(Outcome.JAMMED)
-            u *= (ratio / rate[n]) ** 2  # the leader hit as fast as it turns in the new stack
+                return result(Outcome.JAMMED)
+            u *= (ratio / rate[n]) ** 2  # rate[n]: ω of the old leader over that of the new one
         raise AssertionError("a wave ends with the last domino")
 
 
@@ -337,10 +342,10 @@ def reference_waves() -> dict[str, PreciseWave]:
     }  # fmt: skip
 
 
-def _stored(layout: Layout, physics: Physics) -> dict[str, object]:
+def _wave_entry(layout: Layout, physics: Physics) -> dict[str, object]:
     wave = precise_wave(layout, physics)
-    with mp.workdps(KEPT):
-        times = [mp.nstr(mp.mpf(t.numerator) / t.denominator, KEPT) for t in wave.arrival_times]
+    with mp.workdps(FIGURES):
+        times = [mp.nstr(mp.mpf(t.numerator) / t.denominator, FIGURES) for t in wave.arrival_times]
     return {
         "outcome": wave.outcome.name,
         "flushes": wave.flushes,
@@ -350,9 +355,9 @@ def _stored(layout: Layout, physics: Physics) -> dict[str, object]:
 
 
 def write_reference(cases: Mapping[str, tuple[Layout, Physics]]) -> None:
-    """Solve all cases, by name, and store the waves."""
+    """Compute the waves of all cases in parallel, and store them in `REFERENCE` by name."""
     with ProcessPoolExecutor() as pool:
-        jobs = {name: pool.submit(_stored, *case) for name, case in cases.items()}
+        jobs = {name: pool.submit(_wave_entry, *case) for name, case in cases.items()}
         waves = {name: job.result() for name, job in jobs.items()}
     write_text(REFERENCE, json.dumps(waves, indent=1, ensure_ascii=False) + "\n")
 

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from domino_env.core.files import decoded, naming, read_bytes
-from domino_env.core.models import Number, Size, Table, model_of
+from domino_env.core.checks import numbers
+from domino_env.core.files import decode, errors_with_path, read_bytes
+from domino_env.core.models import Number, Size, Table, read_model
 from domino_env.physics.standard import HEIGHT, WIDTH
 
 Quantity = Literal["frequency", "speed", "time"]
@@ -39,7 +41,7 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
     push
         Angular velocity of the first domino [rad/s]; it matters for a whole chain only.
     x_is, x_unit
-        Whether x of the chains is gap or pitch, and its unit.
+        Meaning of x of the chains, gap or pitch, and its unit.
     x_uncertainty, x_shift
         Standard uncertainty of x, and a shift that is added to every x [x_unit].
     floor
@@ -154,6 +156,55 @@ class Source(Table):
                         f"less than the height, {setting.height} m"
                     )
 
+    @classmethod
+    def from_frequencies(
+        cls,
+        pitches: Sequence[float],
+        frequencies: Sequence[float],
+        thickness: float = 0.0075,
+        height: float = HEIGHT,
+        gravity: float = 9.81,
+        pitch_uncertainty: float = 0.0,
+    ) -> Source:
+        """Make a source of hit frequencies, each with a standard uncertainty of 2 %.
+
+        Parameters
+        ----------
+        pitches, frequencies
+            (K,) pitch [m] and hits per second [1/s] of each chain.
+        thickness, height, gravity
+            Of all dominoes [m], [m/s²].
+        pitch_uncertainty
+            Standard uncertainty of each pitch [m].
+
+        Returns
+        -------
+        Source
+            The measurements.
+
+        Raises
+        ------
+        ValueError
+            For pitches that no chain can have, frequencies that are not positive, or no pairs of
+            them.
+        """
+        given = {"pitches": pitches, "frequencies": frequencies}
+        x, values = (np.atleast_1d(numbers(name, value)).tolist() for name, value in given.items())
+        if len(x) != len(values):
+            raise ValueError(f"{len(x)} pitches and {len(values)} frequencies: give pairs")
+        chains = [
+            {"x": pitch, "value": value, "uncertainty": 0.02 * value}
+            for pitch, value in zip(x, values, strict=True)
+        ]
+        setting = {
+            "thickness": thickness, "height": height, "gravity": gravity, "x_is": "pitch",
+            "x_uncertainty": pitch_uncertainty,
+        }  # fmt: skip
+        return read_model(cls, {
+            "name": "given", "title": "chains that were given", "quantity": "frequency",
+            "unit": "1/s", "setting": setting, "rows": chains,
+        })  # fmt: skip
+
     @property
     def readings(self) -> dict[str, Setting]:
         """Settings of the other readings, by their labels."""
@@ -161,7 +212,7 @@ class Source(Table):
         readings = {}
         for reading in self.instead:
             changes = {key: value for key, value in reading.items() if key != "what"}
-            readings[str(reading["what"])] = model_of(Setting, own | changes, "instead")
+            readings[str(reading["what"])] = read_model(Setting, own | changes, "instead")
         return readings
 
     def chains_of(self, setting: Setting) -> tuple[Chain, ...]:
@@ -189,54 +240,9 @@ def read_source(path: Path) -> Source:
     OSError
         The file cannot be read.
     """
-    with naming(path):
-        document = tomllib.loads(decoded(read_bytes(path)))
-        return model_of(Source, {**document, "name": path.stem})
-
-
-def source_of_frequencies(
-    pitches: Sequence[float],
-    frequencies: Sequence[float],
-    thickness: float = 0.0075,
-    height: float = HEIGHT,
-    gravity: float = 9.81,
-    pitch_uncertainty: float = 0.0,
-) -> Source:
-    """Make a source of hit frequencies, each with a standard uncertainty of 2 %.
-
-    Parameters
-    ----------
-    pitches, frequencies
-        (K,) pitch [m] and hits per second [1/s] of each chain.
-    thickness, height, gravity
-        Of all dominoes [m], [m/s²].
-    pitch_uncertainty
-        Standard uncertainty of each pitch [m].
-
-    Returns
-    -------
-    Source
-        The measurements.
-
-    Raises
-    ------
-    ValueError
-        For pitches that no chain can have, frequencies that are not positive, or no pairs of them.
-    """
-    if len(pitches) != len(frequencies):
-        raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")
-    chains = [
-        {"x": float(pitch), "value": float(value), "uncertainty": 0.02 * float(value)}
-        for pitch, value in zip(pitches, frequencies, strict=True)
-    ]
-    setting = {
-        "thickness": thickness, "height": height, "gravity": gravity, "x_is": "pitch",
-        "x_uncertainty": pitch_uncertainty,
-    }  # fmt: skip
-    return model_of(Source, {
-        "name": "given", "title": "chains that were given", "quantity": "frequency", "unit": "1/s",
-        "setting": setting, "rows": chains,
-    })  # fmt: skip
+    with errors_with_path(path):
+        document = tomllib.loads(decode(read_bytes(path)))
+        return read_model(Source, {**document, "name": path.stem})
 
 
 def shipped_sources() -> dict[str, Source]:

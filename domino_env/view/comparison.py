@@ -75,12 +75,12 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     return {
         "headline": headline(compared),
         "best": best if len(compared) > 1 and merits[best] > 0.0 else None,
-        "compared": [_data_of(entry) for entry in compared],
+        "compared": [_layout_data(entry) for entry in compared],
     }
 
 
 def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
-    """Return which layout is the best ("who"), and the result of each ("why").
+    """Return a sentence on the best layout ("winner"), and the results of all ("results").
 
     The scene's score decides where every layout has one, else the mean speed.
     """
@@ -97,17 +97,17 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
         results.append(f"{entry.name}: {result}")
         if merit > 0.0 and entry is not first:
             leads.append(f"{best / merit - 1.0:.2%} faster than {entry.name}")
-    who = f"{first.name[0].upper()}{first.name[1:]} "
+    winner = f"{first.name[0].upper()}{first.name[1:]} "
     if best <= 0.0:
         keeps = "keeps the limits of the scene" if first.wave.mean_speed else "topples to its end"
-        who = f"No layout {keeps}"
+        winner = f"No layout {keeps}"
     elif len(ranked) == 1:
-        who += "topples to its end"
+        winner += "topples to its end"
     elif by_speed:
-        who += f"is the fastest{': ' * bool(leads)}{', '.join(leads)}"
+        winner += f"is the fastest{': ' * bool(leads)}{', '.join(leads)}"
     else:
-        who += "has the best score"
-    return {"who": who, "why": "; ".join(results)}
+        winner += "has the best score"
+    return {"winner": winner, "results": "; ".join(results)}
 
 
 def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
@@ -116,7 +116,7 @@ def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
     return scores if len(scores) == len(compared) else [entry.wave.mean_speed for entry in compared]
 
 
-def _data_of(entry: ComparedLayout) -> dict[str, Any]:
+def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     """Return the data of one layout; the page turns leans of the leader into those of all."""
     wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)

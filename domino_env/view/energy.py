@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.kernels.arrays import FLIP, SWITCH
 from domino_env.physics.motion import PIECES, Motion, stack_sums
@@ -52,8 +51,6 @@ class Energy:
     hits: Floats
     flushes: Floats
     friction: Floats
-
-    __repr__ = brief
 
 
 def energies(motion: Motion) -> Energy:

@@ -16,7 +16,8 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from domino_env.core.colours import FAINT, INK, OURS, SOFT, UNIFORM
+from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
+from domino_env.core.files import as_text
 from domino_env.core.plot_style import HEAD, LEGEND, headings, new_figure, plain_numbers, style
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
@@ -53,7 +54,7 @@ class DrawnLayout:
     layout: Layout
     wave: Wave | None
     name: str
-    colour: str = OURS
+    colour: str = RESULT
 
 
 def layouts_figure(
@@ -84,13 +85,15 @@ def layouts_figure(
     panel
         The panel that `ax` get; None for the gaps.
     register
-        Whether pyplot shows the figure, if the caller uses pyplot.
+        True if pyplot is to show the figure, if the caller uses pyplot.
 
     Returns
     -------
     Figure
         The figure.
     """
+    if not isinstance(ax, Axes | None):
+        raise ValueError(f"ax = {as_text(ax)}: give Matplotlib axes, or None for a new figure")
     if ax is not None:
         (panel or partial(_sizes, "spacing"))(ax, layouts, scene)
         ax.set_xlabel(_across(layouts))
@@ -99,10 +102,10 @@ def layouts_figure(
         return cast("Figure", ax.figure)
     tall = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
     low, high = _range(layouts, scene, tall)
-    shown = min(high, low + LONGEST * tall)
-    scale = SPAN / (shown - low)  # [in/mm]
+    end = min(high, low + LONGEST * tall)
+    scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tall + max(_relief(drawn.layout, low, shown) for drawn in layouts)) * scale + LABEL
+    strip = (tall + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
     height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
@@ -111,10 +114,10 @@ def layouts_figure(
     for drawn in layouts:
         y -= strip
         axes = _axes(figure, y, strip)
-        axes.set_xlim(low, shown)
+        axes.set_xlim(low, end)
         _draw_dominoes(axes, drawn, strip / scale)
         place = LEFT / WIDTH, (y + strip - 0.15) / height
-        first = "; the first dominoes are drawn" * (shown < high)
+        first = "; the first dominoes are drawn" * (end < high)
         figure.text(*place, _label(drawn) + first, va="center", size=9.5, color=drawn.colour)
     for panel in panels:
         y -= BETWEEN + PANEL
@@ -148,11 +151,8 @@ def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figu
     return layouts_figure(layouts, headline, subtitle, ax=ax, panel=_speed, register=register)
 
 
-def beside_uniform(
-    scene: Scene,
-    layout: Layout,
-    wave: Wave,
-    score: float,
+def draw_with_uniform(
+    result: Any,
     name: str,
     last: Callable[[Axes], None] | None = None,
     ax: Axes | None = None,
@@ -163,14 +163,8 @@ def beside_uniform(
 
     Parameters
     ----------
-    scene
-        The scene.
-    layout
-        The layout.
-    wave
-        Its wave.
-    score
-        Its score in the scene.
+    result
+        Result with `scene`, `layout`, `wave` and `score`, such as a `SceneResult`.
     name
         Label of the layout.
     last
@@ -178,23 +172,23 @@ def beside_uniform(
     ax
         Axes that get the gaps of both layouts and nothing else; None for a figure of its own.
     register
-        Whether pyplot shows the figure, if the caller uses pyplot.
+        True if pyplot is to show the figure, if the caller uses pyplot.
 
     Returns
     -------
     Figure
         The figure.
     """
-    uniform, physics = scene.uniform(), scene.physics
+    scene, uniform, physics = result.scene, result.scene.uniform(), result.scene.physics
     layouts = [
         DrawnLayout(uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
-        DrawnLayout(layout, wave, name),
+        DrawnLayout(result.layout, result.wave, name),
     ]
     subtitle = (
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
-    headline = f"{scene.name}: {scene.against_uniform(score, wave)}"
+    headline = f"{scene.name}: {scene.against_uniform(result.score, result.wave)}"
     return layouts_figure(layouts, headline, subtitle, scene, last, ax=ax, register=register)
 
 
@@ -241,7 +235,7 @@ def _label(drawn: DrawnLayout) -> str:
         return f"{name}: {length}"
     if wave.mean_speed == 0.0:
         ended = wave.outcome.name.lower().replace("_", " ")
-        return f"{name}: {ended}, {wave.hit} of {drawn.layout.count} were struck"
+        return f"{name}: {ended}, {wave.hit} of {drawn.layout.count} were hit"
     return f"{name}: {length} in {wave.arrival_times[-1]:.4f} s, {wave.mean_speed:.4f} m/s"
 
 

@@ -1,4 +1,4 @@
-"""Ground: the line under a layout, for all drawings."""
+"""Line of the ground under a layout, for all drawings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PIECES_AHEAD = 200  # straight pieces of the ground ahead of a layout
 
 
 def ground_line(
-    layout: Layout, before: float = 0.0, after: float = 0.0, ground: Ground | None = None
+    layout: Layout, behind: float = 0.0, ahead: float = 0.0, ground: Ground | None = None
 ) -> Floats:
     """Return the line of the ground, x forward and z up, pivot 0 at (0, 0).
 
@@ -25,12 +25,12 @@ def ground_line(
     ----------
     layout
         The layout.
-    before
+    behind
         Horizontal length of the line behind the first domino [m].
-    after
+    ahead
         Horizontal length ahead of the last pivot [m].
     ground
-        Ground that the line follows ahead of the layout; None where it is unknown.
+        Ground that the line follows ahead of the layout; None if it is unknown.
 
     Returns
     -------
@@ -38,30 +38,30 @@ def ground_line(
         Points (M, 2) [m].
     """
     if layout.is_flat and ground is None:
-        return np.array([[-layout.thickness[0] - before, 0.0], [layout.length + after, 0.0]])
+        return np.array([[-layout.thickness[0] - behind, 0.0], [layout.length + ahead, 0.0]])
     rear, front = _bases(layout)
     down = np.tan(layout.tilt[[0, -1]])
-    first = rear[0] - before * np.array([1.0, -down[0]])
-    last = (front[-1] + after * np.array([1.0, -down[1]]))[None]
+    first = rear[0] - behind * np.array([1.0, -down[0]])
+    last = (front[-1] + ahead * np.array([1.0, -down[1]]))[None]
     if ground is not None:
-        x = front[-1, 0] + after * np.linspace(0.0, 1.0, PIECES_AHEAD + 1)[1:]
+        x = front[-1, 0] + ahead * np.linspace(0.0, 1.0, PIECES_AHEAD + 1)[1:]
         last = np.stack([x, ground.height(x) - ground.height(0.0)], axis=-1)
-    between = _between(layout)
-    inner = np.concatenate([rear[:-1, None], between[:, :-1]], axis=1).reshape(-1, 2)
+    curves = _ground_curves(layout)
+    inner = np.concatenate([rear[:-1, None], curves[:, :-1]], axis=1).reshape(-1, 2)
     return np.concatenate([first[None], inner, rear[-1:], front[-1:], last])
 
 
-def places_along(layout: Layout) -> Floats:
-    """Return the places of the pivots measured along the ground (N,), the first at 0 [m]."""
+def positions_along(layout: Layout) -> Floats:
+    """Return the positions of the pivots along the ground (N,), the first at 0 [m]."""
     if layout.is_flat:
         return layout.positions
-    pieces = np.diff(_between(layout), axis=1)
+    pieces = np.diff(_ground_curves(layout), axis=1)
     gaps = np.hypot(pieces[..., 0], pieces[..., 1]).sum(axis=1)
     return np.concatenate(([0.0], np.cumsum(gaps + layout.thickness[1:])))
 
 
 def relief(layout: Layout) -> float:
-    """Return the height of the highest base of a layout above its lowest [m]."""
+    """Return the height of the highest base of a layout above the lowest [m]."""
     return 0.0 if layout.is_flat else float(np.ptp(np.concatenate(_bases(layout))[:, 1]))
 
 
@@ -71,17 +71,17 @@ def _bases(layout: Layout) -> tuple[Floats, Floats]:
     return corners[:, 3], corners[:, 0]
 
 
-def _between(layout: Layout) -> Floats:
+def _ground_curves(layout: Layout) -> Floats:
     """Return the ground from each front edge to the next rear one, (N-1, PIECES + 1, 2) [m]."""
     rear, front = _bases(layout)
     begin, end = front[:-1, None], rear[1:, None]
     direction = np.stack([np.cos(layout.tilt), -np.sin(layout.tilt)], axis=-1)
     span = np.linalg.norm(end - begin, axis=-1, keepdims=True)
-    leave, arrive = span * direction[:-1, None], span * direction[1:, None]
+    slope_0, slope_1 = span * direction[:-1, None], span * direction[1:, None]
     u = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
     v = 1.0 - u
     return np.asarray(
         begin * v * v * (1.0 + 2.0 * u)
         + end * u * u * (1.0 + 2.0 * v)
-        + u * v * (leave * v - arrive * u)
+        + u * v * (slope_0 * v - slope_1 * u)
     )

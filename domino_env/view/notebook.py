@@ -9,7 +9,7 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
 
-class MadeForScene:
+class SceneResult:
     """Mixin of results with a scene, a layout, its wave and its score."""
 
     scene: Scene
@@ -17,12 +17,16 @@ class MadeForScene:
     wave: Wave
     score: float
 
+    def __repr__(self) -> str:
+        score = self.scene.against_uniform(self.score, self.wave)
+        return f"{type(self).__name__}({self.scene.name}: {score})"
+
     def _repr_png_(self) -> bytes:
         png: bytes = self.figure()._repr_png_()
         return png
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the layout and the uniform baseline to scale, and their differences.
+        """Draw the layout, the uniform baseline, their differences and the search, if any.
 
         Parameters
         ----------
@@ -39,7 +43,6 @@ class MadeForScene:
 
     def figure(self, ax: Any = None, *, register: bool = False) -> Any:
         """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""
-        from domino_env.view.figures import beside_uniform
+        from domino_env.view.figures import draw_with_uniform
 
-        sizes = self.scene, self.layout, self.wave, self.score
-        return beside_uniform(*sizes, "the layout made", ax=ax, register=register)
+        return draw_with_uniform(self, "the layout made", ax=ax, register=register)

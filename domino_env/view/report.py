@@ -18,8 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import decoded, naming, one_line, read_bytes, read_json, write_text
-from domino_env.core.models import Document, Number, model_of
+from domino_env.core.files import (
+    decode,
+    errors_with_path,
+    one_line,
+    read_bytes,
+    read_json,
+    write_text,
+)
+from domino_env.core.models import Document, Number, read_model
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
@@ -163,8 +170,8 @@ def _curve(
     if folder is None or not (folder / name).exists():
         return None
     path = folder / name
-    with naming(path):
-        text = io.StringIO(decoded(read_bytes(path)))
+    with errors_with_path(path):
+        text = io.StringIO(decode(read_bytes(path)))
         table = np.genfromtxt(text, delimiter=",", names=True, ndmin=1)
         for column in (across, up):
             if not np.isfinite(table[column]).all():
@@ -182,8 +189,8 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
             return None
         last = [(floor_name(check.floor), check.last) for check in known.floors]
         return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
-    with naming(path):
-        check = model_of(VerificationDocument, read_json(path))
+    with errors_with_path(path):
+        check = read_model(VerificationDocument, read_json(path))
     return {
         "simulator": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.checks import require
-from domino_env.core.files import naming, read_bytes, write_bytes
+from domino_env.core.files import errors_with_path, read_bytes, write_bytes
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
 
@@ -89,7 +89,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
     """
     from scipy.io import wavfile
 
-    with naming(path):
+    with errors_with_path(path):
         data = read_bytes(path)
         try:
             with warnings.catch_warnings():

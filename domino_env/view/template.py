@@ -20,12 +20,12 @@ from matplotlib.patches import Rectangle
 
 from domino_env.core.checks import require_choice
 from domino_env.core.colours import INK, SOFT
-from domino_env.core.files import counted, write_bytes
+from domino_env.core.files import amount, write_bytes
 from domino_env.core.plot_style import escaped
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
-from domino_env.view.ground import places_along
+from domino_env.view.ground import positions_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
 MOST_SHEETS = 1_000  # sheets of a layout of some hundred metres
@@ -98,7 +98,7 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     on_a_sheet = int((high - HEAD - FOOT) / across)
     if on_a_sheet < 1:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
-    front = places_along(layout)
+    front = positions_along(layout)
     rear = front - layout.thickness
     begin, margin = float(rear[0]) - LEAD, MARGIN
     whole = float(front[-1]) + LEAD - begin
@@ -152,7 +152,7 @@ def write_template(
     Raises
     ------
     ValueError
-        As of `strips`.
+        See `strips`.
     """
     plan = strips(layout, paper)
     total = plan[-1].sheet
@@ -171,8 +171,8 @@ def write_template(
                         _draw(axes, layout, strip, len(plan))
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
-    amount = f"a page of advice and {counted(total, 'sheet')} with {counted(len(plan), 'strip')}"
-    return f"{amount}: print at 100 % and check the scale bar"
+    pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(plan), 'strip')}"
+    return f"{pages}: print at 100 % and check the scale bar"
 
 
 def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
@@ -239,7 +239,7 @@ def _advise(axes: Axes, steps: Sequence[str]) -> None:
 def _draw(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
     """Draw one of all strips: edges, dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    places, left = places_along(layout), strip.margin * MM
+    places, left = positions_along(layout), strip.margin * MM
     right = left + (strip.end - strip.begin) * MM
     edge, labels = half + BESIDE * MM, [f"{tilt:+.1f}" for tilt in np.degrees(layout.tilt)]
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, ls="-.")

@@ -14,6 +14,7 @@ import numpy as np
 from engibench.constraint import IMPL, THEORY, bounded, constraint, greater_than
 from engibench.core import ObjectiveDirection, OptiStep, Problem
 from gymnasium import spaces
+from msgspec.structs import asdict
 from PIL import Image
 
 from domino_env.core.types import Floats
@@ -108,10 +109,9 @@ class DominoProblem(Problem[Floats]):
     ) -> None:
         super().__init__(seed=seed)
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        physics = {name: getattr(self.scene.physics, name) for name in self._names()}
-        self.config = self.Config(**physics | (config or {}))
+        self.config = self.Config(**asdict(self.scene.physics) | (config or {}))
         self.scene = self._scene_under({})
-        self.conditions = self.Conditions(**{n: getattr(self.config, n) for n in self._names()})
+        self.conditions = self.Conditions(**asdict(self.scene.physics))
         self.objectives = ((self.scene.objective, ObjectiveDirection.MAXIMIZE),)
         self._box = UnitBox(self.scene)
         self.design_space = spaces.Box(self._box.low, self._box.high, dtype=np.float64)
@@ -130,7 +130,7 @@ class DominoProblem(Problem[Floats]):
         ValueError
             The design has another shape, or no such layout can stand.
         """
-        return self._box.layout_of(self._box.one(design))
+        return self._box.layout_from(self._box.as_batch(design))
 
     def simulate(self, design: Floats, config: dict[str, Any] | None = None) -> Floats:
         """Simulate the layout of a design (n,) and return its score (1,); higher is better."""
@@ -203,10 +203,6 @@ class DominoProblem(Problem[Floats]):
         """Return the free values (n,) of one design vector (1, n) in the unit box."""
         return np.asarray(np.clip(self._box.values(designs)[0], self._box.low, self._box.high))
 
-    def _names(self) -> list[str]:
-        """Return the names of the conditions."""
-        return [field.name for field in dataclasses.fields(self.Conditions)]
-
     def _config(self, config: dict[str, Any] | None) -> Config:
         """Return the configuration with some values changed."""
         return dataclasses.replace(self.config, **config or {})
@@ -214,5 +210,5 @@ class DominoProblem(Problem[Floats]):
     def _scene_under(self, config: dict[str, Any] | None) -> Scene:
         """Return the scene under other conditions."""
         values = self._config(config)
-        changes = {name: getattr(values, name) for name in self._names()}
+        changes = {name: getattr(values, name) for name in Physics.__struct_fields__}
         return self.scene.replace(physics=self.scene.physics.replace(**changes))

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import LAYOUT_FILE, add_json_option, write_json
+from domino_env.cli.options import LAYOUT_FILE, add_flags, add_json_option, add_options, write_json
 from domino_env.cli.verify import add_simulator_options
 
 if TYPE_CHECKING:
@@ -28,18 +28,12 @@ SUMMARY = "list, write and verify the best known layouts"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino best-known`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all scenes)")
-    parser.add_argument(
-        "--layout", type=LAYOUT_FILE, metavar="FILE",
-        help="write the layout of one scene to a .csv or .json file",
-    )  # fmt: skip
-    parser.add_argument(
-        "--verify", action="store_true", help="simulate the layouts as rigid bodies"
-    )
+    target = "write the layout of one scene to a .csv or .json file"
+    add_options(parser, ("layout", LAYOUT_FILE, "FILE", None, target))
+    add_flags(parser, verify="simulate the layouts as rigid bodies")
     add_simulator_options(parser, engine=False, note="minutes per layout")
     add_json_option(parser)
-    parser.add_argument(
-        "--update", action="store_true", help="store the results of --verify in the package"
-    )
+    add_flags(parser, update="store the results of --verify in the package")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -34,8 +34,12 @@ DEFAULT_SECONDS = 4.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
-    options.add_methods_option(parser, "all that are installed")
-    add_options(parser, ("seeds", NATURAL, "N", 5, "number of seeds"))
+    methods = "methods (all that are installed)"
+    add_options(
+        parser,
+        ("methods", options.names_in, "NAME,...", None, methods),
+        ("seeds", NATURAL, "N", 5, "number of seeds"),
+    )
     options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
     add_out_option(parser, "runs/comparison")
     options.add_study_options(parser)

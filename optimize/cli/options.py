@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from domino_env.cli.options import NATURAL, SECONDS, add_options
-from domino_env.core.files import counted
+from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options
+from domino_env.core.files import amount
 from optimize.executors import add_executor_options, open_executor
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from optimize.experiments.store import Study
     from optimize.experiments.task import Task
 
-DEFAULT_STORE = "runs/studies.sqlite"
+STORE = ("store", str, "FILE", "runs/studies.sqlite", "SQLite file")
 SETTINGS = ("scene", "scenes", "set", "methods", "seeds", "budget", "seconds")
 """Options that decide the tasks of a study, which `domino studies` shows."""
 
@@ -25,16 +25,6 @@ SETTINGS = ("scene", "scenes", "set", "methods", "seeds", "budget", "seconds")
 def names_in(text: str) -> list[str]:
     """Return the names in a text with commas between them."""
     return [name.strip() for name in text.split(",")]
-
-
-def add_methods_option(
-    parser: argparse.ArgumentParser, default_in_words: str, default: list[str] | None = None
-) -> None:
-    """Add --methods, a list of names, with its default in words."""
-    parser.add_argument(
-        "--methods", type=names_in, metavar="NAME,...", default=default,
-        help=f"methods ({default_in_words})",
-    )  # fmt: skip
 
 
 def add_limit_options(
@@ -49,26 +39,14 @@ def add_limit_options(
     )
 
 
-def add_store_option(parser: Any) -> None:
-    """Add --store."""
-    parser.add_argument(
-        "--store", metavar="FILE", default=DEFAULT_STORE, help="SQLite file (%(default)s)"
-    )
-
-
 def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) -> None:
     """Add --workers, --dask, --store, --name and, without a default name, --resume."""
     add_executor_options(parser)
     group = parser.add_argument_group("study", "where results are stored, see domino studies")
-    add_store_option(group)
-    group.add_argument(
-        "--name", default=name, help=f"name of the study ({name or 'from that of the scene'})"
-    )
+    text = f"name of the study{' (from that of the scene)' * (name is None)}"
+    add_options(group, STORE, ("name", str, "NAME", name, text))
     if name is None:
-        group.add_argument(
-            "--resume", action="store_true",
-            help="continue a study that was stopped, with the results it has",
-        )  # fmt: skip
+        add_flags(group, resume="continue a study that was stopped, with the results it has")
 
 
 def study_from(
@@ -102,7 +80,7 @@ def study_from(
     studies = {study.name: study for study in store.studies()}
     name = arguments.name
     if name in studies and not arguments.resume:
-        results = counted(studies[name].tasks, "result")
+        results = amount(studies[name].tasks, "result")
         raise ValueError(
             f"{store.path} has a study '{name}' with {results} already: "
             "continue it by --resume, or give another --name"
@@ -128,7 +106,7 @@ def run_study(
     Parameters
     ----------
     arguments, kind, default, tasks
-        As of `study_from`. Without ``--out`` the report goes to runs/STUDY.
+        See `study_from`. Without ``--out`` the report goes to runs/STUDY.
     write
         Writes the report of an experiment into a folder, and returns the names of its files.
     options
@@ -137,7 +115,7 @@ def run_study(
     Returns
     -------
     int
-        As of `exit_code`.
+        See `exit_code`.
     """
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
@@ -149,14 +127,14 @@ def run_study(
         folder = Path(arguments.out or f"runs/{study.name}")
         next_step = f"results are in study '{study.name}'; the same command with --resume continues"
         stored = f", {study.tasks} of them done before" if study.tasks else ""
-        number = counted(len(tasks), "search")
+        number = amount(len(tasks), "search")
         print(f"study '{study.name}' in {arguments.store}: {number}{stored}", flush=True)
         try:
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options
             )
             files = ", ".join(write(experiment, folder))
-            print(f"{counted(len(experiment.results), 'result')}; written to {folder}: {files}")
+            print(f"{amount(len(experiment.results), 'result')}; written to {folder}: {files}")
             return exit_code(experiment)
         except OSError as error:
             raise OSError(f"{error}; {next_step}") from None

@@ -13,8 +13,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import SEED, add_out_option, number
-from domino_env.core.files import counted
+from domino_env.cli import options
+from domino_env.core.files import amount
 from optimize.cli.options import add_limit_options
 from optimize.executors import add_executor_options, open_executor
 
@@ -29,24 +29,20 @@ REACHED = 1e-6  # relative shortfall from the best known that counts as none
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino optimize`."""
     parser.add_argument("scene", metavar="SCENE", help="name of a scene, or .toml file")
-    parser.add_argument(
-        "--method", default="auto",
-        help="auto (default), cma, l-bfgs, slsqp, scp, …, or package.module:function",
-    )  # fmt: skip
+    methods = "auto, cma, l-bfgs, slsqp, scp, …, or package.module:function"
+    tolerance = (
+        "relative gain of the second half of the evaluations below which the search ends "
+        "(1e-4 without a limit)"
+    )
+    options.add_options(parser, ("method", str, "NAME", "auto", methods))
     add_limit_options(parser, "the search")
-    parser.add_argument(
-        "--tolerance", type=number(above=0.0, below=1.0), metavar="GAIN",
-        help="relative gain of the second half of the evaluations below which the search ends "
-        "(1e-4 without a limit)",
-    )  # fmt: skip
-    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
-    add_out_option(parser, "runs/SCENE", literal=False)
-    parser.add_argument(
-        "--resume", action="store_true",
-        help="continue the search in the folder; the time it has spent counts",
-    )  # fmt: skip
-    parser.add_argument(
-        "--update-best", action="store_true", help="store a new best known layout in the package"
+    reader = options.number(above=0.0, below=1.0)
+    options.add_options(parser, ("tolerance", reader, "GAIN", None, tolerance), options.SEED)
+    options.add_out_option(parser, "runs/SCENE", literal=False)
+    options.add_flags(
+        parser,
+        resume="continue the search in the folder; the time it has spent counts",
+        update_best="store a new best known layout in the package",
     )
     add_executor_options(parser)
 
@@ -113,6 +109,6 @@ def _best(result: SearchResult) -> str:
     ended = "interrupted after " if result.interrupted else ""
     text = (
         f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
-        f"{ended}{counted(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
+        f"{ended}{amount(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

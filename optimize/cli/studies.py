@@ -13,7 +13,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from optimize.cli.options import add_store_option
+from domino_env.cli.options import add_options
+from optimize.cli.options import STORE
 
 SUMMARY = "list, show and export stored results"
 
@@ -24,18 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action", nargs="?", choices=("list", "show", "export"), default="list", help="(list)"
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="the study to show or export")
-    add_store_option(parser)
-    parser.add_argument(
-        "--to", metavar="FILE", help="export results to .csv or .parquet, a layout to .csv or .json"
-    )
-    parser.add_argument(
-        "--best", metavar="SCENE", help="export the best layout of a scene, or point of a sweep"
-    )
+    target = "export results to .csv or .parquet, a layout to .csv or .json"
+    best = "export the best layout of a scene, or point of a sweep"
+    to_export = ("to", str, "FILE", None, target), ("best", str, "SCENE", None, best)
+    add_options(parser, STORE, *to_export)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """List, show or export."""
-    from domino_env.core.files import counted, one_line
+    from domino_env.core.files import amount, one_line
     from domino_env.scenes.io.reading import write_layout
     from optimize.experiments import report, store
     from optimize.experiments.task import scene_of
@@ -52,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join(report.summarise(studies.study(name))))
     elif arguments.best is None:
         number = store.export_study(studies.study(name), Path(arguments.to))
-        print(f"written to {arguments.to}: {counted(number, 'result')}")
+        print(f"written to {arguments.to}: {amount(number, 'result')}")
     else:
         r = store.best_result(studies.study(name), arguments.best)
         beside = write_layout(r.layout, arguments.to, scene_of(r.scene))

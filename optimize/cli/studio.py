@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import number
+from domino_env.cli.options import add_flags, add_options, number
 
 SUMMARY = "design a layout in the browser: drag, search, check, print"
 
@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="scene, layout, run folder or link (sprint)",
     )  # fmt: skip
     port = number(whole=True, low=0, high=65535)
-    parser.add_argument("--port", type=port, default=0, help="port on this machine (a free one)")
-    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    add_options(parser, ("port", port, "N", 0, "port on this machine; 0: a free one"))
+    add_flags(parser, no_browser="print the address only")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -24,8 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", metavar="KEY=VALUES", action="append", default=[], help="vary a key; repeatable"
     )
-    options.add_methods_option(parser, "auto", ["auto"])
-    add_options(parser, ("seeds", NATURAL, "N", 1, "number of seeds of each method"))
+    add_options(
+        parser,
+        ("methods", options.names_in, "NAME,...", "auto", "methods"),
+        ("seeds", NATURAL, "N", 1, "number of seeds of each method"),
+    )
     options.add_limit_options(parser, "each search", budget="2000 without --seconds")
     add_out_option(parser, "runs/NAME", literal=False)
     options.add_study_options(parser)

@@ -33,8 +33,10 @@ class FeasibleSet:
         (n,) True for values from a list or the stock.
     discrete
         True where some values are.
+    change
+        (n-1,) largest differences of neighbours [m]; inf for any.
     coupled
-        True where the difference of neighbouring gaps is limited.
+        True where some of them are limited.
 
     Raises
     ------
@@ -70,13 +72,10 @@ class FeasibleSet:
         if scene.largest_change is not None:
             self.change[: max(gaps - 1, 0)] = scene.largest_change
         self.coupled = bool(np.isfinite(self.change).any())
-        self.stock = None
-        lists: list[tuple[float, ...] | None] = [None] * n
-        lists[:gaps] = [scene.spacing_values] * gaps
-        if n > gaps and scene.stock is not None:
-            self.stock = scene.stock.without(scene.first_thickness)
-        elif n > gaps:
-            lists[gaps:] = [scene.thickness_values] * (n - gaps)
+        stock = scene.stock if n > gaps else None
+        self.stock = None if stock is None else stock.without(scene.first_thickness)
+        thicknesses = scene.thickness_values if stock is None else None
+        lists = [scene.spacing_values] * gaps + [thicknesses] * (n - gaps)
         self.listed = listed = np.array([values is not None for values in lists], dtype=bool)
         self.stepped = listed.copy()  # listed, or from the stock
         self.stepped[gaps:] |= self.stock is not None
@@ -125,14 +124,6 @@ class FeasibleSet:
             return nearest_smooth(values, low, high, change, total)
         values = np.clip(values, low, high)
         return values if total is None else nearest_with_sum(values, low, high, total)
-
-    def linear(self) -> tuple[Floats, Floats] | None:
-        """Return A (m, n) and b (m,) of the rule A v ≤ b on values v; None without one."""
-        if not self.coupled:
-            return None
-        ties = np.flatnonzero(np.isfinite(self.change))
-        up = np.diff(np.eye(len(self.low)), axis=0)[ties]
-        return np.concatenate([up, -up]), np.tile(self.change[ties], 2)
 
     def tangent(
         self, gradients: Floats, wanted: Floats, values: Floats, relaxed: bool = False

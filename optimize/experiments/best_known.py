@@ -14,8 +14,8 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env import __version__
-from domino_env.core.files import naming, read_json, write_text
-from domino_env.core.models import LARGEST, Number, model_of
+from domino_env.core.files import errors_with_path, read_json, write_text
+from domino_env.core.models import LARGEST, Number, read_model
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
@@ -74,9 +74,9 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     if not path.exists():
         return {}
     document = read_json(path)
-    with naming(path):
-        records = model_of(dict[str, Any], document)
-        return {name: model_of(BestKnown, record, name) for name, record in records.items()}
+    with errors_with_path(path):
+        records = read_model(dict[str, Any], document)
+        return {name: read_model(BestKnown, record, name) for name, record in records.items()}
 
 
 def update(result: SearchResult, path: Path | None = None) -> bool:
@@ -87,7 +87,7 @@ def update(result: SearchResult, path: Path | None = None) -> bool:
     result
         Result of the search.
     path
-        As of `best_known`.
+        See `best_known`.
 
     Returns
     -------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from domino_env.core.checks import require
-from domino_env.core.files import shown
+from domino_env.core.files import as_text
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
@@ -24,8 +24,8 @@ MAX_TASKS = 1_000_000
 
 
 def compare(
-    scenes: Sequence[Scene | str],
-    methods: Sequence[str | Method],
+    scenes: Scene | str | Iterable[Scene | str],
+    methods: str | Method | Iterable[str | Method],
     seeds: Iterable[int],
     budget: int | None = None,
     *,
@@ -37,10 +37,10 @@ def compare(
     Parameters
     ----------
     scenes
-        Scenes, or their names.
+        One scene or several, or their names.
     methods
-        Names of methods, also "package.module:function", or functions `run(evaluator, rng)` that
-        other processes can import.
+        One name of a method or several, also "package.module:function", or functions
+        `run(evaluator, rng)` that other processes can import.
     seeds
         Seeds; each method runs on each scene with each of them.
     budget
@@ -74,14 +74,14 @@ def compare(
     """
     if (seconds is None) == (budget is None):
         raise ValueError("give each run a budget or seconds, one of the two")
-    loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
+    loaded = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
     tasks = plan_tasks(loaded, methods, seeds, budget, seconds)
     return run_experiment(tasks, known_score=known_score, **options)
 
 
 def plan_tasks(
     scenes: Sequence[Scene],
-    methods: Sequence[str | Method],
+    methods: str | Method | Iterable[str | Method],
     seeds: Iterable[int],
     budget: int | None = None,
     seconds: float | None = None,
@@ -96,27 +96,27 @@ def plan_tasks(
     scenes
         Scenes.
     methods, seeds, budget, seconds
-        As of `compare`.
+        See `compare`.
     labels
         Labels of each scene; empty for none.
 
     Raises
     ------
     ValueError
-        As of `compare`, and for more than a million tasks.
+        See `compare`; also if there are more than a million tasks.
     """
     if not isinstance(seeds, Iterable):
-        raise ValueError(f"seeds = {shown(seeds)}: give several, such as range(5)")
+        raise ValueError(f"seeds = {as_text(seeds)}: give several, such as range(5)")
     if not isinstance(seeds, range):
         for seed in (seeds := list(seeds)):
             require("seed", seed, 0, whole=True)
-    number = len(scenes) * len(methods) * len(seeds)
+    names = [registry.method_name(method) for method in as_list(methods)]
+    number = len(scenes) * len(names) * len(seeds)
     if number > MAX_TASKS:
         raise ValueError(
             f"{len(seeds)} seeds are {number} searches: give fewer seeds, methods or scenes, for "
             f"at most {MAX_TASKS}"
         )
-    names = [registry.name_of(method) for method in methods]
     labels = labels or [{} for _ in scenes]
     pairs = list(zip(scenes, labels, strict=True))
     problems = [describe_labels(point) or scene.name for scene, point in pairs]
@@ -133,6 +133,11 @@ def plan_tasks(
         for seed in seeds
         for method in names
     ]
+
+
+def as_list(value: Any) -> list[Any]:
+    """Return the list of several values, or of one."""
+    return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
 
 
 def require_distinct(**lists: Sequence[object]) -> None:

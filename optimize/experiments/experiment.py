@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
 from optimize.experiments.task import Task, TaskResult
@@ -56,7 +58,7 @@ class Experiment:
     failures: tuple[Failure, ...] = ()
     interrupted: bool = False
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     @property
     def problems(self) -> list[str]:
@@ -217,10 +219,8 @@ class Experiment:
         """
         runs = self.runs(method, problem)
         spans = [self.steps(r, clock)[0][[0, -1]] for r in runs]
-        first, last = np.max(spans, axis=0)
-        first, last = max(first, earliest), max(last, earliest)
+        first, last = np.maximum(np.max(spans, axis=0), earliest)
         times = np.geomspace(first, last, CURVE_POINTS)
-        times[0], times[-1] = first, last  # bitwise
         scores = _by_problem(runs, lambda r: self.normalised(r, self.best_scores(r, times, clock)))
         return times, interquartile_mean([group.T for group in scores])
 
@@ -260,7 +260,7 @@ def best_of_problems(
         True where better results leave a known score as it is, so that it favours no method.
     """
     best: dict[str, float] = {}
-    for problem, runs in _groups(results).items():
+    for problem, runs in group_runs(results, "problem").items():
         known = known_score(runs[0])
         is_kept = fixed and known > -np.inf
         best[problem] = known if is_kept else max(known, *(run.score for run in runs))
@@ -269,12 +269,13 @@ def best_of_problems(
 
 def _by_problem(runs: Iterable[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:
     """Return the values of runs as an array for each problem."""
-    return [np.array([value(run) for run in group]) for group in _groups(runs).values()]
+    groups = group_runs(runs, "problem").values()
+    return [np.array([value(run) for run in group]) for group in groups]
 
 
-def _groups(runs: Iterable[TaskResult]) -> dict[str, list[TaskResult]]:
-    """Return the runs on each problem."""
-    groups: dict[str, list[TaskResult]] = {}
+def group_runs(runs: Iterable[TaskResult], *names: str) -> dict[Any, list[TaskResult]]:
+    """Return runs by one or several of their attributes."""
+    groups: dict[Any, list[TaskResult]] = {}
     for run in runs:
-        groups.setdefault(run.problem, []).append(run)
+        groups.setdefault(attrgetter(*names)(run), []).append(run)
     return groups

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
 from domino_env.core import plot_style
-from domino_env.core.colours import FAINT, KNOWN, UNIFORM
-from domino_env.core.files import counted
+from domino_env.core.colours import BEST_KNOWN, FAINT, UNIFORM
+from domino_env.core.files import amount
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
@@ -101,8 +101,7 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 30.0))
         plot_style.plain_numbers(axes.xaxis, (1,))
-        if times[0] < times[-1]:
-            axes.set_xlim(times[0], times[-1])
+        axes.set_xlim(times[0], times[-1])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
@@ -131,7 +130,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     groups = experiment.over_seeds(MEDIANS)
     if len(keys) > 1:
         groups = "medians and range over seeds and the other settings"
-    scenes = counted(len(experiment.problems), "scene")
+    scenes = amount(len(experiment.problems), "scene")
     headings = (
         f"{name}: {value}, over {' and '.join(keys)}",
         f"{scenes}, {experiment.tasks[0].limit} a search, {groups}",
@@ -188,7 +187,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", ylim=(LOWEST, HIGHEST))
         axes.axhline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
-        axes.axhline(1.0, color=KNOWN, linestyle=":", linewidth=1)
+        axes.axhline(1.0, color=BEST_KNOWN, linestyle=":", linewidth=1)
         axes.set_yticks(*SCORE_TICKS)
 
     name = CLOCK_NAMES[clock] + ", logarithmic"

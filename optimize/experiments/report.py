@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.core.files import counted, one_line, write_text
+from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table, write_csv
-from optimize.experiments.experiment import Experiment
+from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study
-from optimize.experiments.task import TaskResult, describe_labels, scene_of
+from optimize.experiments.task import describe_labels, scene_of
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
@@ -90,23 +90,16 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
     picture
         Name of the picture's file.
     """
-    sections: list[str] = []
-    if experiment.keys:
-        sections += ["", *table(experiment, experiment.problems)]
-    for problem in experiment.problems if not experiment.keys else ():
+    sections = ["", *table(experiment, experiment.problems)] if experiment.keys else []
+    for problem in () if experiment.keys else experiment.problems:
         r = next(r for r in experiment.results if r.problem == problem)
         best = f"best known {experiment.best[problem]:.5f}"
-        sections += [
-            "",
-            f"## {problem}",
-            "",
-            f"Uniform baseline {r.uniform_score:.5f}, {best}.",
-            "",
-        ]
+        uniform = f"Uniform baseline {r.uniform_score:.5f}"
+        sections += ["", f"## {problem}", "", f"{uniform}, {best}.", ""]
         sections += table(experiment, [problem])
     sections += failures_section(experiment)
     return PAGE.format(
-        title=title, picture=picture, runs=counted(len(experiment.results), "search"),
+        title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.over_seeds("medians over"),
         sections="\n".join(sections),
     )  # fmt: skip
@@ -138,7 +131,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
             ))  # fmt: skip
-    note = ["", f"{len(lines) - MAX_LINES} note lines are in the CSV file."]
+    note = ["", f"{len(lines) - MAX_LINES} more lines are in the CSV file."]
     return markdown_table(names, lines[:MAX_LINES]) + (note if len(lines) > MAX_LINES else [])
 
 
@@ -163,12 +156,9 @@ def summarise(study: Study) -> list[str]:
     results = study.done().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {study.begun}"
     text = [f"{study.name}: {about}", describe_labels(study.settings)]
-    groups: dict[tuple[str, str], list[TaskResult]] = {}
-    for r in results:
-        groups.setdefault((r.problem, r.method), []).append(r)
     names = ("problem", "method", "tasks", "best", "median", "uniform", "gain")
     lines = []
-    for group, runs in groups.items():
+    for group, runs in group_runs(results, "problem", "method").items():
         best = max(runs, key=lambda r: r.score)
         scores = best.score, np.median([r.score for r in runs]), best.uniform_score
         gain = "" if best.gain is None else f"{best.gain:+.2%}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from domino_env.core.checks import require
 from domino_env.scenes.io.reading import read_named, scene_of_document
 from domino_env.scenes.scene import Scene
-from optimize.experiments.compare import plan_tasks, require_distinct
+from optimize.experiments.compare import as_list, plan_tasks, require_distinct
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import Label, Task, describe_labels
@@ -53,7 +53,7 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
     ValueError
         The text is none of these; the message has the syntax.
     """
-    key, _, listing = (part.strip() for part in text.partition("="))
+    key, _, listing = (part.strip() for part in str(text).partition("="))
     try:
         if not listing or not all(key.split(".")):
             raise ValueError("a key or its values are missing")
@@ -146,8 +146,8 @@ def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> S
 
 def sweep(
     scene: Scene | str | Path,
-    axes: Sequence[str],
-    methods: Sequence[str] = ("auto",),
+    axes: str | Iterable[str],
+    methods: str | Iterable[str] = "auto",
     seeds: int = 1,
     budget: int | None = None,
     *,
@@ -161,9 +161,10 @@ def sweep(
     scene
         A scene, its name, or the path of its file.
     axes
-        Axes such as "physics.friction=0:0.5:11"; see `optimize.experiments.sweep.parse_axis`.
+        One axis or several, such as "physics.friction=0:0.5:11"; see
+        `optimize.experiments.sweep.parse_axis`.
     methods
-        Names of methods.
+        One name of a method or several.
     seeds
         Number of seeds, from 0, with which every method runs at every point.
     budget
@@ -197,8 +198,8 @@ def sweep(
 
 def plan_sweep(
     scene: Scene | str | Path,
-    axes: Sequence[str],
-    methods: Sequence[str] = ("auto",),
+    axes: str | Iterable[str],
+    methods: str | Iterable[str] = "auto",
     seeds: int = 1,
     budget: int | None = None,
     seconds: float | None = None,
@@ -208,7 +209,7 @@ def plan_sweep(
     Parameters
     ----------
     scene, axes, methods, seeds, budget, seconds
-        As of `sweep`.
+        See `sweep`.
 
     Raises
     ------
@@ -219,10 +220,11 @@ def plan_sweep(
         base, name, file = scene.document(), scene.name, ""
     else:  # only the points are checked: they may replace what is impossible in the file
         base, name, file = read_named(scene)
-    parsed = [parse_axis(axis) for axis in ([axes] if isinstance(axes, str) else axes)]
+    parsed = [parse_axis(axis) for axis in as_list(axes)]
     if not parsed:
         raise ValueError(f"nothing is swept: --set KEY=…; {SYNTAX}")
     require_distinct(keys=[key for key, _ in parsed])
+    require("seeds", seeds, 1, whole=True)
     points = grid(dict(parsed))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET

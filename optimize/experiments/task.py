@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.files import counted
+from domino_env.core.files import amount
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -108,7 +108,7 @@ class Task:
     scene
         Scene as TOML text.
     method, seed, budget, seconds
-        As of `optimize.search`; under a limit of seconds the result is not bitwise reproducible.
+        See `optimize.search`; under a limit of seconds the result is not bitwise reproducible.
     labels
         Values that identify the task among others, such as {"physics.friction": 0.1}.
     """
@@ -139,7 +139,7 @@ class Task:
     @property
     def limit(self) -> str:
         """Limit of the search in words."""
-        return f"{self.seconds:g} s" if self.budget is None else counted(self.budget, "layout")
+        return f"{self.seconds:g} s" if self.budget is None else amount(self.budget, "layout")
 
     def run(self, clock: Callable[[], float] = time.perf_counter) -> TaskResult:
         """Search, and return the result that an experiment stores.
@@ -147,12 +147,12 @@ class Task:
         Parameters
         ----------
         clock
-            As of `optimize.search`.
+            See `optimize.search`.
 
         Raises
         ------
         ValueError
-            As of `optimize.search`.
+            See `optimize.search`.
         KeyboardInterrupt
             The search was interrupted: its result is not that of the task.
         """
@@ -169,7 +169,7 @@ class Task:
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
-        return self.result_of(
+        return self.make_result(
             result.trace, result.score, result.uniform.score, result.gain, result.wave,
             simulations=result.evaluations, gradients=gradients,
         )  # fmt: skip
@@ -178,7 +178,7 @@ class Task:
         """Return the versions of all software that a result may depend on."""
         return versions()
 
-    def result_of(
+    def make_result(
         self,
         trace: Sequence[Step],
         score: float,
@@ -239,7 +239,7 @@ def scene_with_baseline(
     text
         Scene as TOML text.
     seconds, clock
-        As of `optimize.search`.
+        See `optimize.search`.
     """
     scene = parse_scene(text, "scene", "scene")
     compile_for(scene)

@@ -64,12 +64,10 @@ def verify_records(
             fixed = waves[0][0]
             verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
             verified[name] = Verified(
-                digest=digest(record.layout, scene.physics),
-                count=record.layout.count,
-                first=fixed.layout.count,
-                verdict=verification.verdict,
+                digest=digest(record.layout, scene.physics), count=record.layout.count,
+                first=fixed.layout.count, verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),
-            )
+            )  # fmt: skip
             report(f"{name}: {verified[name].verdict}")
     finally:
         pool.shutdown(cancel_futures=True)
@@ -116,15 +114,11 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
         checks.append(Check(
-            layout="uniform" if k == 1 else "best",
-            simulator=rigid.simulator,
-            floor=rigid.floor_friction,
-            last=last if np.isfinite(last) else None,
+            layout="uniform" if k == 1 else "best", simulator=rigid.simulator,
+            floor=rigid.floor_friction, last=last if np.isfinite(last) else None,
             largest=common_difference(wave, rigid),
             uncertainty=uncertainty if np.isfinite(uncertainty) else None,
-            staying_up=rigid.staying_up,
-            gap=float(rigid.layout.spacing.mean()),
-            score=score,
-            gain=lead,
+            staying_up=rigid.staying_up, gap=float(rigid.layout.spacing.mean()),
+            score=score, gain=lead,
         ))  # fmt: skip
     return checks

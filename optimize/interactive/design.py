@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
@@ -15,11 +16,12 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, best_point, gain, uniform_layouts
 from domino_env.view.animation import require_drawable
 from optimize.design_space import DesignSpace
-from optimize.experiments.best_known import best_known
+from optimize.experiments.best_known import BestKnown, best_known
 
 SPACING, THICKNESS = "spacing", "thickness"
 NAME, TITLE = "own", "your own scene"  # of a scene that was changed
 GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
+NORMALISED = "normalised score (100 %: best known layout)"
 
 
 class Design:
@@ -131,12 +133,21 @@ class Design:
             Gap 0 … N-2, or domino 1 … N-1.
         value
             Size wanted [m].
+
+        Raises
+        ------
+        ValueError
+            The part is not free, or there is no such gap or domino.
         """
         space, before = _space(self.scene), self.kept
         pairs, height = self.scene.count - 1, before.height
-        entry, unit = index, np.minimum(height[:-1], height[1:])
-        if part == THICKNESS:
-            entry, unit = index - 1 + pairs * self.scene.free_spacing, height
+        free = [name for name in (SPACING, THICKNESS) if getattr(self.scene, f"free_{name}")]
+        require_choice("part", part, free)
+        first = int(part == THICKNESS)
+        require("index", index, first, first + pairs - 1, whole=True)
+        require("value", value, unit="m")
+        entry = free.index(part) * pairs + index - first
+        unit = height if first else np.minimum(height[:-1], height[1:])
         values = self._values(before)
         low, high = space.low, space.high
         wanted = value / unit[index] if self.scene.in_heights else value
@@ -165,7 +176,7 @@ class Design:
         Raises
         ------
         ValueError
-            As of `Scene.replace`; nothing changes then.
+            See `Scene.replace`; the design stays as it is.
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
         space = _space(scene)
@@ -195,28 +206,25 @@ class Design:
         return int(np.isfinite(self.wave.stall_margin).sum()) - 1
 
     def numbers(self) -> dict[str, str]:
-        """Return what a page shows of the layout, in words and units."""
+        """Return the numbers of the layout by name, in words and units."""
         wave, score, scene = self.wave, self.score, self.scene
         speed = scene.unit == "m/s"
-        shown = {"mean speed" if speed else "result": COMPUTING}
-        if score is not None:
-            shown = {name: scene.in_words(score, wave) for name in shown}
+        words = COMPUTING if score is None else scene.in_words(score, wave)
+        numbers = {"mean speed" if speed else "result": words}
         if speed:
-            shown[GAIN] = COMPUTING
+            numbers[GAIN] = COMPUTING
         if speed and score is not None and self.uniform is not None:
             lead, record = gain(score, self.uniform.score), known_record(scene)
-            shown[GAIN] = "–" if lead is None else f"{round(lead, 4) + 0.0:+.2%}"
-            most = gain(record[1], self.uniform.score) if record else None
+            numbers[GAIN] = "–" if lead is None else f"{round(lead, 4) + 0.0:+.2%}"
+            most = gain(record.score, self.uniform.score) if record else None
             if lead is not None and most:
-                shown["normalised score (100 %: best known layout)"] = (
-                    f"{round(lead / most, 3) + 0.0:.1%}"
-                )
+                numbers[NORMALISED] = f"{round(lead / most, 3) + 0.0:.1%}"
         if wave.hit == wave.layout.count:
             last = float(wave.arrival_times[-1])
-            shown["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
+            numbers["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
         else:
-            shown["dominoes hit"] = f"{wave.hit} of {wave.layout.count}"
-        return shown
+            numbers["dominoes hit"] = f"{wave.hit} of {wave.layout.count}"
+        return numbers
 
 
 @lru_cache(8)
@@ -235,9 +243,9 @@ def _about_uniform(scene: Scene) -> Layout:
 
 
 @lru_cache(8)
-def known_record(scene: Scene) -> tuple[Layout, float] | None:
-    """Return the best known layout of a shipped scene and its score; None for other scenes."""
+def known_record(scene: Scene) -> BestKnown | None:
+    """Return the best known layout of a shipped scene; None for other scenes."""
     record = best_known().get(scene.name)
     if record is None or scene.name not in scene_names() or load_scene(scene.name) != scene:
         return None
-    return record.layout, record.score
+    return record

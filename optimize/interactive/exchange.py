@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import parse_qs, urlsplit
 
-from domino_env.core.files import naming, one_line, write_text
+from domino_env.core.files import errors_with_path, one_line, write_text
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
@@ -40,14 +40,14 @@ def open_design(source: str | Path | Scene | Layout, like: Scene | None = None) 
     Raises
     ------
     ValueError
-        As of the functions that read these, and of `Design`.
+        See the functions that read these files, and `Design`.
     """
     if isinstance(source, Scene):
         return Design(source)
     if isinstance(source, Layout):
         return Design(_scene_for(source, like), source)
     if str(source).startswith(("http://", "https://")):
-        return of_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
+        return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = Path(source)
     if path.is_dir():
         path = path / "layout.csv"
@@ -83,7 +83,7 @@ def read_files(files: Mapping[str, bytes], like: Scene | None = None) -> Design:
     files
         Contents by the names that messages have.
     like
-        As of `open_design`.
+        See `open_design`.
 
     Raises
     ------
@@ -123,19 +123,19 @@ def receive(design: Design, files: Mapping[str, bytes]) -> str:
     Raises
     ------
     ValueError
-        As of `read_files`, and for files of more than `LARGEST_UPLOAD`.
+        See `read_files`; also for files of more than `LARGEST_UPLOAD`.
     """
-    words = f"opened {one_line(', '.join(files), 200)}"
+    names = one_line(", ".join(files), 200)
     if (size := sum(map(len, files.values()))) > LARGEST_UPLOAD:
-        raise ValueError(f"{words[7:]}: {size:,} bytes, where at most {LARGEST_UPLOAD:,} are taken")
+        raise ValueError(f"{names}: {size:,} bytes, where at most {LARGEST_UPLOAD:,} are taken")
     before, opened = design.scene, read_files(files, design.scene)
     design.open(opened.scene, opened.layout)
     if len(files) == 1 and opened.scene != before and (broken := before.violations(design.layout)):
-        words += f"; it is no layout of scene '{before.name}': {broken[0]}"
-    return words
+        return f"opened {names}; it is no layout of scene '{before.name}': {broken[0]}"
+    return f"opened {names}"
 
 
-def file_of(write: Callable[[Path], object], name: str) -> BytesIO:
+def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
     """Return what a function writes to a path, to be sent to a browser as a file of this name."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
@@ -161,22 +161,22 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     }  # fmt: skip
 
 
-def link_of(design: Design) -> str:
-    """Return the query of a link that contains scene and layout, for `of_link`."""
-    texts = [design.scene.to_toml(), file_of(design.layout.to_csv, NAMES[".csv"]).read().decode()]
+def make_link(design: Design) -> str:
+    """Return the query of a link that contains scene and layout, for `read_link`."""
+    texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
     packed = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(packed).decode().rstrip('=')}"
 
 
-def of_link(text: str) -> Design:
-    """Return the design of a link's text, as `link_of` makes it.
+def read_link(text: str) -> Design:
+    """Return the design of a link's text, as `make_link` makes it.
 
     Raises
     ------
     ValueError
         For a text that was cut or changed, and as of `read_files`.
     """
-    with naming("the design in the link"):
+    with errors_with_path("the design in the link"):
         try:
             packed = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
             scene, layout = json.loads(zlib.decompressobj().decompress(packed, LARGEST_LINK))

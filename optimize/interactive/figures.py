@@ -7,18 +7,10 @@ from typing import Any
 
 import numpy as np
 from bokeh.events import Pan, PanEnd, PanStart
-from bokeh.models import (
-    ColumnDataSource,
-    CustomJS,
-    HoverTool,
-    Label,
-    PointDrawTool,
-    Range1d,
-    Span,
-)
+from bokeh.models import ColumnDataSource, CustomJS, HoverTool, Label, PointDrawTool, Range1d, Span
 from bokeh.plotting import figure
 
-from domino_env.core.colours import FAINT, INK, KNOWN, OURS, SOFT, UNIFORM
+from domino_env.core.colours import BEST_KNOWN, FAINT, INK, RESULT, SOFT, UNIFORM
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
@@ -68,8 +60,7 @@ class Chain:
 
     def __init__(self, view: Range1d) -> None:
         self.figure = _figure(view, 130, "xpan", "")
-        up = Range1d(-0.05, 0.1)
-        self.figure.y_range = up
+        self.figure.y_range = up = self._up = Range1d(-0.05, 0.1)
         self.figure.yaxis.visible = self.figure.xaxis.visible = False
         self.figure.grid.visible = False
         # one scale for both axes, which the page alone knows
@@ -83,13 +74,12 @@ class Chain:
         ):  # fmt: skip
             for change in changes.split():
                 model.js_on_change(change, keep)
-        self._up = up
         self._ground = self.figure.line([], [], color=SOFT).data_source
         self._dominoes = ColumnDataSource({key: [] for key in COLUMNS})
         self.figure.rect(*COLUMNS[:5], source=self._dominoes, color="colour", line_color="white",
                          line_width=0.5)  # fmt: skip
-        self._finish = Span(location=0, dimension="height", line_color=INK, line_dash="dashed")
-        self._stop = Label(x=0, y=0, visible=False, text_color=KNOWN, text_font_size="13px")
+        self._finish = Span(dimension="height", line_color=INK, line_dash="dashed")
+        self._stop = Label(x=0, y=0, visible=False, text_color=BEST_KNOWN, text_font_size="13px")
         for annotation in (self._finish, self._stop):
             self.figure.add_layout(annotation)
 
@@ -117,9 +107,7 @@ class Chain:
         self._up.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * tall)
         self._finish.location = float(pivots[-1, 0])
         at, text = pivots[stop or 0], f"the wave stops at domino {stop}"
-        right = (
-            stop or 0
-        ) > layout.count // 2  # where a text to the left of the mark has more room
+        right = (stop or 0) > layout.count // 2  # then a text has more room on the left
         self._stop.update(
             x=float(at[0]), y=float(at[1]) + 1.15 * tall, visible=stop is not None,
             x_offset=5 if right else -5, text_align="right" if right else "left",
@@ -144,7 +132,7 @@ class Curve:
         self.figure.y_range = self._up = Range1d(0.0, 1.0)
         self.figure.xaxis.axis_label = "place along the chain [m]" if part == SPEED else None
         self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
-        looks = ((OURS, "solid"), (UNIFORM, "dashed"), (KNOWN, "dotted"))
+        looks = ((RESULT, "solid"), (UNIFORM, "dashed"), (BEST_KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, looks, strict=True):
             self.figure.line(
                 "x", "y", source=source, color=colour, line_dash=dash, nonselection_alpha=1.0
@@ -164,10 +152,8 @@ class Curve:
             number = np.arange(len(x)) + (self._part == THICKNESS)
             source.data = {"x": x, "y": y, "number": number}
         if self._part == SPEED:
-            self.fit(
-                0.0,
-                max(np.nan_to_num(source.data["y"]).max(initial=0.0) for source in self.sources),
-            )
+            highest = [np.nan_to_num(source.data["y"]).max(initial=0.0) for source in self.sources]
+            self.fit(0.0, max(highest))
 
     def fit(self, low: float, high: float) -> None:
         """Set the range of values."""
@@ -177,8 +163,8 @@ class Curve:
     def let_drag(self, begin: Handler, go: Handler, end: Handler) -> None:
         """Let points be dragged: call functions with the place and value of the pointer."""
         points = self.figure.scatter(
-            "x", "y", source=self.sources[0], color=OURS, size=8, nonselection_alpha=1.0,
-            selection_color=KNOWN, hover_color=KNOWN,
+            "x", "y", source=self.sources[0], color=RESULT, size=8, nonselection_alpha=1.0,
+            selection_color=BEST_KNOWN, hover_color=BEST_KNOWN,
         )  # fmt: skip
         tips = [("number", "@number"), (TITLES[self._part].split()[0].lower(), "@y{0.000} mm")]
         # the tool keeps a touch from scrolling the page, and moves nothing by itself

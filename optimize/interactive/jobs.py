@@ -33,20 +33,20 @@ def find(
     Parameters
     ----------
     scene, method
-        As of `search`.
+        See `search`.
     stopped
         Ends the search where it is set.
     show
         Called with the best layout so far, at most every `FRAME`.
     """
-    shown = 0.0
+    last = 0.0
 
     def report(evaluator: Evaluator) -> None:
-        nonlocal shown
+        nonlocal last
         if stopped.is_set():
             raise BudgetSpent("stopped; this is the best so far")
-        if evaluator.finalists and time.perf_counter() > shown + FRAME:
-            shown = time.perf_counter()
+        if evaluator.finalists and time.perf_counter() > last + FRAME:
+            last = time.perf_counter()
             show(evaluator.problem.layout(evaluator.best), evaluator.progress)
 
     result = search(scene, method, progress=False, callback=report)
@@ -63,10 +63,7 @@ def improvement(layout: Layout) -> Method:
         while not local.done:
             run_local_searches(evaluator, [local], 1)
             time.sleep(STEP)
-        evaluator.status = "nothing nearby is better"
-        if problem.discrete:
-            evaluator.status += (
-                "; values of a list or a box do not follow the gradient: Search tries them"
-            )
+        hint = "; values of a list or a box do not follow the gradient: Search tries them"
+        evaluator.status = "nothing nearby is better" + hint * problem.discrete
 
     return improve

@@ -25,7 +25,7 @@ from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.comparison import ComparedLayout, headline
 from domino_env.view.report import UNIFORM_NAME
 from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
-from optimize.interactive.exchange import exports, file_of, link_of, receive
+from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
 from optimize.interactive.jobs import find, improvement
 
@@ -88,10 +88,6 @@ def _one_thickness(scene: Scene) -> float | None:
     return None if varies else _mm(scene.thickness[0])
 
 
-def _slope(scene: Scene) -> float | None:
-    return 0.0 if scene.ground is None else scene.ground.slope
-
-
 CONTROLS = (
     Control("Number of dominoes", 2, 200, 1, lambda s: None if s.stock else s.count,
             lambda _, v: {"count": int(v)}, pn.widgets.EditableIntSlider),
@@ -108,7 +104,8 @@ CONTROLS = (
             lambda s, v: {"physics": s.physics.replace(push=v)}),
     Control("Friction between dominoes", 0, 1, 0.01, lambda s: s.physics.friction,
             lambda s, v: {"physics": s.physics.replace(friction=v)}),
-    Control("Slope [°], positive downhill", -15, 15, 0.1, _slope,
+    Control("Slope [°], positive downhill", -15, 15, 0.1,
+            lambda s: s.ground.slope if s.ground else 0.0,
             lambda _, v: {"ground": Ground(slope=v) if v else None}),
     Control("Floor friction (0: fixed pivots)", 0, 1.5, 0.05,
             lambda s: s.floor_friction or 0, lambda _, v: {"floor_friction": v or None}),
@@ -207,7 +204,7 @@ class Page:
                 button("Redo", self._edit, self.design.go, 1),
                 button("Reset", self._edit, self.design.open, *self.design.first),
                 button("Equal gaps", self._edit, self._equal_gaps),
-                button("Improve", self._improve),
+                button("Improve", lambda: self._run(improvement(self.design.kept))),
                 button("Search", self._run, "auto"),
                 button("Stop", self._stop_here),
             ),
@@ -290,9 +287,8 @@ class Page:
 
     def tell(self, words: str, kind: str = "") -> None:
         """Show a sentence; the kind "error" has its own colour."""
-        self.message.object = f'<p role="status" class="message {kind}">{escape(words)}</p>' * bool(
-            words
-        )
+        message = f'<p role="status" class="message {kind}">{escape(words)}</p>'
+        self.message.object = message if words else ""
 
     # from the design to the page ----------------------------------------------------------------
 
@@ -310,7 +306,7 @@ class Page:
         for part, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
             self.curves[part].figure.visible = free
             self.curves[part].fit(*(scale * bound for bound in getattr(scene, part)))
-        link = link_of(design)
+        link = make_link(design)
         self.link.object = (
             f'<a href="{link}" target="_blank">Link that contains this layout</a>'
             if len(link) < LONGEST_LINK else "The layout is too long for a link: save its files."
@@ -320,9 +316,9 @@ class Page:
         self.buttons["Stop"].disabled = self._stopped is None
         if scene != self._uniform_of:
             self._uniform_of, design.uniform = scene, None
-            self._later(lambda: (scene, self._uniform(scene)), self._take_uniform)
+            self._complete("uniform", lambda: self._uniform(scene), lambda: design.scene == scene)
         if design.score is None:
-            self._later(lambda: (wave, scene.score(wave)), self._take_score)
+            self._complete("score", lambda: scene.score(wave), lambda: design.wave is wave)
         self._redraw()
         self._fit_view()
 
@@ -330,15 +326,15 @@ class Page:
         time.sleep(REST)
         return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
 
-    def _take_uniform(self, result: tuple[Scene, UniformBaseline | None]) -> None:
-        if result[0] == self.design.scene:
-            self.design.uniform = result[1]
-            self._redraw()
+    def _complete(self, name: str, work: Callable[[], Any], is_current: Callable[[], bool]) -> None:
+        """Compute an attribute of the design in the background; it may change in the meantime."""
 
-    def _take_score(self, result: tuple[Wave, float]) -> None:
-        if result[0] is self.design.wave:
-            self.design.score = result[1]
-            self._redraw()
+        def take(value: Any) -> None:
+            if is_current():
+                setattr(self.design, name, value)
+                self._redraw()
+
+        self._later(work, take)
 
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
@@ -346,7 +342,7 @@ class Page:
         record, kept = known_record(scene), self._kept
         others = {
             UNIFORM_NAME: uniform.layout if uniform else None,
-            "best known layout": record[0] if record else None,
+            "best known layout": record.layout if record else None,
             KEPT: kept if kept and not scene.violations(kept) else None,
         }
         # a name stays while its layout is computed
@@ -359,8 +355,8 @@ class Page:
         self._waves, self._motions = [*waves.values()], []
         self.compared.figure.visible = other is not None
         self.compared.figure.title.text = self.compare.value.capitalize()
-        shown = [ComparedLayout(name, wave) for name, wave in waves.items()]
-        verdict = f"<p><b>{escape(headline(shown)['who'])}</b></p>" if other else ""
+        rivals = [ComparedLayout(name, wave) for name, wave in waves.items()]
+        verdict = f"<p><b>{escape(headline(rivals)['winner'])}</b></p>" if other else ""
         cells = (
             f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
         )
@@ -444,7 +440,7 @@ class Page:
             self.download._clicks += 1  # as if its button, which is hidden, were pressed
             self.tell(f"saved {filename} where the browser puts downloads")
 
-        self._later(lambda: file_of(write, filename), send)
+        self._later(lambda: make_file(write, filename), send)
 
     # actions in the background ------------------------------------------------------------------
 
@@ -457,9 +453,6 @@ class Page:
         """End a search with the best so far."""
         if self._stopped is not None:
             self._stopped.set()
-
-    def _improve(self) -> None:
-        self._run(improvement(self.design.kept))
 
     def _run(self, method: str | Method) -> None:
         """Run a search, and show how it climbs."""

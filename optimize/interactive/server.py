@@ -12,7 +12,7 @@ from domino_env.core.checks import require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
-from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, of_link, open_design
+from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, open_design, read_link
 from optimize.searching import compile_for
 
 HOST = "localhost"
@@ -117,7 +117,7 @@ class Studio:
         self.design, problem = Design(*self._first), ""
         try:
             if link := (pn.state.session_args or {}).get(KEY):
-                self.design = of_link(link[0].decode())
+                self.design = read_link(link[0].decode())
         except ValueError as error:
             problem = str(error)
         page = Page(self.design, document.add_next_tick_callback)

@@ -64,7 +64,7 @@ def installed_peers() -> list[str]:
     return [name for name, (_, package) in PEERS.items() if find_spec(package) is not None]
 
 
-def of_others() -> dict[str, EntryPoint]:
+def installed_methods() -> dict[str, EntryPoint]:
     """Return the methods of installed packages by name, such as learned ones."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
@@ -91,9 +91,9 @@ def load(name: str | Method) -> Method:
         For a missing package, with the extra that has it.
     """
     if not isinstance(name, str):
-        return _checked(name, name_of(name))
+        return _checked(name, method_name(name))
     word, colon, text = name.partition(":")
-    installed = {} if name in METHODS else of_others()
+    installed = {} if name in METHODS else installed_methods()
     if word in installed and bool(colon) == (word in WITH_TEXT):
         method = installed[word].load()
         return cast("Method", method(text) if colon else method)
@@ -107,7 +107,7 @@ def load(name: str | Method) -> Method:
     return cast("Method", resolve_name(f"optimize.methods.{function}"))
 
 
-def name_of(method: str | Method) -> str:
+def method_name(method: str | Method) -> str:
     """Return the name of a method that is given by name or as the function itself."""
     if isinstance(method, str):
         return method

@@ -14,7 +14,7 @@
 - `differential-evolution`: populations that change by differences of their members (Storn and
   Price 1997), each with the uniform baseline in it.
 
-Methods without gradients handle few variables: they search long layouts as schedules.
+Methods without gradients handle few variables: long layouts are interpolated between knots.
 
 References
 ----------
@@ -139,9 +139,8 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
     if problem.equality is not None:
         coefficients, total = problem.equality
         size = np.abs(coefficients).max()
-        rules.append(
-            optimize.LinearConstraint(coefficients[None] / size, total / size, total / size)
-        )
+        row, total = coefficients[None] / size, total / size
+        rules.append(optimize.LinearConstraint(row, total, total))
     if problem.linear is not None:
         matrix, limit = problem.linear
         size = np.abs(matrix).max()

@@ -85,7 +85,7 @@ def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
     places
         (m,) places, rising.
     pairs, parts
-        As of `schedule`.
+        See `schedule`.
 
     Returns
     -------

@@ -34,7 +34,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
     """Compare with differences of the mean score of the same episodes."""
     scene = SCENES[name]
     seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + (2 if follows(scene) else 1))
-    chosen = replace(default_hyperparameters("apg", scene.count - 1), num_envs=2)
+    chosen = default_hyperparameters("apg", SHORT).replace(num_envs=2)
     learner = Learner(scene, "apg", chosen, 0)
     model, policy = learner.model, learner.model.policy
     layer = policy.mlp_extractor.policy_net[0]
@@ -69,7 +69,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
 
 
 def test_an_update_in_sampled_scenes_uses_all_of_them():
-    chosen = replace(default_hyperparameters("apg", 39), num_envs=3)
+    chosen = default_hyperparameters("apg", SHORT).replace(num_envs=3)
     model = Learner(de.load_distribution("varied"), "apg", chosen, 0).model
     model.policy.deviation = 0.05
     infos: list[dict[str, object]] = []
@@ -84,6 +84,8 @@ def test_an_update_in_sampled_scenes_uses_all_of_them():
 def test_listed_values_have_no_gradient():
     with pytest.raises(ValueError, match="'short' has a list of values, a step or a stock"):
         require_smooth(replace(SHORT, spacing_values=(0.01, 0.02)))
+    with pytest.raises(ValueError, match=r"spacing = 3: give a tensor \(B, 11\)"):
+        torch_score(SHORT)(3)
 
 
 @pytest.mark.parametrize("scene", [SHORT, FREE], ids=["gaps", "gaps and thicknesses"])

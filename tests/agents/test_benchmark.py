@@ -13,8 +13,8 @@ pytest.importorskip("stable_baselines3")
 import domino_env as de
 from agents import evaluate
 from agents.benchmark import BenchmarkTask, benchmark_tasks, best_known_score, learning_curve
-from agents.benchmark_report import FILES, page, read_runs
-from agents.evaluation import gains_of
+from agents.benchmark_report import FILES, merge_runs, page, read_runs
+from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
 from optimize.experiments.estimates import (
@@ -24,7 +24,7 @@ from optimize.experiments.estimates import (
     optimality_gap,
     performance_profile,
 )
-from optimize.experiments.experiment import Experiment, best_of_problems
+from optimize.experiments.experiment import best_of_problems
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import TaskResult
 
@@ -58,11 +58,16 @@ def test_estimates_are_those_of_rliable():
     assert 0.0 < better.interval[0] < better.value < better.interval[1] < 1.0
 
 
-def test_problems_with_other_numbers_of_runs_weigh_the_same():
+def test_problems_with_other_numbers_of_runs_weigh_the_same_and_profiles_count_runs():
     few, many = np.array([0.0, 1.0]), np.repeat([2.0, 3.0], 40)
     assert interquartile_mean([few, many]).value == pytest.approx(1.5)
     assert median_of_problems([few, many]) == pytest.approx(1.5)
     assert performance_profile([few, many], np.array([0.5])).value == pytest.approx(0.75)
+    runs = [np.array([0.1, 0.6, 0.7, 0.1, 0.6]), np.array([-0.5, 0.9, 0.9, -0.2, 0.9])]
+    profile = performance_profile(runs, np.array([-1.0, 0.0, 0.5, 1.0]))
+    assert profile.value == pytest.approx([1.0, 0.8, 0.6, 0.0])
+    assert profile.interval is not None
+    assert profile.interval[0][1] < 0.8 < profile.interval[1][1]
 
 
 @pytest.mark.parametrize(("problems", "interval"), [
@@ -76,23 +81,6 @@ def test_intervals(problems, interval):
     assert interquartile_mean(problems).interval == interval
 
 
-def test_a_profile_counts_the_runs_beyond_each_target():
-    targets = np.array([-1.0, 0.0, 0.5, 1.0])
-    runs = [np.array([0.1, 0.6, 0.7, 0.1, 0.6]), np.array([-0.5, 0.9, 0.9, -0.2, 0.9])]
-    profile = performance_profile(runs, targets)
-    assert profile.value == pytest.approx([1.0, 0.8, 0.6, 0.0])
-    assert profile.interval is not None
-    assert profile.interval[0][1] < 0.8 < profile.interval[1][1]
-
-
-def test_the_reference_is_fixed_beforehand():
-    task = KnownTask(SMALL.to_toml(), "cma", 0)
-    done = run_experiment([task])
-    done = replace(done, best=best_of_problems(done.results, lambda _: 0.75, fixed=True))
-    assert done.normalised(done.results[0], done.results[0].score) == 2.0
-    assert best_of_problems(done.results, best_known_score, fixed=True) == {"small": 1.0}
-
-
 @dataclass(frozen=True)
 class KnownTask(BenchmarkTask):
     """A task with a known result."""
@@ -100,7 +88,7 @@ class KnownTask(BenchmarkTask):
     def run(self, clock=None) -> TaskResult:
         seconds = 240.0 if self.method == "ppo" else 1.0
         trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
-        return self.result_of(trace, 1.0, 0.5, None)
+        return self.make_result(trace, 1.0, 0.5, None)
 
 
 def test_curves_are_read_on_both_clocks():
@@ -116,8 +104,10 @@ def test_curves_are_read_on_both_clocks():
     assert done.steps(learned, "evaluations")[0].tolist() == [10.0, 20.0]
     assert done.score_after("cma", 0.7) == 0.0
     assert done.seconds_past_uniform(learned) == 240.0
-    without_gain = Experiment(done.tasks, done.results, {"small": 0.5})
-    assert without_gain.normalised(learned, 1.0) == 0.0
+    for known, normalised in ((0.5, 0.0), (0.75, 2.0)):  # no gain is possible; a fixed reference
+        best = best_of_problems(done.results, lambda _, known=known: known, fixed=True)
+        assert replace(done, best=best).normalised(learned, 1.0) == normalised
+    assert best_of_problems(done.results, best_known_score, fixed=True) == {"small": 1.0}
 
 
 def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(tmp_path, monkeypatch):
@@ -136,7 +126,7 @@ def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(tmp_pa
     with monkeypatch.context() as patch:
         patch.setattr(BenchmarkTask, "run", None)  # nothing is left to run
         assert main([*command.split(), "--algorithms", "auto,ppo"]) == 0
-    for name in FILES[1:]:  # ramp is still there; the page names the new command
+    for name in {*FILES} - {"benchmark.md"}:  # ramp is still there; the page has the new command
         assert (home / name).read_bytes() == first[name]
     learned, ramp, searched = read_runs(home / "benchmark.csv", [SMALL])
     assert searched.evaluations % (SMALL.count - 1) == 0  # dominoes placed
@@ -155,13 +145,13 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     monkeypatch.chdir(tmp_path)
     three = de.load_test_set("varied")[:3]
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
-    monkeypatch.setattr("agents.training.scenes_of", lambda *_: three)
+    monkeypatch.setattr("agents.training.choose_scenes", lambda *_: three)
     tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
     assert [t.name for t in tasks][-1] == "varied, cma, seed 101"  # scripted policies run once
     learned, searched, plain = (task.run() for task in tasks[:3])
     assert (plain.score, plain.uniform_score) == (0.0, 0.0)
     policy = ScenePolicy.load(tasks[0].folder).policy
-    gains = gains_of(policy, de.load_distribution("varied"), three)
+    gains = evaluate_gains(policy, de.load_distribution("varied"), three)
     assert learned.score == np.median(gains)
     assert learned.trace[-1][3] == learned.score
     assert learning_curve(tasks[0].folder)[-1][3] == pytest.approx(learned.score)  # of the test set
@@ -170,9 +160,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
     assert gains.tolist() == pytest.approx(again, abs=1e-6)
     assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
-    assert "baselines in the test set" in page(
-        run_experiment([KnownTask(*astuple(tasks[0]))], known_score=best_known_score), ""
-    )
+    assert "baselines in the test set" in page(merge_runs([learned]), "")
 
 
 @pytest.mark.parametrize(("given", "message"), [

@@ -1,16 +1,11 @@
 """Datasets: layouts and episodes of the scenes, continuation after an interruption."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from agents import dataset
 from domino_env.cli.main import main
 from optimize.experiments.task import Task
-
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "dataset.md"
 
 
 def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_continues(
@@ -51,15 +46,5 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
         assert returns["noisy"][i] != pytest.approx(gain, abs=1e-3)
     assert main(words) != 0  # an existing dataset is not overwritten
     assert "README.md already" in capsys.readouterr().err
-
-
-def test_behaviour_cloning_runs_as_the_page_has_it(tmp_path, monkeypatch, capsys):
-    for package in ("minari", "torch", "pyarrow"):
-        pytest.importorskip(package)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MINARI_DATASETS_PATH", "")
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    exec(compile(code, PAGE.name, "exec"), {})
-    output = capsys.readouterr().out
-    assert output.count("% over the uniform baseline") == 3
-    assert "nan" not in output
+    with pytest.raises(ValueError, match=r"test_dataset\.py is a file: name a folder"):
+        dataset.make_dataset(__file__)

@@ -9,9 +9,9 @@ from env_scenes import scaled
 
 import domino_env as de
 from agents import design, evaluate
-from agents.designer.decoding import decoded
+from agents.designer.decoding import decode
 from agents.designer.features import tight_candidates
-from agents.evaluation import evaluate_scenes, scenes_of
+from agents.evaluation import choose_scenes, evaluate_scenes
 from domino_env.cli.main import main
 
 SETS = ("varied", "varied-thickness", "varied-course")
@@ -52,7 +52,7 @@ def test_another_kind_of_scene_is_rejected(name, reason):
 
 @pytest.mark.parametrize("kind", SETS)
 def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kind):
-    done = evaluate_scenes(scenes_of(kind, 12))
+    done = evaluate_scenes(choose_scenes(kind, 12))
     gains = done.gains()
     assert np.mean(gains > 0.0) >= 0.9
     assert np.median(gains) > 0.015
@@ -69,7 +69,7 @@ def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch):
     rng = np.random.default_rng(3)
     scene = replace(de.load_scene("sprint-thickness"), length=39 * pitch * 0.0103)
     outputs, tight = 3.0 * rng.standard_normal((5, 39, 2)), np.array([0.0, 2.0, 5.0, 9.0, 12.0])
-    gaps, thickness = decoded(scene, outputs, tight)
+    gaps, thickness = decode(scene, outputs, tight)
     assert gaps.sum(axis=1) + thickness.sum(axis=1) == pytest.approx(scene.length, abs=1e-12)
     for i in range(5):
         assert scene.violations(scene.layout(gaps[i], thickness[i])) == []

@@ -1,6 +1,5 @@
 """References of the scene draw, and learning where episodes are random."""
 
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 import domino_env as de
 from agents.draw import open_loop, rule, shipped_references
-from agents.rollout import EVALUATION_SEEDS, PLANNING_SEEDS, TRAINING_SEEDS, scores_of
+from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, TRAINING_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain
 from domino_env.cli.main import main
@@ -57,7 +56,7 @@ def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references
     seeds = EVALUATION_SEEDS[:3]
     best, _, thickness = references.hindsight(DRAW, seeds, policies, rounds=1)
     for policy in policies:
-        assert (best >= scores_of(policy, DRAW, seeds) * (1.0 - 1e-6)).all()
+        assert (best >= episode_scores(policy, DRAW, seeds) * (1.0 - 1e-6)).all()
     orders = DRAW.orders([np.random.default_rng(seed) for seed in seeds])
     for order, sequence in zip(orders, thickness, strict=True):
         assert feasible(order, sequence, DRAW.hand)
@@ -69,11 +68,11 @@ def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(ref
         references.fit_rule(SMALL, np.random.default_rng(0), generations=12) for _ in range(2)
     )
     assert fitted.tolist() == again.tolist()
-    assert scores_of(rule(SMALL, fitted), SMALL, PLANNING_SEEDS).mean() > uniform
+    assert episode_scores(rule(SMALL, fitted), SMALL, SELECTION_SEEDS).mean() > uniform
     start = np.zeros((7, 2))
     start[:, 0] = np.interp(SMALL.uniform().layout.spacing, SMALL.spacing, (-1.0, 1.0))
     plan = open_loop(SMALL, references.fit_fixed(SMALL, start, rounds=1))
-    assert scores_of(plan, SMALL, PLANNING_SEEDS).mean() > uniform
+    assert episode_scores(plan, SMALL, SELECTION_SEEDS).mean() > uniform
 
 
 def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(capsys):
@@ -103,17 +102,17 @@ def test_frames_show_the_hand():
     assert "in hand 7.5, 7.5, 10 mm" in env.render()
 
 
-def test_training_seeds_meet_neither_planning_nor_evaluation_seeds():
+def test_training_seeds_meet_neither_selection_nor_evaluation_seeds():
     pytest.importorskip("stable_baselines3")
     from agents.algorithms import default_hyperparameters
     from agents.sb3 import Learner
 
-    chosen = replace(default_hyperparameters("ppo", 7), num_envs=4, options={"n_steps": 7})
+    chosen = default_hyperparameters("ppo", SMALL).replace(num_envs=4, options={"n_steps": 7})
     used = set()
     for seed in range(2):
         learner = Learner(SMALL, "ppo", chosen, seed)
         learner.learn(28, lambda: None, lambda _: None)
         seeds = learner.env.vector.np_random_seed
-        assert min(seeds) >= TRAINING_SEEDS > max(*PLANNING_SEEDS, *EVALUATION_SEEDS)
+        assert min(seeds) >= TRAINING_SEEDS > max(*SELECTION_SEEDS, *EVALUATION_SEEDS)
         assert not used & {*seeds}
         used |= {*seeds}

@@ -15,8 +15,7 @@ import domino_env as de
 from agents import evaluate, load_policy
 from agents.designer.policy import Designer
 from agents.network import read_arrays
-from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, shipped
-from agents.rollout import EVALUATION_SEEDS, scores_of
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, shipped
 from domino_env.cli.main import main
 
 SPRINT = POLICIES / "sprint"
@@ -26,8 +25,8 @@ FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
 def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sprint").mkdir()
-    assert folder_of("sprint") == POLICIES / "sprint"
-    assert folder_of("./sprint") == folder_of(Path("sprint")) == Path("sprint")
+    assert find_folder("sprint") == POLICIES / "sprint"
+    assert find_folder("./sprint") == find_folder(Path("sprint")) == Path("sprint")
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -92,21 +91,10 @@ def test_a_policy_of_another_scene_is_rejected():
         evaluate("sprint", "sprint-thickness")
     rougher = replace(de.load_scene("sprint"), name="rougher", physics=de.Physics(0.3, push=8.0))
     assert evaluate("sprint", rougher).score > 0.0
-    with pytest.raises(ValueError, match=r"policy: .*sprint"):
-        evaluate("nothing-of-that-name")
-
-
-def test_a_policy_observes_the_reference_speed_of_its_training():
-    scene, seeds = de.load_scene("draw"), EVALUATION_SEEDS
-    env = de.DominoChain(scene)
-    speed = env.observation_layout["speed"].start
-
-    def policy(observation):
-        return np.stack([observation[..., speed], np.zeros(observation.shape[:-1])], axis=-1)
-
-    (size,) = env.observation_space.shape
-    score = scores_of(policy, scene, seeds).mean()
-    assert ScenePolicy(Path("policy"), policy, size, scene).build().score == score
+    with pytest.raises(ValueError, match=r"policy = 'sprnt': did you mean 'sprint'\? .*archive"):
+        evaluate("sprnt")
+    with pytest.raises(TypeError, match="run = 3: give the name of a policy, or a folder"):
+        evaluate(3)
 
 
 # archives of Stable-Baselines3 -------------------------------------------------------------------
@@ -165,7 +153,7 @@ def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path):
         with pytest.raises(ValueError, match=r"model\.zip: its .*; add --trust"):
             evaluate(path, "sprint")
         assert evaluate(path, "sprint", trust=True).scene.name == "sprint"
-    with pytest.raises(ValueError, match="names no scene: name one to build for"):
+    with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate(path, trust=True)
     path.write_bytes(b"PK")
     for trust in (False, True):

@@ -8,7 +8,7 @@ from env_scenes import SMALL
 
 import domino_env as de
 from agents import evaluate
-from agents.rollout import build, completed
+from agents.rollout import build, complete_layout
 from agents.scripted import SCRIPTED
 from domino_env import DominoChain
 from domino_env.cli.main import main
@@ -53,7 +53,7 @@ def test_a_layout_whose_wave_stops_is_completed():
     assert rollout.gain is None
     hills = de.load_scene("hills")
     beginning = hills.ground.layout([0.012] * 9, [0.0075] * 10)
-    assert hills.violations(completed(beginning, hills)) == []
+    assert hills.violations(complete_layout(beginning, hills)) == []
 
 
 def test_scripted_policies_are_evaluated_by_name(capsys):
@@ -66,5 +66,5 @@ def test_scripted_policies_are_evaluated_by_name(capsys):
     output = capsys.readouterr().out
     assert "score 0.802997" in output
     assert "level with the uniform baseline" in output
-    assert main(["evaluate", "no-such-folder"]) == 2
-    assert "holds no policy" in capsys.readouterr().err
+    assert main(["evaluate", "rmp"]) == 2
+    assert "policy = 'rmp': did you mean 'ramp'?" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 import csv
 import json
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +23,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 import domino_env as de
 from agents import evaluate, train
 from agents.algorithms import OFF_POLICY, Hyperparameters, default_hyperparameters
-from agents.evaluation import evaluate_scenes, load_policy, scenes_of
-from agents.sb3 import CLASSES, Learner, read_checkpoint, weights
-from agents.training import Training, save_zip
+from agents.evaluation import choose_scenes, evaluate_scenes, load_policy
+from agents.sb3 import CLASSES, Learner, read_checkpoint, save_zip, weights
+from agents.training import Training
 from agents.vec_env import DominoVecEnv
 from domino_env import DominoChain
 
@@ -44,10 +43,10 @@ TINY = {  # environments, steps, options
 
 def tiny(algorithm: str, **changes: object) -> Hyperparameters:
     """Return hyperparameters of a training that takes a second."""
-    chosen, (num_envs, steps, options) = default_hyperparameters(algorithm, 6), TINY[algorithm]
+    chosen, (num_envs, steps, options) = default_hyperparameters(algorithm, SMALL), TINY[algorithm]
     options = chosen.options | options
-    tiny = replace(chosen, num_envs=num_envs, steps=steps, width=16, options=options)
-    return replace(tiny, **changes)
+    tiny = chosen.replace(num_envs=num_envs, steps=steps, width=16, options=options)
+    return tiny.replace(**changes)
 
 
 # the vector environment ---------------------------------------------------------------------------
@@ -201,7 +200,7 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
     resumed = train("varied", folder=run.folder, resume=True)
     assert json.loads((run.folder / "config.json").read_text())["num_scenes"] == num_scenes
     assert (resumed.scene, resumed.steps) == ("small", run.steps)
-    policy, scenes = load_policy(run.folder), scenes_of(small_scenes(), 3, seed=1)
+    policy, scenes = load_policy(run.folder), choose_scenes(small_scenes(), 3, seed=1)
     done = evaluate_scenes(scenes, policy)
     assert "proposal" not in done.table()
     for score, scene in zip(done.scores["policy"], scenes, strict=True):
@@ -209,8 +208,8 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
         assert rollout.score == score
         assert scene.violations(rollout.layout) == []
     with pytest.raises(ValueError, match="distribution 'small' has no test set: give a seed"):
-        scenes_of(policy.scene, 3)
-    with pytest.raises(ValueError, match="was trained on sampled scenes: name one"):
+        choose_scenes(policy.scene, 3)
+    with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate(run.folder)
 
 
@@ -229,7 +228,7 @@ def test_invalid_arguments_are_rejected(tmp_path):
             train(SMALL, **changes)
     for name, value in {"first_deviation": 0.0, "middle": 1.0, "num_envs": 0}.items():
         with pytest.raises(ValueError, match=f"{name} = "):
-            replace(default_hyperparameters("ppo", 39), **{name: value})
+            default_hyperparameters("ppo", SMALL).replace(**{name: value})
 
 
 def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(tmp_path, monkeypatch):

@@ -9,21 +9,16 @@ import domino_env as de
 from domino_env.scenes.scene import Scene
 from optimize.result import SearchResult
 
-
-def small_scene(name: str) -> Scene:
-    """Return a scene of few dominoes, of one kind of problem."""
-    sprint = de.load_scene("sprint")
-    kinds = {
-        "spacing": {"count": 7},
-        "one-gap": {"count": 2},
-        "thickness": {"count": 6, "spacing": (0.018, 0.018), "thickness": (0.004, 0.012)},
-        "both": {"count": 6, "thickness": (0.004, 0.012)},
-        "length": {"count": 9, "length": 0.18},
-        "length-both": {"count": 7, "length": 0.12, "thickness": (0.004, 0.012)},
-        "dying": {"count": 9, "thickness": (0.005, 0.014), "physics": de.Physics(0.5, 9.81, 4.0)},
-        "dead": {"count": 6, "physics": de.Physics(push=0.5)},
-    }
-    return replace(sprint, name=name, title=f"a small scene: {name}", **kinds[name])
+KINDS = {
+    "spacing": {"count": 7},
+    "one-gap": {"count": 2},
+    "thickness": {"count": 6, "spacing": (0.018, 0.018), "thickness": (0.004, 0.012)},
+    "both": {"count": 6, "thickness": (0.004, 0.012)},
+    "length": {"count": 9, "length": 0.18},
+    "length-both": {"count": 7, "length": 0.12, "thickness": (0.004, 0.012)},
+    "dying": {"count": 9, "thickness": (0.005, 0.014), "physics": de.Physics(0.5, 9.81, 4.0)},
+    "dead": {"count": 6, "physics": de.Physics(push=0.5)},
+}
 
 
 def without_times(result: SearchResult) -> list[object]:
@@ -31,9 +26,6 @@ def without_times(result: SearchResult) -> list[object]:
     trace = [(n, falls, score) for n, falls, _, score in result.trace]
     spent = result.evaluations, result.falls, result.interrupted
     return [result.layout, result.score, spent, trace]
-
-
-KINDS = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
 
 
 @pytest.fixture
@@ -52,4 +44,8 @@ def bits() -> Callable[[SearchResult], list[object]]:
 @pytest.fixture(scope="session")
 def scenes() -> dict[str, Scene]:
     """Scenes of all kinds, whose uniform baselines are computed once."""
-    return {name: small_scene(name) for name in KINDS}
+    sprint = de.load_scene("sprint")
+    return {
+        name: replace(sprint, name=name, title=f"a small scene: {name}", **changes)
+        for name, changes in KINDS.items()
+    }

@@ -48,9 +48,9 @@ def test_every_simulation_counts_also_those_of_differences(scenes, name):
     evaluator.evaluate(designs)
     waves = [scene.simulate(problem.layout(x)) for x in designs]
     assert evaluator.falls == sum(int(np.isfinite(w.stall_margin).sum()) for w in waves)
-    counted, expected = evaluator.evaluate(designs, True), problem.evaluate(designs, True)
-    assert np.array_equal(counted.score, expected.score)
-    assert np.array_equal(counted.gradient, expected.gradient)
+    result, expected = evaluator.evaluate(designs, True), problem.evaluate(designs, True)
+    assert np.array_equal(result.score, expected.score)
+    assert np.array_equal(result.gradient, expected.gradient)
     stopped = expected.without_gradient
     assert stopped.any() == (name == "dying")
     number = 24 + 2 * problem.dimension * int(stopped.sum())

@@ -16,13 +16,7 @@ import pytest
 from domino_env.cli.main import main
 from domino_env.core.results import versions
 from optimize import executors, search
-from optimize.executors import (
-    ExecutorLost,
-    ProcessExecutor,
-    WorkerLost,
-    open_executor,
-    require_same_versions,
-)
+from optimize.executors import ExecutorLost, ProcessExecutor, WorkerLost, open_executor
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import Study, open_store
 from optimize.experiments.task import Task, TaskResult
@@ -217,7 +211,7 @@ def test_the_message_names_the_missing_extra(monkeypatch):
 def test_workers_with_other_versions_are_rejected():
     client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
     with pytest.raises(ValueError, match=r"tcp://worker has .*'numba': '0\.1'.*, and here it is"):
-        require_same_versions(client, "tcp://here")
+        executors.require_same_versions(client, "tcp://here")
 
 
 def test_an_executor_that_does_not_open_leaves_no_study(tmp_path, monkeypatch):

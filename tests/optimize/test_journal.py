@@ -44,11 +44,11 @@ def simulated(monkeypatch) -> list[int]:
     numbers: list[int] = []
     original = de.Scene.evaluate
 
-    def counted(scene, batch, **options):
+    def counting(scene, batch, **options):
         numbers.append(len(batch))
         return original(scene, batch, **options)
 
-    monkeypatch.setattr(de.Scene, "evaluate", counted)
+    monkeypatch.setattr(de.Scene, "evaluate", counting)
     return numbers
 
 

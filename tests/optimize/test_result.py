@@ -28,12 +28,9 @@ def test_both_layouts_stand_to_scale_and_on_the_same_scale(result):
         boxes = dominoes(axes)
         assert boxes[:, 0] + boxes[:, 2] == pytest.approx(1e3 * layout.positions)
         assert boxes[:, 2:] == pytest.approx(1e3 * np.stack([layout.thickness, layout.height], 1))
-        extent, across, up = (
-            axes.get_window_extent(),
-            np.ptp(axes.get_xlim()),
-            np.ptp(axes.get_ylim()),
-        )
-        assert extent.width / across == pytest.approx(extent.height / up)
+        extent = axes.get_window_extent()
+        across, up = extent.width / np.ptp(axes.get_xlim()), extent.height / np.ptp(axes.get_ylim())
+        assert across == pytest.approx(up)
     assert drawings[0].get_xlim() == drawings[1].get_xlim() == figure.axes[2].get_xlim()
 
 

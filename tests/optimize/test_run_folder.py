@@ -36,8 +36,7 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     for layout in (de.Layout.read(folder / "layout.csv"), de.Layout.read(folder / "layout.json")):
         assert layout == result.layout
         assert scenes["both"].score(layout) == result.score
-    with (folder / "trace.csv").open(newline="") as file:
-        lines = list(csv.DictReader(file))
+    lines = csv.DictReader((folder / "trace.csv").read_text().splitlines())
     names = ("evaluations", "simulated_falls", "seconds", "best_score")
     trace = [[float(line[name]) for name in names] for line in lines]
     assert np.array(trace) == pytest.approx(np.array(result.trace), abs=1e-6)
@@ -123,11 +122,9 @@ def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change):
     words["scene"] = scenes[words["scene"]]
     if not change:
         monkeypatch.setattr("optimize.run_folder.versions", lambda: {"numpy": "1.0"})
-    with pytest.raises(
-        ValueError, match="holds a search by random with seed 0, or of another"
-    ) as e:
+    message = "holds a search by random with seed 0, or of another .* begin anew in another folder"
+    with pytest.raises(ValueError, match=f"{message}, without --resume$"):
         search(**words, budget=30, folder=tmp_path, resume=True)
-    assert str(e.value).endswith("begin anew in another folder, without --resume")
     assert files(tmp_path) == before
 
 

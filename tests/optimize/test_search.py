@@ -28,16 +28,11 @@ from optimize.experiments.task import Task
     ({"tolerance": 0.0}, "tolerance = 0.0: give a finite number, more than 0, less than 1"),
     ({"seed": -1}, "seed = -1: give a whole number, at least 0"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
+    ({"scene": replace(de.load_scene("sprint"), spacing=(0.02, 0.02))}, "leaves nothing free"),
 ])  # fmt: skip
 def test_impossible_searches_are_rejected(words, message):
     with pytest.raises(ValueError, match=message.replace("?", r"\?")):
         search(**({"scene": "sprint"} | words))
-
-
-def test_a_scene_that_leaves_nothing_free():
-    scene = replace(de.load_scene("sprint"), spacing=(0.02, 0.02))
-    with pytest.raises(ValueError, match="scene 'sprint' leaves nothing free"):
-        search(scene)
 
 
 def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch):
@@ -68,9 +63,8 @@ def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch,
         return advance(*arguments)
 
     monkeypatch.setattr(dynamics, "advance", slow)
-    monkeypatch.setattr(
-        "domino_env.scenes.uniform.time", SimpleNamespace(perf_counter=lambda: now[0])
-    )
+    clock = SimpleNamespace(perf_counter=lambda: now[0])
+    monkeypatch.setattr("domino_env.scenes.uniform.time", clock)
     scene = scenes["spacing"].replace(floor_friction=0.11, spacing=(0.01, 0.02))
     result = search(scene, method, seconds=100.0, clock=lambda: now[0])
     assert 100.0 <= result.seconds <= 100.0 + 2 * allowed_threads()
@@ -80,12 +74,12 @@ def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch,
 def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch):
     simulated, scores = [0], UniformLayouts.scores
 
-    def counted(layouts: UniformLayouts, points: np.ndarray, *options: object) -> np.ndarray:
+    def counting(layouts: UniformLayouts, points: np.ndarray, *options: object) -> np.ndarray:
         result = scores(layouts, points, *options)  # raises where the limit is reached
         simulated[0] += len(points) if layouts.scene.floor_friction is not None else 0
         return result
 
-    monkeypatch.setattr(UniformLayouts, "scores", counted)
+    monkeypatch.setattr(UniformLayouts, "scores", counting)
     scene = scenes["spacing"].replace(floor_friction=0.31, count=5)
     coarse = scene.uniform(0.0)
     assert 1 <= simulated[0] <= allowed_threads()
@@ -104,9 +98,7 @@ def test_a_search_ends_where_its_second_half_gained_less_than_the_tolerance(
     half = max(score for n, _, _, score in result.trace if n <= result.evaluations // 2)
     assert result.evaluations >= 1000
     assert result.trace[-1][3] - half < (tolerance or 1e-4) * result.score
-    assert re.match(
-        r"the second half of the search gained .* of the score \(tolerance", result.ended
-    )
+    assert re.match(r"the second half of the search gained .* \(tolerance", result.ended)
     limited = search(scenes["both"], method, 2 * result.evaluations)
     assert limited.ended.startswith("limit of ")
     assert limited.score >= result.score

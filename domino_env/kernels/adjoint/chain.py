@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from domino_env.kernels import arrays
 from domino_env.kernels.adjoint.contact import (
     BARS,
     FLUSHING,
@@ -22,29 +23,8 @@ from domino_env.kernels.adjoint.contact import (
     hit_back,
     switch_back,
 )
-from domino_env.kernels.adjoint.interval import (
-    SHARED_STACK,
-    fall_back,
-    interval_back,
-    reset_shared,
-)
+from domino_env.kernels.adjoint.interval import SHARED_STACK, fall_back, interval_back, reset_shared
 from domino_env.kernels.adjoint.stack import mass_back
-from domino_env.kernels.arrays import (
-    ALL_KEPT,
-    ARRIVAL,
-    CORNER,
-    EVENT,
-    FLIP,
-    HIT,
-    INTERVAL,
-    LANES,
-    PITCH,
-    PROPAGATED,
-    SWITCH,
-    TIP,
-    is_uneven,
-    turn_of,
-)
 from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, ring_length, solve
 from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
 from domino_env.kernels.fall import configure, fall_angle
@@ -70,39 +50,39 @@ def backward(tape, reverse, arrival_bar, table):
     edge, edge_bar, edge_event = AT_SPLIT, 0.0, 0
     counted = len(arrival_bar)
     last_hit = len(tape) - 1
-    while last_hit >= 0 and tape[last_hit].kind != HIT:
+    while last_hit >= 0 and tape[last_hit].kind != arrays.HIT:
         last_hit -= 1
     for at in range(len(tape) - 1, -1, -1):
         event = tape[at]
         kind, n = event.kind, event.leader
-        if edge == AT_HIT and at < last_hit and kind != INTERVAL:
+        if edge == AT_HIT and at < last_hit and kind != arrays.INTERVAL:
             # a change at the very instant of the hit: M there is that of the new contacts
             leader, low = tape[edge_event].leader, tape[edge_event].low
             b = fall_angle(ring[leader], True)
             x_bar = mass_back(reverse, leader, low, b, m_bar)
-            cosine = math.cos(b + turn_of(ring[leader]))
+            cosine = math.cos(b + arrays.turn_of(ring[leader]))
             hit_angle_back(cosine, x_bar, param_bars[leader])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
-        if kind == FLIP:
-            ring[n].kind = TIP
+        if kind == arrays.FLIP:
+            ring[n].kind = arrays.TIP
         elif at > last_hit:
             continue  # no arrival depends on it
-        elif kind == HIT:
+        elif kind == arrays.HIT:
             while counted > n + 1:  # the time of a fall is part of all later arrivals
                 counted -= 1
                 t_bar += arrival_bar[counted]
             u_bar, m_bar = hit_back(reverse, event, u_bar)
             edge, edge_bar, edge_event = AT_HIT, 0.0, at
-        elif kind == SWITCH:
+        elif kind == arrays.SWITCH:
             if event.flushed and reverse.mu > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = FLUSHING
                 u_bar, x_bar = flush_back(reverse, event, u_bar)
                 edge_bar += x_bar
                 for i in range(at + 1, at + 1 + event.flips):
-                    ring[tape[i].leader].kind = TIP
+                    ring[tape[i].leader].kind = arrays.TIP
             edge, edge_event = AT_SWITCH, at
-            if at == 0 or tape[at - 1].kind != INTERVAL or tape[at - 1].leader != n:
+            if at == 0 or tape[at - 1].kind != arrays.INTERVAL or tape[at - 1].leader != n:
                 switch_back(reverse, event, edge_bar)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
@@ -184,7 +164,7 @@ def layout_back(layout, ring, param_bars, bar):
             bar.height[i] -= (
                 contact.p_l * p_bar + contact.s_l * s_bar + contact.d_l * d_bar
             ) / length
-            if is_uneven(contact):
+            if arrays.is_uneven(contact):
                 upright = at_or_zero(layout.rise, i) / math.cos(at_or_zero(layout.tilt, i + 1))
                 bar.height[i] -= upright * param_bars[i, PARAM_RISE] / (length * length)
 
@@ -200,25 +180,25 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     own_ring = new_ring(layout, count)
     ring = borrow(own_ring)
     for i in range(count):
-        place_domino(ring, ALL_KEPT, i, layout, i)
+        place_domino(ring, arrays.ALL_KEPT, i, layout, i)
         if i + 1 < count:
-            place_contact(ring, ALL_KEPT, i, layout, i, i + 1)
+            place_contact(ring, arrays.ALL_KEPT, i, layout, i, i + 1)
     depth, count_lanes = 0, 0
     for at in range(len(tape)):
         event = tape[at]
-        if event.kind == FLIP:
-            ring[event.leader].kind = CORNER
+        if event.kind == arrays.FLIP:
+            ring[event.leader].kind = arrays.CORNER
         else:
             depth = max(depth, event.leader - event.low)
-            if event.kind == INTERVAL:
+            if event.kind == arrays.INTERVAL:
                 count_lanes = max(count_lanes, ORDERS[event.rule] + 2)
     physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):
         # three sums for every lane and a line for their total, PARAMS bars per domino and two more
         table = np.empty((3 * count_lanes + 1, (depth + 2) * PARAMS))
-    saved = np.empty((depth + 2, 8 * PITCH))
-    own = np.zeros(LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
+    saved = np.empty((depth + 2, 8 * arrays.PITCH))
+    own = np.zeros(arrays.LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)
     reverse = Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
     physics_bar.push = 2.0 * push * backward(tape, reverse, arrival_bar, table)
@@ -252,11 +232,11 @@ def vjp_batch(
     bars: `Arrays` of (B, N-1) and thrice (B, N).  physics_bars: (B,).
     """
     count = layouts.thickness.shape[1]
-    arrays, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, ARRIVAL)
-    states, lanes, ring = borrow(arrays)
+    own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    states, lanes, ring = borrow(own)
     state = states[0]
     configure(state, ring, mu, gravity, rtol, True)
-    tape = np.empty(4 * count + 16, EVENT)
+    tape = np.empty(4 * count + 16, arrays.EVENT)
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
@@ -265,13 +245,13 @@ def vjp_batch(
             )
             if state.taped <= len(tape):
                 break
-            tape = np.empty(int(1.5 * state.taped), EVENT)  # the same run writes as many again
+            tape = np.empty(int(1.5 * state.taped), arrays.EVENT)  # the same run writes as many
         summarise(summaries[b], count, outcome, leader, struck, toppled, state)
-        if outcome == PROPAGATED:
+        if outcome == arrays.PROPAGATED:
             arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]
             events = tape[: state.taped]
             chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
         else:
             clear(bar, bar.tilt)
             physics_bar.friction = physics_bar.gravity = physics_bar.push = 0.0
-    keep_alive(arrays)
+    keep_alive(own)

@@ -205,12 +205,8 @@ def add_shape(param_bars, shape_bar):
 @always_inline
 def due_back(contact, flushed, due_bar, param_bars):
     """Add the bars by the angle of a change of contact: s = p v + e sin θ, or √R = L."""
-    v, p, e, d = (
-        contact.v_flush if flushed else contact.v_separation,
-        contact.p_l,
-        rise_of(contact),
-        contact.d_l,
-    )
+    v = contact.v_flush if flushed else contact.v_separation
+    p, e, d = contact.p_l, rise_of(contact), contact.d_l
     if e == 0.0:
         if flushed:  # s / p
             param_bars[PARAM_GAP] += due_bar / p

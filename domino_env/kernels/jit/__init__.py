@@ -90,12 +90,12 @@ def noinline(function: Callable[..., Any]) -> Any:
 
 def compile_alone(function: Callable[..., Any]) -> Any:
     """Compile a function that shares no code with the kernels, for Python."""
-    return compile_plainly(function, kept=True)
+    return compile_plainly(function, cache=True)
 
 
 def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any:
     if _FAST is None:
-        return compile_plainly(function, kept=library == "EntryPoint", **options)
+        return compile_plainly(function, cache=library == "EntryPoint", **options)
     return _FAST.compile_fast(function, getattr(_FAST, library), **options)
 
 

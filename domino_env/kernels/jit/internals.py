@@ -70,7 +70,7 @@ _LOCATORS: Any = [
 ]
 
 
-class _ReadOnly(next(one for one in _LOCATORS if "InTree" in one.__name__)):  # type: ignore[misc]
+class _ReadOnly(next(c for c in _LOCATORS if "InTree" in c.__name__)):  # type: ignore[misc]
     """The folder of the source where it cannot be written: its machine code is used.
 
     This happens in a container whose image another user built.

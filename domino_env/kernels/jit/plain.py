@@ -14,30 +14,35 @@ STAMP = hashlib.sha256(
 ).digest()
 
 
-def compile_plainly(function: Callable[..., Any], *, kept: bool, **options: Any) -> Any:
-    """Compile a function as any user of Numba would.
+def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any) -> Any:
+    """Compile a function by `numba.njit`.
 
     Parameters
     ----------
     function
         The Python function.
-    kept
-        Whether its machine code is cached, in a folder named after the state of all files of the
+    cache
+        True to cache its machine code, in a folder named by the digest of all files of the
         package: Numba checks only the file that contains the function.
     **options
-        Of `numba.njit`.
+        Options of `numba.njit`.
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+        The compiled function.
     """
     options.pop("forceinline", None)
     njit: Any = numba.njit
     dispatcher = njit(nogil=True, error_model="numpy", **options)(function)
-    if kept:
-        chosen = config.CACHE_DIR  # type: ignore[attr-defined]
-        folder = Path(chosen or _FOLDER / "__pycache__") / f"plain-{STAMP.hex()[:16]}"
+    if cache:
+        cache_dir = config.CACHE_DIR  # type: ignore[attr-defined]
+        folder = Path(cache_dir or _FOLDER / "__pycache__") / f"plain-{STAMP.hex()[:16]}"
         try:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
             dispatcher.enable_caching()
-        except (OSError, RuntimeError):  # not writable: compiled in every process
+        except (OSError, RuntimeError):  # not writable: every process compiles it
             pass
         finally:
-            config.CACHE_DIR = chosen  # type: ignore[attr-defined]
+            config.CACHE_DIR = cache_dir  # type: ignore[attr-defined]
     return dispatcher

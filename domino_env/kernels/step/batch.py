@@ -55,7 +55,7 @@ class Batch(NamedTuple):
     rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
     entries: NDArray[np.record]  # (1,) OBSERVATION
     features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 where the scene is fixed
-    rest: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) length [m] and time [s] left, uniform
+    uniform_left: NDArray[np.float64]  # (1, N, 2) or (B, N, 2), see `expected_gain`
     schedule: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) arrival times [s]; intervals, -1 to 1
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty

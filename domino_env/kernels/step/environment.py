@@ -9,24 +9,8 @@ from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
 from domino_env.kernels.fall import configure, start_chain
 from domino_env.kernels.ground import next_place, piece_at
-from domino_env.kernels.jit import (
-    always_inline,
-    borrow,
-    entry_point,
-    internal,
-    keep_alive,
-)
-from domino_env.kernels.step.action import (
-    add_placement_error,
-    decode,
-    decode_back,
-    draw,
-    encode,
-    gap_bounds,
-    nearest_left,
-    restock,
-    thickness_bounds,
-)
+from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
+from domino_env.kernels.step import action
 from domino_env.kernels.step.batch import OVER, RUNNING, layout_in, rules_of, schedule_of
 from domino_env.kernels.step.observation import observe
 
@@ -92,12 +76,12 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
 
 
 @always_inline
-def expected_gain(rules, rest, state, episode):
+def expected_gain(rules, uniform_left, state, episode):
     """Return the gain [%] if the rest of the chain were that of the uniform baseline.
 
-    rest: (N, 2) length and time that the baseline has left with k dominoes placed.
+    uniform_left: (N, 2) length and time that the baseline has left with k dominoes placed.
     """
-    uniform_length, time = rest[episode.placed]
+    uniform_length, time = uniform_left[episode.placed]
     length = uniform_length
     if rules.length > 0.0:  # the same speed over what is left
         length = rules.length - episode.distance
@@ -129,8 +113,8 @@ def step_reward(rules, batch, b):
         return gain_in_tempo(rules, episode) - episode.rewarded
     if not rules.rewards_steps:
         return 0.0
-    rest = batch.rest[b if len(batch.rest) > 1 else 0]
-    return expected_gain(rules, rest, batch.states[b], episode) - episode.rewarded
+    left = batch.uniform_left[b if len(batch.uniform_left) > 1 else 0]
+    return expected_gain(rules, left, batch.states[b], episode) - episode.rewarded
 
 
 @entry_point
@@ -151,16 +135,16 @@ def reset_batch(first, last, batch, chosen, given, observations):
         episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
         episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
-        restock(batch, b)
+        action.restock(batch, b)
         for i in range(given[b]):
             if len(left) > 0:
-                left[nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
+                left[action.nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
             fall_onto_next(rules, batch, b, lanes, layout, tape)
             if episode.phase == OVER:
                 break
             episode.rewarded += step_reward(rules, batch, b)
-        draw(batch, b, given[b], given[b] + rules.hand)
+        action.draw(batch, b, given[b], given[b] + rules.hand)
         observe(batch, b, layout, observations[b])
 
 
@@ -181,8 +165,8 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         if episode.phase != RUNNING:
             continue
         layout = layout_in(view, b)
-        decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
-        add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
+        action.decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
+        action.add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
         fall_onto_next(rules, view, b, lanes, layout, tape)
         if episode.phase == OVER:
@@ -203,18 +187,18 @@ def place_batch(first, last, batch, chosen, actions):
         if not chosen[b]:
             continue
         rules, layout, distance = rules_of(view, b), layout_in(view, b), 0.0
-        restock(view, b)
-        draw(view, b, 0, rules.hand)
+        action.restock(view, b)
+        action.draw(view, b, 0, rules.hand)
         for n in range(len(layout.spacing)):
-            decode(actions[b, n], rules, view, b, n, distance, layout)
-            add_placement_error(rules, view.errors, b, n, layout.spacing)
+            action.decode(actions[b, n], rules, view, b, n, distance, layout)
+            action.add_placement_error(rules, view.errors, b, n, layout.spacing)
             distance += layout.spacing[n] + layout.thickness[n + 1]
         episode = view.episodes[b]
         episode.placed, episode.phase, episode.uncertain = len(layout.spacing), OVER, True
 
 
 @entry_point
-def place_back(first, last, batch, actions, bars, action_bars):
+def place_vjp(first, last, batch, actions, bars, action_bars):
     """Write derivatives by the actions (B, N-1, A) of layouts that `place_batch` wrote.
 
     bars: (B, N-1, 3) by each gap, and by thickness and height of the domino after it.
@@ -228,8 +212,8 @@ def place_back(first, last, batch, actions, bars, action_bars):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
         carried[:] = 0.0
         for n in range(pairs - 1, -1, -1):
-            action, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
-            decode_back(action, rules, n, distances[n], layout, bar, carried, action_bar)
+            taken, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
+            action.decode_back(taken, rules, n, distances[n], layout, bar, carried, action_bar)
 
 
 @entry_point
@@ -242,7 +226,7 @@ def encode_batch(first, last, batch, target, actions):
         episode = batch.episodes[b]
         if episode.phase == RUNNING:
             rules, spacing, n = rules_of(batch, b), layout_in(batch, b).spacing, episode.placed
-            encode(rules, spacing, n, episode.distance, target[b], actions[b])
+            action.encode(rules, spacing, n, episode.distance, target[b], actions[b])
 
 
 @entry_point
@@ -250,6 +234,6 @@ def next_bounds(batch, b):
     """Return the bounds of the next gap, for the middle thickness, and of the next thickness."""
     rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
     n, distance = episode.placed, episode.distance
-    thin, thick = thickness_bounds(rules, len(spacing) - n, distance)
-    low, high = gap_bounds(rules, spacing, n, distance, 0.5 * (thin + thick))
+    thin, thick = action.thickness_bounds(rules, len(spacing) - n, distance)
+    low, high = action.gap_bounds(rules, spacing, n, distance, 0.5 * (thin + thick))
     return low, high, thin, thick

@@ -6,20 +6,20 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from domino_env.core.models import LARGEST, Number, Table, about, model_of
+from domino_env.core.models import LARGEST, Number, Table, about, read_model
 
 Place = tuple[str, str]
 """Table and key of a number in a scene's file."""
 
 COUNT, PUSH = ("row", "count"), ("physics", "push")
-IN_HEIGHTS = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
+SCALABLE = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
     (table, key) for table in ("spacing", "thickness") for key in ("min", "max", "fixed")
 }
-"""Places where a range may count in heights."""
+"""Places of ranges that may be given in heights."""
 
 
 class Range(Table, frozen=True):  # type: ignore[misc]
-    """A number that is sampled for every scene."""
+    """Number that is sampled for every scene."""
 
     min: Annotated[Number, about("the smallest value")]
     max: Annotated[Number, about("the largest value")]
@@ -29,28 +29,28 @@ class Range(Table, frozen=True):  # type: ignore[misc]
     of: Annotated[
         Literal["height"] | None,
         about(
-            "counts in the scene's height; a push in √(gravity / height), so that "
+            "unit: the scene's height, for a push √(gravity / height), so that "
             "scenes of any size have the same numbers"
         ),
     ] = None
     min_ratio: Annotated[
         Annotated[float, Meta(ge=1, le=LARGEST)] | None,
-        about("of a table's max: at least this times the sampled min"),
+        about("for a table's max: least ratio of it to the sampled min"),
     ] = None
 
     def __post_init__(self) -> None:
         if self.min > self.max:
             raise ValueError(f"min = {self.min} is more than max = {self.max}")
         if self.spread == "log" and self.min <= 0.0:
-            raise ValueError(f'min = {self.min}: spread = "log" needs more than 0')
+            raise ValueError(f'min = {self.min}: give more than 0 for spread = "log"')
 
 
 def has_ranges(document: dict[str, Any]) -> bool:
-    """Return True for a file that gives a range where a scene has a number."""
-    return bool(_places(document))
+    """Return True if the document of a file has a range in place of a number."""
+    return bool(_find_ranges(document))
 
 
-def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
+def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
     """Return the ranges of a file, in its order.
 
     Parameters
@@ -58,18 +58,23 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
     document
         The file as `tomllib` reads it.
 
+    Returns
+    -------
+    dict
+        Each range by its table and key.
+
     Raises
     ------
     ValueError
-        With the place, its value and the accepted range.
+        For a range that is not allowed; with the place, its value and the accepted values.
     """
     ranges: dict[Place, Range] = {}
-    for table, key in _places(document):
+    for table, key in _find_ranges(document):
         place, name = (table, key), f"{table}.{key}"
-        ranges[place] = sampled = model_of(Range, document[table][key], name)
-        if sampled.of is not None and (place not in IN_HEIGHTS or "of" in document[table]):
+        ranges[place] = sampled = read_model(Range, document[table][key], name)
+        if sampled.of is not None and (place not in SCALABLE or "of" in document[table]):
             raise ValueError(
-                f"{name}.of = 'height': only of a push, a length or a thickness in metres"
+                f"{name}.of = 'height': allowed only for a push, length or thickness in metres"
             )
         if place == COUNT and (sampled.min % 1 or sampled.max % 1):
             raise ValueError(f"{name} = {sampled.min} to {sampled.max}: give whole numbers")
@@ -78,20 +83,20 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
             continue
         least = ranges.get((table, "min"), document[table].get("min"))
         if key != "max" or least is None:
-            raise ValueError(f"{table}.{key}.min_ratio: only of a max beside a min")
-        most, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
+            raise ValueError(f"{table}.{key}.min_ratio: allowed for max in a table with min")
+        largest, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
         if of != sampled.of:
-            raise ValueError(f"{table}.{key}.min_ratio: min and max must be in the same unit")
-        if sampled.min_ratio * most > sampled.max:
+            raise ValueError(f"{table}.{key}.min_ratio: give `of` in both min and max, or none")
+        if sampled.min_ratio * largest > sampled.max:
             raise ValueError(
-                f"{table}.min = {most}: {sampled.min_ratio} times it is beyond {table}.max = "
-                f"{sampled.max}"
+                f"{table}.max = {sampled.max}: give at least min_ratio = {sampled.min_ratio} times "
+                f"{table}.min = {largest}"
             )
     return ranges
 
 
-def filled(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:
-    """Return the document of one scene, with numbers in the place of ranges."""
+def fill_in(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:
+    """Return the document of a scene, the ranges replaced by numbers."""
     tables = {
         name: dict(table) if isinstance(table, dict) else table for name, table in document.items()
     }
@@ -100,7 +105,7 @@ def filled(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, A
     return tables
 
 
-def _places(document: dict[str, Any]) -> list[Place]:
+def _find_ranges(document: dict[str, Any]) -> list[Place]:
     return [
         (name, key)
         for name, table in document.items()

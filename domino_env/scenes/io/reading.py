@@ -10,7 +10,14 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.files import naming, one_line, read_bytes, refuse, shown, write_text
+from domino_env.core.files import (
+    as_text,
+    errors_with_path,
+    one_line,
+    read_bytes,
+    refuse,
+    write_text,
+)
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
@@ -79,7 +86,7 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     """
     if not isinstance(name, str | Path):
         raise TypeError(
-            f"name = {shown(name)}: give the name of a shipped scene, such as 'sprint', or the "
+            f"name = {as_text(name)}: give the name of a shipped scene, such as 'sprint', or the "
             "path of a .toml file"
         )
     known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
@@ -130,7 +137,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
 def document_of_text(text: str, file: str) -> dict[str, Any]:
     """Return the document of a text in TOML; ValueError with the file's name for other text."""
-    with naming(file):
+    with errors_with_path(file):
         try:
             return tomllib.loads(text)
         except RecursionError:
@@ -141,7 +148,7 @@ def document_of_text(text: str, file: str) -> dict[str, Any]:
 
 def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """Return the scene of a document that `tomllib` has read; see `parse_scene`."""
-    with naming(file):
+    with errors_with_path(file):
         if has_ranges(document):
             raise ValueError(
                 "it gives ranges where a scene has numbers: load it by load_distribution, and draw "
@@ -170,7 +177,7 @@ def scene_beside(path: str | Path) -> Scene | None:
     files = [path / SCENE]
     if not path.is_dir():
         files = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
-    return next((load_scene(one) for one in files if one.is_file()), None)
+    return next((load_scene(file) for file in files if file.is_file()), None)
 
 
 def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
@@ -211,22 +218,21 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     ValueError
         For layouts of different scenes, and as `load_scene`.
     """
-    scenes = [(path, scene) for path in paths if (scene := scene_beside(path)) is not None]
-    if scenes and len(scenes) < len(paths):
-        alone = ", ".join(str(path) for path in paths if scene_beside(path) is None)
-        name = scenes[0][1].name
-        notice(
-            f"{one_line(alone)}: no scene beside it: shown in scene '{name}' of the other layouts"
-        )
-    for path, scene in scenes[1:]:
-        first, common = scenes[0]
-        if scene != common:
-            files = [one_line(str(file), 160, keep_end=True) for file in (first, path)]
+    scenes = {str(path): scene_beside(path) for path in paths}
+    first, common = next(((p, s) for p, s in scenes.items() if s is not None), ("", None))
+    if common is None:
+        return None
+    if alone := ", ".join(path for path, scene in scenes.items() if scene is None):
+        words = f"no scene beside it: shown in scene '{common.name}' of the other layouts"
+        notice(f"{one_line(alone)}: {words}")
+    for path, scene in scenes.items():
+        if scene is not None and scene != common:
+            files = [one_line(file, 160, keep_end=True) for file in (first, path)]
             raise ValueError(
                 f"{' and '.join(files)} are of different scenes ('{common.name}' and "
                 f"'{scene.name}'): show layouts of one scene, or name one by --scene"
             )
-    return scenes[0][1] if scenes else None
+    return common
 
 
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
@@ -234,7 +240,6 @@ def read_layout(path: str | Path, scene: Scene | None) -> Layout:
     layout = Layout.read(path, WIDTH if scene is None else scene.width)
     if scene is None or scene.ground is None or not layout.is_flat:
         return layout
-    with naming(path):
-        return scene.ground.layout(
-            layout.spacing, layout.thickness, layout.height, layout.width, layout.density
-        )
+    names = "spacing", "thickness", "height", "width", "density"
+    with errors_with_path(path):
+        return scene.ground.layout(*(getattr(layout, name) for name in names))

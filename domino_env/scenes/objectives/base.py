@@ -10,28 +10,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
 from domino_env.core.models import Value, about
-from domino_env.core.results import brief
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.waves import (
-    FREE_STANDING_COST,
-    LayoutBatch,
-    Waves,
-    simulate_free_standing,
-)
+from domino_env.scenes.waves import FREE_STANDING_COST, LayoutBatch, Waves, simulate_free_standing
 
 
-@dataclass(frozen=True, eq=False)
-class ScoreGradient:
+class ScoreGradient(NamedTuple):
     """Derivatives of B scores, (B, N-1) each, by one quantity with the others fixed [score/m].
 
     Attributes
@@ -46,8 +40,6 @@ class ScoreGradient:
     thickness: Floats
     height: Floats
 
-    __repr__ = brief
-
     @classmethod
     def zero(cls, batch: LayoutBatch) -> ScoreGradient:
         """Return zeros for every layout of a batch."""
@@ -60,8 +52,7 @@ class ScoreGradient:
 
     def scaled(self, factor: NDArray[Any]) -> ScoreGradient:
         """Multiply the derivatives of each layout by a factor (B,)."""
-        by = factor[:, None]
-        return ScoreGradient(by * self.spacing, by * self.thickness, by * self.height)
+        return ScoreGradient(*(factor[:, None] * part for part in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +77,18 @@ class Evaluation:
     falls: Ints
     gradient: ScoreGradient | None = None
 
-    __repr__ = brief
+    __repr__ = dataclass_repr
 
     @classmethod
-    def joined(cls, parts: Sequence[Evaluation]) -> Evaluation:
+    def concatenate(cls, parts: Sequence[Evaluation]) -> Evaluation:
         """Concatenate evaluations of batches, all with a gradient or all without."""
         score, reach, falls = (
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("score", "reach", "falls")
         )
-        by = [part.gradient for part in parts if part.gradient is not None]
-        names = ScoreGradient.__annotations__ if by else ()
-        arrays = (np.concatenate([getattr(one, name) for one in by]) for name in names)
-        return cls(score, reach, falls, ScoreGradient(*arrays) if by else None)
+        gradients = [part.gradient for part in parts if part.gradient is not None]
+        arrays = map(np.concatenate, zip(*gradients, strict=True))
+        return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
         """Add the derivatives, set to zero where a layout is no success."""
@@ -204,16 +194,18 @@ class Objective(ABC):
     """Scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False
     """`derivatives` takes waves with the gradient of their time."""
-
-    @property
-    def is_mean_speed(self) -> bool:
-        """True where a success scores the mean speed of its analytic wave."""
-        return False
+    draws_errors: ClassVar[bool] = False
+    """A score takes layouts with sampled placement errors."""
 
     @property
     def simulates_anew(self) -> bool:
         """True where a score takes other simulations than the analytic wave of the layout."""
-        return self.floor_friction is not None
+        return self.draws_errors or self.floor_friction is not None
+
+    @property
+    def is_mean_speed(self) -> bool:
+        """True where a success scores the mean speed of its analytic wave."""
+        return self.rewards_speed and not self.simulates_anew
 
     @property
     def simulations_per_score(self) -> int:

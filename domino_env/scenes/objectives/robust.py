@@ -22,18 +22,18 @@ from domino_env.scenes.objectives.speed import MeanSpeed, Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 LARGEST_DRAWS = 100_000
-MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they are simulated
-DESCRIPTION = {"unit", "failure", "rewards_speed", "needs_arrivals"}
+MOST_DRAWN_DOMINOES = 4_000_000  # dominoes in all draws: some 200 MB when they are simulated
+SHARED_ATTRIBUTES = {"unit", "failure", "rewards_speed", "needs_arrivals"}
 """Attributes that a mean over draws shares with the objective whose scores it averages."""
-LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
+LEAST_GAP = 0.0002  # [m] with placement errors
 
 
-def placed(spacing: Floats, errors: Floats) -> Floats:
-    """Return gaps with placement errors (…, N-1) [m], not less than `LEAST_GAP`."""
+def add_errors(spacing: Floats, errors: Floats) -> Floats:
+    """Return gaps with placement errors added (…, N-1) [m], not less than `LEAST_GAP`."""
     return np.maximum(spacing + errors, LEAST_GAP)
 
 
-Share = Annotated[float, Meta(gt=0, le=1)]
+Quantile = Annotated[float, Meta(gt=0, le=1)]
 
 
 class Placement(Value, frozen=True):  # type: ignore[misc]
@@ -57,12 +57,12 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     """
 
     deviation: Annotated[Part, about("standard deviation of each gap's error [m]")]
-    quantile: Annotated[Share, about("share of the draws that may be slower")] = 0.05
+    quantile: Annotated[Quantile, about("share of the draws that may be slower")] = 0.05
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
 
-def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
+def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
     """Return all draws of the layouts of a batch.
 
     Parameters
@@ -80,28 +80,28 @@ def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
     draws, height = len(errors), batch.height
     return replace(
         batch,
-        spacing=placed(batch.spacing[:, None, :], errors).reshape(-1, batch.count - 1),
+        spacing=add_errors(batch.spacing[:, None, :], errors).reshape(-1, batch.count - 1),
         thickness=np.repeat(batch.thickness, draws, axis=0),
         height=height if len(height) == 1 else np.repeat(height, draws, axis=0),
     )
 
 
-def pieces_of(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
+def split_batch(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
     """Split a batch so that the draws of each piece fit into memory."""
-    size = max(1, MOST_DRAWN // (draws * batch.count))
+    size = max(1, MOST_DRAWN_DOMINOES // (draws * batch.count))
     return [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
 
 
 @lru_cache(8)
-def errors(placement: Placement, pairs: int) -> Floats:
-    """Return the errors of the gaps (draws, pairs) [m], drawn once for each number of pairs."""
+def draw_errors(placement: Placement, pairs: int) -> Floats:
+    """Draw the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
     random = np.random.default_rng(placement.seed)
-    drawn = placement.deviation * random.standard_normal((placement.draws, pairs))
-    drawn.flags.writeable = False
-    return drawn
+    noise = placement.deviation * random.standard_normal((placement.draws, pairs))
+    noise.flags.writeable = False
+    return noise
 
 
-def simulate_placed(
+def simulate_draws(
     layout: Layout, physics: Physics, placement: Placement, ground: Ground | None = None
 ) -> WaveBatch:
     """Simulate the draws of a layout with placement noise.
@@ -113,103 +113,99 @@ def simulate_placed(
     physics
         Friction, gravity and push.
     placement
-        Deviation, number and seed of the draws; more than 4 million dominoes are not drawn.
+        Deviation, number and seed of the draws; fewer draws if these had over 4 million dominoes.
     ground
         Ground on which it stands; None for flat ground.
+
+    Returns
+    -------
+    WaveBatch
+        One wave per draw.
 
     Raises
     ------
     ValueError
-        For a layout on uneven ground without its ground.
+        For a layout on uneven ground if `ground` is None.
     """
     if ground is None and not layout.is_flat:
-        raise ValueError("placement noise on uneven ground needs the ground: name its scene")
-    draws = min(placement.draws, max(MOST_DRAWN // layout.count, 1))
+        raise ValueError("the layout is on uneven ground: give `ground`, that of its scene")
+    draws = min(placement.draws, max(MOST_DRAWN_DOMINOES // layout.count, 1))
     sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
-    batch = LayoutBatch(*sizes, layout.width, layout.density, physics, 1e-6, ground)
-    return placed_batch(batch, errors(placement.replace(draws=draws), layout.count - 1)).simulate()
+    batch = LayoutBatch(*sizes, layout.width, layout.density, physics, rtol=1e-6, ground=ground)
+    noise = draw_errors(placement.replace(draws=draws), layout.count - 1)
+    return draw_layouts(batch, noise).simulate()
 
 
 @dataclass(frozen=True)
 class Robust(Speed):
-    """Mean speed that most layouts reach whose gaps have random errors [m/s]."""
+    """Quantile of the mean speeds of layouts with random errors of their gaps [m/s]."""
 
     settings: Placement
 
     name: ClassVar[str] = "robust"
     table: ClassVar[type[Value] | None] = Placement
-
-    @property
-    def is_mean_speed(self) -> bool:
-        """False: a score is a quantile."""
-        return False
-
-    @property
-    def simulates_anew(self) -> bool:
-        """True: the layouts are drawn."""
-        return True
+    draws_errors: ClassVar[bool] = True
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of draws and, with limits, the layout without errors."""
+        """Number of draws, plus one with limits, for the layout without errors."""
         return self.settings.draws * super().simulations_per_score + (self.limits is not None)
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
         """Simulate all draws of layouts and score them.
 
-        The gradient is that of the draw which decides the score, simulated once more.
+        The gradient is that of the draw at the quantile, which is simulated once more.
         """
-        pieces = pieces_of(batch, self.settings.draws)
-        return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
+        pieces = split_batch(batch, self.settings.draws)
+        return Evaluation.concatenate([self._evaluate(piece, gradient) for piece in pieces])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
-        draws, each = self.settings.draws, np.arange(len(batch))
-        drawn_errors = errors(self.settings, batch.count - 1)
-        placed = placed_batch(batch, drawn_errors)
-        speed_of = MeanSpeed(
-            None, None, ground=self.ground, floor_friction=self.floor_friction
-        ).evaluate
-        drawn = speed_of(placed)
-        scores = drawn.score.reshape(-1, draws)
-        rank = max(math.ceil(self.settings.quantile * draws - 1e-9), 1) - 1
+        """Evaluate layouts whose draws fit into memory."""
+        draws, indices = self.settings.draws, np.arange(len(batch))
+        drawn_errors = draw_errors(self.settings, batch.count - 1)
+        layouts = draw_layouts(batch, drawn_errors)
+        speed = MeanSpeed(None, None, ground=self.ground, floor_friction=self.floor_friction)
+        evaluations = speed.evaluate(layouts)
+        scores = evaluations.score.reshape(-1, draws)
+        rank = max(math.ceil(self.settings.quantile * draws - 1e-9), 1) - 1  # 1e-9: rounding
         decisive = np.argsort(np.maximum(scores, 0.0), axis=1, kind="stable")[:, rank]
-        speed = scores[each, decisive]
-        # where too many draws stop for a speed, their mean reach
-        mean = drawn.reach.reshape(-1, draws).mean(axis=1)
-        score = np.where(speed > 0.0, speed, mean - 1.0)
-        reach = np.where(speed > 0.0, 1.0, mean)
-        falls = drawn.falls.reshape(-1, draws).sum(axis=1)
+        quantile = scores[indices, decisive]
+        # if too many draws stop for a speed, their mean reach
+        mean = evaluations.reach.reshape(-1, draws).mean(axis=1)
+        score = np.where(quantile > 0.0, quantile, mean - 1.0)
+        reach = np.where(quantile > 0.0, 1.0, mean)
+        falls = evaluations.falls.reshape(-1, draws).sum(axis=1)
         if self.limits is not None:  # of the layout without errors
-            exact = Waves.of_batch(batch.simulate(record=True), batch)
-            score, falls = self.limits.lower(score, exact), falls + exact.falls
+            waves = Waves.of_batch(batch.simulate(record=True), batch)
+            score, falls = self.limits.lower(score, waves), falls + waves.falls
         evaluation = Evaluation(score, reach, falls)
         if not gradient:
             return evaluation
-        gaps = placed.spacing.reshape(len(batch), draws, -1)[each, decisive]
-        intended = batch.spacing + drawn_errors[decisive]
-        moved = np.abs(gaps - intended) < 1e-15  # those not at the least gap
-        by = speed_of(replace(batch, spacing=gaps), gradient=True).gradient
-        assert by is not None
-        return evaluation.with_gradient(replace(by, spacing=moved * by.spacing))
+        gaps = layouts.spacing.reshape(len(batch), draws, -1)[indices, decisive]
+        unlimited = batch.spacing + drawn_errors[decisive]
+        is_free = np.abs(gaps - unlimited) < 1e-15  # [m] False for gaps raised to the least gap
+        derivatives = speed.evaluate(replace(batch, spacing=gaps), gradient=True).gradient
+        assert derivatives is not None
+        return evaluation.with_gradient(derivatives._replace(spacing=is_free * derivatives.spacing))
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Return the speed, and the share of the draws that reach it."""
+        """Describe the speed, and the share of the draws that reach it."""
         share = 100.0 * (1.0 - self.settings.quantile)
         return f"{super().in_words(score, wave)} reached by {share:.4g} % of the layouts as placed"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield that the draws do not fit into memory."""
+        """Yield a sentence if the draws do not fit into memory."""
         count, draws = tables.row.count, tables.robust.draws
-        if count * draws > MOST_DRAWN:
+        if count * draws > MOST_DRAWN_DOMINOES:
             yield (
                 f"robust.draws = {draws} of {count} dominoes are {count * draws:,}: draw at most "
-                f"{MOST_DRAWN // count} layouts"
+                f"{MOST_DRAWN_DOMINOES // count} layouts"
             )
 
 
 @lru_cache(8)
-def frozen_errors(deviation: float, draws: int, pairs: int) -> Floats:
+def draw_errors_by_seed(deviation: float, draws: int, pairs: int) -> Floats:
     """Return errors (draws, pairs) [m], those of environments reset with seeds 0 … draws - 1."""
     seeds = range(draws)
     normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
@@ -220,8 +216,8 @@ def frozen_errors(deviation: float, draws: int, pairs: int) -> Floats:
 class MeanOverDraws(Objective):
     """Mean score of another objective, `settings`, over frozen draws of placement noise.
 
-    A search with it finds the best plan that does not react to the errors. The draws are those of
-    environments that are reset with the seeds 0, 1, …
+    A search with it finds the best layout that does not depend on the errors. The draws are those
+    of environments that are reset with the seeds 0, 1, …
 
     Parameters
     ----------
@@ -234,13 +230,10 @@ class MeanOverDraws(Objective):
     deviation: float = field(kw_only=True)
     draws: int = field(kw_only=True)
 
-    def __post_init__(self) -> None:
-        vars(self).update({name: getattr(self.settings, name) for name in DESCRIPTION})
+    draws_errors: ClassVar[bool] = True
 
-    @property
-    def simulates_anew(self) -> bool:
-        """True: the layouts are drawn."""
-        return True
+    def __post_init__(self) -> None:
+        vars(self).update({name: getattr(self.settings, name) for name in SHARED_ATTRIBUTES})
 
     @property
     def simulations_per_score(self) -> int:
@@ -253,30 +246,26 @@ class MeanOverDraws(Objective):
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
         """Simulate all draws of layouts, and average scores and derivatives."""
-        pieces = pieces_of(batch, self.draws)
-        return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
+        pieces = split_batch(batch, self.draws)
+        return Evaluation.concatenate([self._evaluate(piece, gradient) for piece in pieces])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
-        drawn = frozen_errors(self.deviation, self.draws, batch.count - 1)
-        evaluation = self.settings.evaluate(placed_batch(batch, drawn), gradient)
-        by_draw = len(batch), self.draws, -1
-        score = evaluation.score.reshape(by_draw[:2]).mean(axis=1)
-        reach = evaluation.reach.reshape(by_draw[:2]).mean(axis=1)
-        falls = evaluation.falls.reshape(by_draw[:2]).sum(axis=1)
+        """Evaluate layouts whose draws fit into memory."""
+        noise = draw_errors_by_seed(self.deviation, self.draws, batch.count - 1)
+        evaluation = self.settings.evaluate(draw_layouts(batch, noise), gradient)
+        shape = len(batch), self.draws, -1
+        score = evaluation.score.reshape(shape[:2]).mean(axis=1)
+        reach = evaluation.reach.reshape(shape[:2]).mean(axis=1)
+        falls = evaluation.falls.reshape(shape[:2]).sum(axis=1)
         mean = Evaluation(score, np.where(score > 0.0, 1.0, reach), falls)
         if not gradient:
             return mean
-        moved = batch.spacing[:, None, :] + drawn > LEAST_GAP  # not those at the least gap
-        by = evaluation.gradient
-        return mean.with_gradient(
-            ScoreGradient(
-                (moved * by.spacing.reshape(by_draw)).mean(axis=1),
-                by.thickness.reshape(by_draw).mean(axis=1),
-                by.height.reshape(by_draw).mean(axis=1),
-            )
-        )
+        spacing, *others = (part.reshape(shape) for part in evaluation.gradient)
+        is_free = batch.spacing[:, None, :] + noise > LEAST_GAP  # False: raised to the least gap
+        parts = is_free * spacing, *others
+        return mean.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Return the mean score and the deviation of the gaps."""
+        """Describe the mean score, its unit and the number of draws."""
         unit = f" {self.unit}" if self.unit else ""
         return f"mean score {score:.6f}{unit} over {self.draws} draws of placement noise"

@@ -24,30 +24,25 @@ class Speed(Objective):
     rewards_speed: ClassVar[bool] = True
     differentiates_waves: ClassVar[bool] = True
 
-    @property
-    def is_mean_speed(self) -> bool:
-        """True with fixed pivots."""
-        return self.floor_friction is None
-
     def success(self, waves: Waves) -> Floats:
         """Return the mean speeds (B,) [m/s]."""
         return waves.mean_speed
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of v = length / t; the length grows with gaps and thicknesses."""
-        by = waves.gradient
-        assert by is not None
+        time_gradient = waves.gradient
+        assert time_gradient is not None
         time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
         speed = waves.mean_speed[:, None]
-        if by.rise is not None:
+        if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
-            fallen = {name: -speed / time * getattr(by, name) for name in names}
-            gradient = with_length_gradient(replace(by, **fallen), batch, 1.0 / time)
+            fallen = {name: -speed / time * getattr(time_gradient, name) for name in names}
+            gradient = with_length_gradient(replace(time_gradient, **fallen), batch, 1.0 / time)
             return ScoreGradient.of(batch.along_ground(gradient))
         return ScoreGradient(
-            (1.0 - speed * by.spacing) / time,
-            (1.0 - speed * by.thickness[:, 1:]) / time,
-            -speed * by.height[:, 1:] / time,
+            (1.0 - speed * time_gradient.spacing) / time,
+            (1.0 - speed * time_gradient.thickness[:, 1:]) / time,
+            -speed * time_gradient.height[:, 1:] / time,
         )
 
     def in_words(self, score: float, wave: Wave) -> str:
@@ -70,6 +65,6 @@ class Time(Speed):
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield that the length is missing."""
+        """Yield a sentence if the length is missing."""
         if tables.row.length is None:
             yield "row.length is missing: objective = 'time' needs a fixed length"

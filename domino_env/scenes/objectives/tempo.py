@@ -173,7 +173,7 @@ class InTempo(Objective):
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield that the times are of another number of dominoes."""
+        """Yield a sentence if the number of times does not match that of the dominoes."""
         try:
             tables.tempo.schedule(tables.row.count)
         except ValueError as error:

@@ -36,7 +36,7 @@ class Toppled(Objective):
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield that limits do not apply."""
+        """Yield a sentence if there are limits, which do not apply."""
         if tables.limits is not None:
             yield "[limits] apply to waves that complete: leave them out with objective = 'toppled'"
 
@@ -65,6 +65,6 @@ class Magnify(Objective):
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield that the heights are not free."""
+        """Yield a sentence if the heights are not free."""
         if tables.growth is None:
             yield "the table [growth] is missing: objective = 'magnify' needs free heights"

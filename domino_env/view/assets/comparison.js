@@ -9,8 +9,8 @@
   const colour = (k) => css("--c" + (k % 5));
   let now = 0, playing = false, last = null;
 
-  $("who").textContent = data.headline.who;
-  $("why").textContent = data.headline.why;
+  $("winner").textContent = data.headline.winner;
+  $("results").textContent = data.headline.results;
 
   // leader at time t and its lean
   function leader(entry, t) {

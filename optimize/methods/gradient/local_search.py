@@ -179,7 +179,7 @@ class CoarseToFine:
     matrices
         (n, m) matrices from the values of a schedule to a design vector, the coarsest first.
     project
-        As of `LocalSearch`.
+        See `LocalSearch`.
     """
 
     def __init__(
@@ -257,7 +257,7 @@ def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int)
     evaluator
         Evaluator of the problem.
     searches, gradients
-        As of `advance`.
+        See `advance`.
 
     Raises
     ------

@@ -23,6 +23,7 @@ from scipy.sparse import csr_array
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.steady import steady_wave
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import grid
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import CoarseToFine, run_local_searches
 from optimize.methods.starts import interpolation
@@ -52,14 +53,8 @@ def is_long(scene: Scene) -> bool:
     no stock, no growing heights, no uneven ground, no length with gaps from a list.
     """
     listed = scene.spacing_values is not None or scene.thickness_values is not None
-    uneven = scene.ground is not None and not scene.ground.is_even
-    depends_on_count = (
-        scene.stock is not None
-        or scene.growth is not None
-        or uneven
-        or (listed and scene.length is not None)
-    )
-    return scene.count >= LONG and scene.criterion.rewards_speed and not depends_on_count
+    same = scene.is_homogeneous and not (listed and scene.length is not None)
+    return scene.count >= LONG and scene.criterion.rewards_speed and same
 
 
 def best_stretched(
@@ -129,21 +124,22 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
     low, high = np.array([scene.spacing, scene.thickness]).T * scale
     slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
     best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
-    for grid in GRIDS:
+    for sizes in GRIDS:
         axes = [
             np.unique(np.clip(middle + np.linspace(-half, half, number), least, largest))
             for middle, half, number, least, largest in zip(
-                place, room, grid, low, high, strict=True
+                place, room, sizes, low, high, strict=True
             )
         ]
-        for gap, thickness in product(*axes):
-            speed = steady_wave(
-                gap + thickness, thickness, scene.height, scene.physics,
-                density=scene.density, slope=slope, rtol=1e-8,
-            ).speed  # fmt: skip
-            if speed > best:
-                best, place = speed, np.array([gap, thickness])
-        room = 2.0 * room / grid
+        points = grid(axes)
+        gaps, thickness = points.T
+        speeds = steady_wave(
+            gaps + thickness, thickness, scene.height, scene.physics,
+            density=scene.density, slope=slope, rtol=1e-8,
+        ).speed  # fmt: skip
+        if speeds.max() > best:
+            best, place = speeds.max(), points[speeds.argmax()]
+        room = 2.0 * room / sizes
     return (float(place[0]), float(place[1])) if best > 0.0 else None
 
 
@@ -256,7 +252,7 @@ class Stretched(CoarseToFine):
     parts
         Number of free quantities among gaps, thicknesses and heights.
     project
-        As of `CoarseToFine`.
+        See `CoarseToFine`.
     """
 
     def __init__(

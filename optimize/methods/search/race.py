@@ -4,8 +4,8 @@
    its end, which local searches cannot change. Local searches from all of them advance in lockstep,
    as one batch, and every round the worse half is dropped (successive halving).
 2. Perturbations change good layouts. Many are scored, short local searches refine the best few, and
-   those that come near the best continue. Perturbations that gained are drawn more often. Where
-   they gain nothing, layouts with other numbers of tight gaps at the end race as the starts did.
+   those that come near the best continue. Perturbations that gained are drawn more often. If
+   they gain nothing, layouts with other numbers of tight gaps at the end compete like the starts.
 3. Three islands do the same from random starts, each with its own generator and in the same
    batches. The best layout of an island that gains nothing more is an independent estimate of the
    optimum: it migrates to the main search, where it is joined with the best so far, start to end
@@ -16,10 +16,9 @@ after many islands, the second half of the effort gained nothing. Both count eva
 the end does not depend on the machine. Without a limit the evaluator ends the search when as much
 effort again is expected to gain less than the tolerance.
 
-A long layout begins as a stretched shorter one: see `long_layouts`. A free-standing layout is
-searched on the analytic model first: see `two_fidelities`. A schedule is first fitted by least
-squares, as `gauss-newton` does. Where the score has no gradient, on a grid or where all waves stop,
-only perturbations are left.
+A long layout begins as a stretched shorter one. A free-standing layout is searched with the model
+first. A schedule is first fitted by least squares, as `gauss-newton` does. If the score has no
+gradient, on a grid or because all waves stop, only perturbations are left.
 
 References
 ----------

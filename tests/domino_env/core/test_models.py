@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import pytest
 from msgspec import Meta
 
-from domino_env.core.models import Document, Number, Size, Table, model_of
+from domino_env.core.models import Document, Number, Size, Table, read_model
 
 
 @dataclass(frozen=True)
@@ -36,45 +36,42 @@ class Outer(Table):
     label: Annotated[str, Meta(max_length=3)] = ""
 
 
-@pytest.mark.parametrize(
-    ("document", "sentence"),
-    [
-        ([], "this is []: give a table of count, inner, sizes, pair, both, label"),
-        ({}, "count is missing: give a whole number, at least 2"),
-        ({"count": 1}, "count = 1: give a whole number, at least 2"),
-        ({"count": 2, "inner": {"knd": 1}},
-         "unknown key 'inner.knd': did you mean 'kind'? allowed: kind, part, flag"),
-        ({"count": 2, "inner": {"kind": "c"}}, "inner.kind = 'c': choose one of a, b"),
-        ({"count": 2, "inner": {"part": 0}},
-         "inner.part = 0: give a finite number, more than 0, at most 1 (of the whole)"),
-        ({"count": 2, "inner": {"flag": 1}}, "inner.flag = 1: give true or false"),
-        ({"count": 2, "sizes": "x"},
-         "sizes = 'x': give a finite number from 1e-09 to 1e+09 or a list, each a finite number "
-         "from 1e-09 to 1e+09 (of all [m])"),
-        ({"count": 2, "sizes": [1.0, float("nan")]},
-         "sizes[1] = nan: give a finite number from 1e-09 to 1e+09 (of all [m])"),
-        ({"count": 2, "pair": {"low": 2.0, "high": 1.0}},
-         "pair.low = 2.0 is more than high = 1.0"),
-        ({"count": 2, "pair": {"low": 2.0, "high": 99}}, "pair: both are strange"),
-        ({"count": 2, "both": [1.0]}, "both = [1.0]: give a list of 2 numbers"),
-        ({"count": 2, "both": [1.0, float("inf")]}, "both[1] = inf: give a finite number"),
-        ({"count": 2, "both": [1.0, 10**400]}, "both[1] = 1000"),
-        ({"count": 2, "label": "long"}, "label = 'long': give a line of text of at most 3 char"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("document", "sentence"), [
+    ([], "this is []: give a table of count, inner, sizes, pair, both, label"),
+    ({}, "count is missing: give a whole number, at least 2"),
+    ({"count": 1}, "count = 1: give a whole number, at least 2"),
+    ({"count": 2, "inner": {"knd": 1}},
+     "unknown key 'inner.knd': did you mean 'kind'? allowed: kind, part, flag"),
+    ({"count": 2, "inner": {"kind": "c"}}, "inner.kind = 'c': choose one of a, b"),
+    ({"count": 2, "inner": {"part": 0}},
+     "inner.part = 0: give a finite number, more than 0, at most 1 (of the whole)"),
+    ({"count": 2, "inner": {"flag": 1}}, "inner.flag = 1: give true or false"),
+    ({"count": 2, "sizes": "x"},
+     "sizes = 'x': give a finite number from 1e-09 to 1e+09 or a list, each a finite number "
+     "from 1e-09 to 1e+09 (of all [m])"),
+    ({"count": 2, "sizes": [1.0, float("nan")]},
+     "sizes[1] = nan: give a finite number from 1e-09 to 1e+09 (of all [m])"),
+    ({"count": 2, "pair": {"low": 2.0, "high": 1.0}},
+     "pair.low = 2.0 is more than high = 1.0"),
+    ({"count": 2, "pair": {"low": 2.0, "high": 99}}, "pair: both are strange"),
+    ({"count": 2, "both": [1.0]}, "both = [1.0]: give a list of 2 numbers"),
+    ({"count": 2, "both": [1.0, float("inf")]}, "both[1] = inf: give a finite number"),
+    ({"count": 2, "both": [1.0, 10**400]}, "both[1] = 1000"),
+    ({"count": 2, "label": "long"}, "label = 'long': give a line of text of at most 3 char"),
+])  # fmt: skip
 def test_errors_have_their_place(document, sentence):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
-        model_of(Outer, document)
+        read_model(Outer, document)
     assert str(refused.value).startswith(sentence)
 
 
 def test_places_begin_where_the_document_stands():
     with pytest.raises(ValueError, match=r"^run\.inner\.flag = 1: give true or false"):
-        model_of(Outer, {"count": 2, "inner": {"flag": 1}}, "run")
+        read_model(Outer, {"count": 2, "inner": {"flag": 1}}, "run")
 
 
 def test_a_document_may_hold_more_than_is_read_of_it():
     class Few(Document):
         seed: int = 0
 
-    assert model_of(Few, {"seed": 3, "versions": {}}).seed == 3
+    assert read_model(Few, {"seed": 3, "versions": {}}).seed == 3

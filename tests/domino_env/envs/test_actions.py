@@ -36,13 +36,13 @@ def test_derivatives_by_actions_are_those_of_differences(name):
     shape = (1, scene.count - 1, *env.single_action_space.shape)
     for spread in (0.3, 1.0):
         actions = rng.uniform(-spread, spread, shape)
-        bars = rng.normal(size=(*shape[:2], 3))
+        derivatives = rng.normal(size=(*shape[:2], 3))
 
-        def total(changed, bars=bars):
-            return (np.stack(env.place_all(changed), axis=-1) * bars).sum()
+        def total(changed, derivatives=derivatives):
+            return (np.stack(env.place_all(changed), axis=-1) * derivatives).sum()
 
         total(actions)
-        exact = env.place_all_vjp(actions, bars)
+        exact = env.place_all_vjp(actions, derivatives)
         for place in np.ndindex(shape):
             step = np.zeros(shape)
             step[place] = 1e-7

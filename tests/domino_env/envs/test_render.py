@@ -42,7 +42,7 @@ def test_text_shows_the_chain_to_scale():
     chain, line, _ = text.split("\n")
     assert chain.replace(" ", "").count(">") == 1
     assert len(chain.replace(" ", "")) == 21
-    assert "21 of 21 struck" in line
+    assert "21 of 21 hit" in line
     assert "against uniform" in line
 
 

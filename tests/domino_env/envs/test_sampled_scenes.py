@@ -87,6 +87,7 @@ def test_the_number_of_scenes_can_be_limited():
         ("num_scenes = 3: give a whole number from 1 to 2", {"num_scenes": 3, "first_scene": 4094}),
         ("hide = 'frction': did you mean 'friction'", {"hide": ["frction"]}),
         ("hide = 'friction': the scene is fixed", {"hide": "friction", "scene": "sprint"}),
+        ("hide = 3: choose one of friction, ", {"hide": 3}),
         ("first_scene = 1: give a whole number from 0 to 0", {"first_scene": 1, "scene": "sprint"}),
     ):
         with pytest.raises(ValueError, match=words):
@@ -118,14 +119,14 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         (de.load_scene("sprint"), "differs from those of 'small' in more than friction, push"),
         (scene.replace(first_thickness=0.008), "differs from those of 'small'"),
         (long, "has 19 dominoes: at most 18"),
-        ("sprint", "is str: give a Scene"),
+        ("sprint", "scene = 'sprint': give one Scene for all, or a list with one for each of"),
     ):
         with pytest.raises(ValueError, match=words):
             env.reset(options={"scene": other})
     assert env.reset(options={"scene": scene.replace(count=18)})[0] in env.observation_space
     with pytest.raises(ValueError, match="unknown reset option 'scene': choose from layout"):
         DominoChain("sprint").reset(options={"scene": scene})
-    with pytest.raises(ValueError, match="2 scenes to build in: give one for all"):
+    with pytest.raises(ValueError, match="give one Scene for all, or a list with one for each of"):
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
     with pytest.raises(ValueError, match="use DominoChain-v1"):
         DominoLayout(SMALL)
@@ -135,4 +136,4 @@ def test_frames_show_sampled_scenes():
     envs = DominoChainVector(2, SMALL, render_mode="ansi")
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))
-    assert all("2 of 2 struck" in frame for frame in envs.render())
+    assert all("2 of 2 hit" in frame for frame in envs.render())

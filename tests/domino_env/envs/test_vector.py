@@ -135,8 +135,9 @@ def test_reset_takes_layouts_to_start_from():
         np.testing.assert_array_equal(observed, alone)
     both, _ = env.reset(options={"layout": starts[0], "reset_mask": np.array([False, True, False])})
     np.testing.assert_array_equal(both, observations[[0, 0, 2]])
-    with pytest.raises(ValueError, match="2 layouts to start from: give one for all, or one for"):
-        env.reset(options={"layout": starts[:2]})
+    for wrong in (starts[:2], 3, [None, None, "row.csv"]):
+        with pytest.raises(ValueError, match=r"layout = .*: give one Layout for all, or a list"):
+            env.reset(options={"layout": wrong})
     with pytest.raises(ValueError, match=r"the layout to start from: .* the scene allows"):
         env.reset(options={"layout": [None, None, de.Layout([0.03], 0.0075)]})
 
@@ -175,6 +176,8 @@ def test_misuse_is_explained():
     with pytest.raises(ValueError, match="render_mode = 'human': choose None or one of rgb_array"):
         DominoChainVector(2, "sprint", render_mode="human")
     env = DominoChainVector(2, "gentle", autoreset_mode=OFF)
+    with pytest.raises(ValueError, match="env = 2: give a whole number from 0 to 1"):
+        env.bounds_ahead(2)
     for before in ({}, {"reset_mask": np.array([True, False])}):
         if before:
             env.reset(options=before)
@@ -188,7 +191,7 @@ def test_misuse_is_explained():
     ):
         with pytest.raises(ValueError, match=words):
             env.reset(options={"reset_mask": mask})
-    for seed, words in (([1], "1 seeds for 2 env"), ([1, -3], "seed = -3"), (-1, "seed = -1")):
+    for seed, words in (([1], "1 seeds for 2 env"), ([1, -3], "seed = -3"), (1.5, "seed = 1.5")):
         with pytest.raises(ValueError, match=words):
             env.reset(seed=seed)
     ended = np.zeros(2, np.bool_)

@@ -120,8 +120,7 @@ import json, sys
 import numba, numpy as np
 if sys.argv[1] == "plain":
     numba.version_info = (999, 0)
-from domino_env import kernels
-from domino_env.kernels import contact, jit
+from domino_env.kernels import arrays, contact, jit
 from domino_env.kernels.adjoint import contact as backwards
 from domino_env.kernels.contact import contact_at, shape_of, sin_versine
 
@@ -141,7 +140,7 @@ def walk(row, mu, result):
 
 result = np.zeros((5, 7))
 row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
-walk(kernels.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
+walk(arrays.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
 print(json.dumps([result.tolist(), jit._FAST is not None]))
 """
 

@@ -100,21 +100,18 @@ def test_a_slope_is_level_ground_under_turned_gravity(slope):
 # events ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("gaps", "thickness", "push", "frictions", "flushes", "releases"),
-    [
-        pytest.param([*[0.005] * 8, *[0.020] * 5], D, 15.0, (0.25,), 8, 0, id="eight at once"),
-        # contact 0 closes at θ_1 = acos(d/p), where domino 1 strikes if s_1 = √(p² - d²) L/p
-        pytest.param([0.005, H * 0.8, 0.02], D, 18.0, (0.0, 0.25), 1, 0, id="at a hit"),
-        pytest.param(
-            [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], D, 24.0, (0.0, 0.3),
-            0, 2, id="separation from tip and from corner",
-        ),
-        pytest.param(
-            [0.03, 0.002, 0.03, 0.002, 0.03, 0.03], 0.006, 20.0, (0.6,), 1, 0, id="large losses"
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("gaps", "thickness", "push", "frictions", "flushes", "releases"), [
+    pytest.param([*[0.005] * 8, *[0.020] * 5], D, 15.0, (0.25,), 8, 0, id="eight at once"),
+    # contact 0 closes at θ_1 = acos(d/p), where domino 1 strikes if s_1 = √(p² - d²) L/p
+    pytest.param([0.005, H * 0.8, 0.02], D, 18.0, (0.0, 0.25), 1, 0, id="at a hit"),
+    pytest.param(
+        [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], D, 24.0, (0.0, 0.3),
+        0, 2, id="separation from tip and from corner",
+    ),
+    pytest.param(
+        [0.03, 0.002, 0.03, 0.002, 0.03, 0.03], 0.006, 20.0, (0.6,), 1, 0, id="large losses"
+    ),
+])  # fmt: skip
 def test_face_impacts_and_separations(gaps, thickness, push, frictions, flushes, releases):
     for friction in frictions:
         wave = compare(de.Layout(gaps, thickness), de.Physics(friction, push=push))
@@ -164,25 +161,21 @@ def test_on_either_side_of_a_stall(excess, friction):
     assert (wave.outcome is de.Outcome.PROPAGATED) is (excess > 0.0)
 
 
-@pytest.mark.parametrize(
-    ("outcome", "layout", "physics", "hit"),
-    [
-        (  # the third was struck in vain
-            "JAMMED", de.Layout(np.full(6, 0.02), [D, D, 0.05, 0.05, D, D, D]), de.Physics(1.0), 3,
-        ),
-        (  # a face impact that would throw the leader back
-            "JAMMED", de.Layout([0.005, 0.035, 0.03], [0.044, 0.025, 0.0115, 0.045]),
-            de.Physics(0.5, push=25.0), 2,
-        ),
-        ("OUT_OF_REACH", de.Layout([0.02, 0.02, H, 0.02], D), de.Physics(), 3),
-        (  # a heavy, thick domino behind a thick one: the effective inertia falls to nothing
-            "NO_RIGID_ANSWER",
-            de.Layout([0.008, 0.021], [0.068, 0.045, D], density=[2600.0, 1000.0, 1000.0]),
-            de.Physics(1.0, push=40.0), 2,
-        ),
-    ],
-    ids=["jams at a hit", "jams at a face impact", "out of reach", "no rigid answer"],
-)  # fmt: skip
+@pytest.mark.parametrize(("outcome", "layout", "physics", "hit"), [
+    (  # the third was struck in vain
+        "JAMMED", de.Layout(np.full(6, 0.02), [D, D, 0.05, 0.05, D, D, D]), de.Physics(1.0), 3,
+    ),
+    (  # a face impact that would throw the leader back
+        "JAMMED", de.Layout([0.005, 0.035, 0.03], [0.044, 0.025, 0.0115, 0.045]),
+        de.Physics(0.5, push=25.0), 2,
+    ),
+    ("OUT_OF_REACH", de.Layout([0.02, 0.02, H, 0.02], D), de.Physics(), 3),
+    (  # a heavy, thick domino behind a thick one: the effective inertia falls to nothing
+        "NO_RIGID_ANSWER",
+        de.Layout([0.008, 0.021], [0.068, 0.045, D], density=[2600.0, 1000.0, 1000.0]),
+        de.Physics(1.0, push=40.0), 2,
+    ),
+], ids=["jams at a hit", "jams at a face impact", "out of reach", "no rigid answer"])  # fmt: skip
 def test_other_ends(outcome, layout, physics, hit):
     wave = compare(layout, physics, reach=1e-5 if outcome == "NO_RIGID_ANSWER" else 1e-9)
     assert (wave.outcome.name, wave.hit, wave.mean_speed) == (outcome, hit, 0.0)

@@ -240,16 +240,13 @@ def test_a_wave_that_stopped_pulls_back_what_it_reached():
         wave.gradient()
 
 
-@pytest.mark.parametrize(
-    ("count", "saved", "call", "words"),
-    [
-        (5, False, Wave.gradient, r"simulate\(layout, physics, gradient=True\)"),
-        (5, True, lambda wave: wave.gradient("energy"), "of = 'energy': choose one of time, speed"),
-        (5, True, lambda wave: wave.pullback(np.ones(4)), r"shape \(4,\): give one number for"),
-        (5, True, lambda wave: wave.pullback([0, 0, np.nan, 0, 0]), r"arrival_bar\[2\] = nan"),
-        (1, True, Wave.gradient, "a single domino has none"),
-    ],
-)
+@pytest.mark.parametrize(("count", "saved", "call", "words"), [
+    (5, False, Wave.gradient, r"simulate\(layout, physics, gradient=True\)"),
+    (5, True, lambda wave: wave.gradient("energy"), "of = 'energy': choose one of time, speed"),
+    (5, True, lambda wave: wave.pullback(np.ones(4)), r"shape \(4,\): give one number for"),
+    (5, True, lambda wave: wave.pullback([0, 0, np.nan, 0, 0]), r"arrival_bar\[2\] = nan"),
+    (1, True, Wave.gradient, "a single domino has none"),
+])  # fmt: skip
 def test_what_cannot_be_differentiated(count, saved, call, words):
     wave = simulate(Layout.uniform(count, spacing=0.0125), Physics(), gradient=saved)
     with pytest.raises(ValueError, match=words):

@@ -6,17 +6,11 @@ import pytest
 
 import domino_env as de
 from domino_env.core.tables import fill
-from domino_env.rigid.known import (
-    digest,
-    known_table,
-    known_verification,
-    read_verified,
-    write_verified,
-)
+from domino_env.rigid import known
 from optimize.experiments.best_known import best_known
 from optimize.experiments.verification import verify_records
 
-STORED = read_verified()
+STORED = known.read_verified()
 AGAIN = "run: domino best-known --verify --update && python docs/verified.py --stored"
 PAGE = Path(__file__).parents[3] / "docs" / "verified.md"
 
@@ -25,7 +19,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "verified.md"
 def test_every_layout_that_ships_is_verified_as_it_is(name):
     layout, verified = best_known()[name].layout, STORED.get(name)
     assert verified is not None, AGAIN
-    assert verified.digest == digest(layout, de.load_scene(name).physics), AGAIN
+    assert verified.digest == known.digest(layout, de.load_scene(name).physics), AGAIN
     assert verified.count == layout.count
     assert [check.floor for check in verified.floors] == [None, 0.3, 0.5, 1.0]
     assert verified.verdict.startswith("AGREES") or "Why: " in verified.verdict
@@ -36,16 +30,16 @@ def test_every_layout_that_ships_is_verified_as_it_is(name):
 
 def test_the_page_shows_the_stored_verifications():
     page = PAGE.read_text("utf-8")
-    assert fill(page, {"known": known_table(STORED)}) == page, AGAIN
+    assert fill(page, {"known": known.known_table(STORED)}) == page, AGAIN
     with pytest.raises(ValueError, match="no comment <!-- else -->"):
         fill(page, {"else": []})
 
 
 def test_a_layout_is_known_under_its_own_physics_only():
     scene, layout = de.load_scene("sprint"), best_known()["sprint"].layout
-    assert known_verification(layout, scene.physics) == STORED["sprint"]
-    assert known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
-    assert known_verification(scene.uniform().layout, scene.physics) is None
+    assert known.known_verification(layout, scene.physics) == STORED["sprint"]
+    assert known.known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
+    assert known.known_verification(scene.uniform().layout, scene.physics) is None
 
 
 def test_a_verification_repeated_agrees_with_the_stored_one(tmp_path):
@@ -57,5 +51,5 @@ def test_a_verification_repeated_agrees_with_the_stored_one(tmp_path):
         assert check.last == pytest.approx(stored.last, abs=4e-4)  # of both uncertainties
         assert check.score == stored.score
     assert lines == [f"{name}: {verified.verdict}"]
-    write_verified({name: verified}, tmp_path / "v.json")
-    assert read_verified(tmp_path / "v.json") == {name: verified}
+    known.write_verified({name: verified}, tmp_path / "v.json")
+    assert known.read_verified(tmp_path / "v.json") == {name: verified}

@@ -106,24 +106,11 @@ def test_a_wave_that_stops_has_no_speed():
     assert (rigid.hit, rigid.mean_speed, rigid.propagated) == (2, 0.0, False)
     assert "2 of 4" in repr(rigid)
     assert de.simulate_standing(de.Layout([], [0.0075]), PHYSICS).toppled == 1
+    weak = de.simulate_standing(LAYOUTS["uniform"][0], de.Physics(push=1e-6))  # once 21 s
+    assert (weak.hit, weak.toppled, weak.converged) == (1, 0, True)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"floor_friction": -0.1}, "floor_friction = -0.1"),
-        ({"floor_friction": math.nan}, "floor_friction = nan"),
-        ({"rtol": 0.0}, "rtol = 0.0"),
-    ],
-)
-def test_numbers_out_of_range_are_refused(arguments, words):
-    with pytest.raises(ValueError, match=words):
-        de.simulate_standing(random_layout(0, 3), PHYSICS, **arguments)  # type: ignore[arg-type]
-
-
-def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(
-    monkeypatch,
-):
+def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(monkeypatch):
     layout, calls = de.Layout.uniform(20_000, spacing=0.012), iter([False, False, True])
     with pytest.raises(simulation.StoppedError):
         de.simulate_standing(layout, PHYSICS, stop=lambda: next(calls))

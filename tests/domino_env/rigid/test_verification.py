@@ -11,31 +11,23 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.rigid import engine
 from domino_env.rigid.simulation import largest_difference, simulate_standing
-from domino_env.rigid.verification import (
-    Verification,
-    as_document,
-    verification_table,
-    verify,
-)
+from domino_env.rigid.verification import Verification, as_document, verification_table, verify
 from domino_env.scenes.uniform import best_uniform_on
 
 LAYOUT, PHYSICS = de.Layout.uniform(14, pitch=0.024), de.Physics(push=5 * np.pi)
 
 
-@pytest.mark.parametrize(
-    ("late", "uncertainty", "hit", "toppled", "word"),
-    [
-        (5e-4, 0.0, 14, 14, "AGREES"),
-        (2e-3, 0.0, 14, 14, "CLOSE"),
-        (1.8e-3, 9e-4, 14, 14, "AGREES"),  # only differences beyond the uncertainty count
-        (3.5e-3, 9e-4, 14, 14, "CLOSE"),
-        (4e-3, 0.0, 14, 14, "DIFFERS"),
-        (4e-3, 5e-3, 14, 14, "UNDECIDED"),  # the uncertainty is too large
-        (0.0, math.inf, 14, 14, "UNDECIDED"),
-        (0.0, 0.0, 13, 13, "DIFFERS: the wave reaches 14 of 14 dominoes in the model, 13"),
-        (0.0, 0.0, 14, 13, "DIFFERS: every arrival time"),
-    ],
-)
+@pytest.mark.parametrize(("late", "uncertainty", "hit", "toppled", "word"), [
+    (5e-4, 0.0, 14, 14, "AGREES"),
+    (2e-3, 0.0, 14, 14, "CLOSE"),
+    (1.8e-3, 9e-4, 14, 14, "AGREES"),  # only differences beyond the uncertainty count
+    (3.5e-3, 9e-4, 14, 14, "CLOSE"),
+    (4e-3, 0.0, 14, 14, "DIFFERS"),
+    (4e-3, 5e-3, 14, 14, "UNDECIDED"),  # the uncertainty is too large
+    (0.0, math.inf, 14, 14, "UNDECIDED"),
+    (0.0, 0.0, 13, 13, "DIFFERS: the wave reaches 14 of 14 dominoes in the model, 13"),
+    (0.0, 0.0, 14, 13, "DIFFERS: every arrival time"),
+])  # fmt: skip
 def test_only_differences_beyond_the_uncertainty_count(late, uncertainty, hit, toppled, word):
     wave = de.simulate(LAYOUT, PHYSICS)
     times = wave.arrival_times * (1.0 + late)
@@ -109,13 +101,6 @@ def test_removing_dominoes_far_behind_changes_no_arrival_time():
     assert largest_difference(near, whole) < 1e-5
 
 
-def test_arguments_out_of_range_are_refused():
-    with pytest.raises(ValueError, match=r"floor = -0\.3"):
-        verify(LAYOUT, PHYSICS, floors=[-0.3])
-    with pytest.raises(ValueError, match="no wave"):
-        verify(de.Layout([], [0.0075]), PHYSICS)
-
-
 SHORT = de.load_scene("sprint").replace(count=12)
 
 
@@ -135,10 +120,6 @@ def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours():
     baseline = SHORT.uniform().layout
     assert best_uniform_on(SHORT, baseline, None) is baseline
     gap = float(best_uniform_on(SHORT, baseline, 0.3).spacing[0])
-    less, best, more = (
-        simulate_standing(
-            de.Layout.uniform(SHORT.count, spacing=gap + change), SHORT.physics, 0.3
-        ).mean_speed
-        for change in (-0.003, 0.0, 0.003)
-    )
+    layouts = [de.Layout.uniform(SHORT.count, spacing=gap + x) for x in (-0.003, 0.0, 0.003)]
+    less, best, more = (simulate_standing(x, SHORT.physics, 0.3).mean_speed for x in layouts)
     assert best > max(less, more)

@@ -38,12 +38,13 @@ def test_stored_scenes_keep_the_schema_and_are_those_sampled_now(name):
         assert out_of_range(drawn_from, scene) == 0
     assert scenes[0].uniform().score > 0.0
     if name != "varied-beyond":
-        assert not np.isnan(ScenePool(drawn_from).uniform_scores).any()
         i = 40  # the files hold what is sampled now
         stored, anew = ScenePool(drawn_from), ScenePool(drawn_from)
-        anew.uniform_scores[i] = np.nan
-        assert anew.scene(i) == stored.scene(i)
-        assert anew.uniform_scores[i] == pytest.approx(stored.uniform_scores[i], rel=1e-9)
+        assert not np.isnan(stored.points).any()
+        anew.points[i] = np.nan
+        again, scene = anew.scene(i), stored.scene(i)
+        assert again == scene
+        assert again.uniform().score == pytest.approx(scene.uniform().score, rel=1e-9)
 
 
 def test_every_number_of_the_set_beyond_is_out_of_range():
@@ -101,12 +102,12 @@ def test_numbers_of_a_scene_are_those_it_was_made_of():
     ("old", "new", "words"),
     [
         ("min = 0.0, max = 0.4", "min = 0.5, max = 0.4", "physics.friction.min = 0.5 is more"),
-        ("min = 0.5,", "min = 0.0,", 'spread = "log" needs more than 0'),
-        ("min_ratio = 2", "min_ratio = 5", "5.0 times it is beyond spacing.max = 0.9"),
+        ("min = 0.5,", "min = 0.0,", 'give more than 0 for spread = "log"'),
+        ("min_ratio = 2", "min_ratio = 5", "spacing.max = 0.9: give at least min_ratio = 5"),
         ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
-        ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': only of"),
+        ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': allowed"),
         ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
-        ("0.012}", '0.012, min_ratio = 1, of = "height"}', "min and max must be"),
+        ("0.012}", '0.012, min_ratio = 1, of = "height"}', "give `of` in both min and max"),
     ],
 )
 def test_invalid_ranges_are_rejected(old, new, words):

@@ -40,7 +40,7 @@ GROWING = {
 }
 BOX = {"thickness": None, "stock": "thickness = [0.005, 0.0075]\ncount = [4, 4]"}
 BAD = [
-    ({"spacing": "values = [0.01, 0.01]"}, "spacing.values holds 0.01 and 0.01"),
+    ({"spacing": "values = [0.01, 0.01]"}, "spacing.values has 0.01 and 0.01"),
     ({"spacing": 'min = 0.05\nmax = 0.9\nof = "height"'}, 'spacing.of = "height" but thickness'),
     ({"growth": "max = 1.6"}, "[growth] needs spacing and thickness in heights"),
     (GROWING | {"row": "count = 8\nlength = 1.0\nfirst_thickness = 0.0075"},
@@ -80,6 +80,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("tables", "words"), BAD, ids=[words[:40] for _, words in BAD])
+@pytest.mark.filterwarnings("ignore:profile spans")
 def test_a_bad_scene_names_the_place(tables, words):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         read(**tables)
@@ -130,7 +131,11 @@ def test_a_scene_made_in_python_is_checked_as_its_file(changes, words):
         de.load_scene("sprint").replace(**changes)
 
 
-def test_a_scene_in_millimetres_gives_a_hint():
-    words = "asked.toml: the dominoes are 48 m tall: lengths are in metres"
-    with pytest.warns(Advice, match=words):
-        read(row="count = 8\nheight = 48.0\nfirst_thickness = 7.5", spacing="min = 4\nmax = 30")
+@pytest.mark.parametrize(("tables", "words"), [
+    ({"row": "count = 8\nheight = 48.0\nfirst_thickness = 7.5", "spacing": "min = 4\nmax = 30"},
+     "the dominoes are 48 m tall"),
+    ({"spacing": "min = 0.002\nmax = 30"}, "a gap is 30 m wide, and the dominoes are 0.048 m tall"),
+])  # fmt: skip
+def test_a_scene_in_millimetres_gives_a_hint(tables, words):
+    with pytest.warns(Advice, match=f"asked.toml: {words}: lengths are in metres"):
+        read(**tables)

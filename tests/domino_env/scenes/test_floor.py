@@ -4,7 +4,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.scenes import uniform
-from domino_env.scenes.objectives.robust import errors, placed
+from domino_env.scenes.objectives.robust import add_errors, draw_errors
 from optimize import search
 
 SMALL = de.load_scene("table").replace(count=5, floor_friction=0.3, spacing=(0.01, 0.025))
@@ -34,7 +34,7 @@ def test_a_failure_scores_by_how_far_it_topples():
 def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
     scene = SMALL.replace(objective="robust", settings=placement)
-    drawn = placed(GAPS[:1], errors(placement, GAPS.shape[1]))
+    drawn = add_errors(GAPS[:1], draw_errors(placement, GAPS.shape[1]))
     speeds = np.sort(SMALL.evaluate(SMALL.batch(drawn)).score)
     evaluation = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
     assert evaluation.score == speeds[1] == scene.score(scene.layout(GAPS[0]))

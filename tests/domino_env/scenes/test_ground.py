@@ -8,7 +8,7 @@ import pytest
 import domino_env as de
 from domino_env.physics import footing
 from domino_env.scenes.io.reading import read_layout
-from domino_env.scenes.objectives.robust import errors, placed_batch
+from domino_env.scenes.objectives.robust import draw_errors, draw_layouts
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
 UNEVEN = de.Ground(profile=POINTS)
@@ -115,7 +115,7 @@ def test_all_layouts_within_accepted_bounds_can_stand(seed):
 def test_waves_stop_where_placement_noise_makes_dominoes_lean():
     wild = FREE.replace(objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
     gaps, thick = random_sizes(2)
-    placed = placed_batch(wild.batch(gaps, thick), errors(wild.settings, gaps.shape[1]))
+    placed = draw_layouts(wild.batch(gaps, thick), draw_errors(wild.settings, gaps.shape[1]))
     placed = replace(placed, ground=UNEVEN)
     arrays = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
     assert footing.impassable(*arrays).any()

@@ -88,13 +88,10 @@ def test_every_solver_is_measured_and_finer_is_better():
     assert len(list(accuracy.measure([SIX], seconds=1e-9))) == len(accuracy.SOLVERS)
 
 
-@pytest.mark.parametrize(
-    ("options", "summary", "table", "lines"),
-    [
-        ("--seconds 0.02", "classic: seconds to an error", "accuracy", 20),
-        ("--stability", "edge cases: none with a fault", "stability", 200),
-    ],
-)
+@pytest.mark.parametrize(("options", "summary", "table", "lines"), [
+    ("--seconds 0.02", "classic: seconds to an error", "accuracy", 20),
+    ("--stability", "edge cases: none with a fault", "stability", 200),
+])  # fmt: skip
 def test_domino_accuracy_writes(options, summary, table, lines, tmp_path, capsys):
     assert main(["accuracy", *options.split(), "--quick", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr()

@@ -5,13 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from domino_env.validation.chapman import (
-    FIGURES,
-    angular_velocities,
-    draw,
-    frequencies,
-    markdown,
-)
+from domino_env.validation.chapman import FIGURES, angular_velocities, draw, frequencies, markdown
 
 
 def test_the_tables_are_those_of_the_independent_solution():

@@ -10,14 +10,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.validation.measured import (
-    compare,
-    fit,
-    model_value,
-    sliding_feet,
-    uneven_gaps,
-    validate,
-)
+from domino_env.validation import measured
 from domino_env.validation.measured_page import markdown
 from domino_env.validation.source import Chain, Source, read_source, shipped_sources
 
@@ -29,7 +22,7 @@ def synthetic(source: Source, friction: float, factor: float = 1.0) -> Source:
     """Return a source with the values of the model."""
     chains = []
     for chain in source.chains:
-        value = factor * model_value(source.quantity, source.setting, chain.x, friction)
+        value = factor * measured.model_value(source.quantity, source.setting, chain.x, friction)
         chains.append(Chain(chain.x, value, chain.uncertainty, chain.floor))
     return msgspec.structs.replace(source, chains=tuple(chains))
 
@@ -42,7 +35,7 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(
     for chain in source.chains:  # no measurement is better than a tenth of a per cent
         assert 1e-3 < chain.uncertainty / chain.value < 0.5
         assert 0.3 < source.setting.speed(source.quantity, chain.x, chain.value) < 2.0
-    comparison = compare(synthetic(source, 0.13), source.setting)
+    comparison = measured.compare(synthetic(source, 0.13), source.setting)
     assert comparison.friction == pytest.approx(0.13, abs=1e-5)
     assert comparison.holds
     assert comparison.chi_square < 1e-6
@@ -51,8 +44,8 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(
 
 
 def test_friction_is_found_from_frequencies():
-    pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
-    fitted = de.fit_friction(pitches, measured, gravity=9.8)
+    pitches, hits = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
+    fitted = de.fit_friction(pitches, hits, gravity=9.8)
     assert fitted.friction == pytest.approx(0.178, abs=1e-3)
     assert fitted.uncertainty == pytest.approx(0.016, abs=1e-3)
     for pitch, value in zip(pitches, fitted.model, strict=True):
@@ -69,17 +62,17 @@ def test_fits_weigh_values_by_their_uncertainty():
         return friction * np.array([1.0, 2.0])
 
     values, sigmas = np.array([0.3, 0.8]), np.array([0.1, 0.4])
-    best, error = fit(model, values, sigmas)
+    best, error = measured.fit(model, values, sigmas)
     assert best == pytest.approx((0.3 / 0.01 + 2 * 0.8 / 0.16) / (1 / 0.01 + 4 / 0.16), abs=1e-6)
     assert error == pytest.approx(1.0 / math.sqrt(1 / 0.01 + 4 / 0.16), rel=1e-6)
-    assert fit(model, values, sigmas, sigmas > 0.1)[0] == pytest.approx(0.4, abs=1e-5)
-    assert fit(model, -values, sigmas)[0] == 0.0
-    assert fit(lambda f: np.array([math.inf]), values[:1], sigmas[:1])[1] == math.inf
+    assert measured.fit(model, values, sigmas, sigmas > 0.1)[0] == pytest.approx(0.4, abs=1e-5)
+    assert measured.fit(model, -values, sigmas)[0] == 0.0
+    assert measured.fit(lambda f: np.array([math.inf]), values[:1], sigmas[:1])[1] == math.inf
 
 
 def test_the_uncertainty_of_a_spacing_counts():
     source = SOURCES["chapman"]
-    comparison = compare(source, source.setting)
+    comparison = measured.compare(source, source.setting)
     physics = de.Physics(comparison.friction, 9.8)
     low, high = (de.steady_wave(p, 0.0075, physics=physics).frequency for p in (0.0158, 0.0162))
     assert comparison.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
@@ -87,25 +80,25 @@ def test_the_uncertainty_of_a_spacing_counts():
 
 def test_the_reasons_name_the_evidence():
     toronto, chapman = SOURCES["toronto"], SOURCES["chapman"]
-    right = validate(synthetic(toronto, 0.2), {})
+    right = measured.validate(synthetic(toronto, 0.2), {})
     assert (right.explained, right.reasons) == (True, ())
-    fast = validate(synthetic(toronto, 0.0, 1.2), {})
+    fast = measured.validate(synthetic(toronto, 0.0, 1.2), {})
     assert (fast.explained, fast.main.friction) == (False, 0.0)
     assert "faster-than-frictionless" in fast.reasons
-    slow = validate(toronto, {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
+    slow = measured.validate(toronto, {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
     assert "friction-falls-with-gap" in slow.reasons
     assert "helped-by: none" not in slow.reasons
-    rough = validate(
+    rough = measured.validate(
         msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction), {}
     )
     assert (rough.explained, rough.reasons) == (False, ("friction-disagrees",))
     # where a source takes its spacings as exact, the reason names an uncertainty that explains it
     setting = msgspec.structs.replace(chapman.setting, x_uncertainty=0.0)
-    exact = validate(msgspec.structs.replace(chapman, setting=setting), {})
+    exact = measured.validate(msgspec.structs.replace(chapman, setting=setting), {})
     code = "explained-in-another-reading: spacings uncertain by 0.2 mm"
     assert (exact.explained, exact.reasons) == (False, (code,))
     # McLachlan's abscissa is the gap rather than the pitch
-    mclachlan = validate(SOURCES["mclachlan"], {})
+    mclachlan = measured.validate(SOURCES["mclachlan"], {})
     (pitch,) = (r for r in mclachlan.readings if r.setting.x_is == "pitch")
     assert mclachlan.main.setting.x_is == "gap"
     assert mclachlan.main.chi_square < pitch.chi_square
@@ -113,19 +106,19 @@ def test_the_reasons_name_the_evidence():
 
 def test_effects_are_as_large_as_simulated_layouts_have_them():
     setting = SOURCES["toronto"].setting
-    assert uneven_gaps(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
-    narrow = [uneven_gaps(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
+    assert measured.uneven_gaps(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
+    narrow = [measured.uneven_gaps(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
     assert 1.0 > narrow[0] > narrow[1] > 0.9
-    assert narrow[1] < uneven_gaps(0.02, setting, 0.03, 0.2) < 1.001
+    assert narrow[1] < measured.uneven_gaps(0.02, setting, 0.03, 0.2) < 1.001
     setting = SOURCES["camera"].setting
-    assert sliding_feet(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
-    assert sliding_feet(0.3, setting, 0.017, 0.05) > 1.02
-    assert sliding_feet(1.0, setting, 0.0508, 0.05) < 0.9
+    assert measured.sliding_feet(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
+    assert measured.sliding_feet(0.3, setting, 0.017, 0.05) > 1.02
+    assert measured.sliding_feet(1.0, setting, 0.0508, 0.05) < 0.9
 
 
 def test_the_page_shows_the_results_of_the_command():
     text = (ROOT / "docs" / "measured-sources.md").read_text("utf-8")
-    lines = markdown([validate(SOURCES["walker"])])
+    lines = markdown([measured.validate(SOURCES["walker"])])
     assert "\n".join(lines[lines.index("## walker") :]) in text
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 

@@ -39,7 +39,7 @@ def test_every_result_has_one_line_with_its_main_numbers(results):
         "48 mm high)"
     )
     assert f"{WAVE.mean_speed:.6g} m/s" in repr(WAVE)
-    assert repr(DEAD) == "Wave(stalled: 1 of 30 dominoes were struck, 0 toppled)"
+    assert repr(DEAD) == "Wave(stalled: 1 of 30 dominoes were hit, 0 toppled)"
     assert "500 waves: 500 propagated" in repr(results["batch"])
     assert f"{-results['result'].gain:.2%} below uniform" in repr(results["result"])
     assert (str(DEAD.outcome), f"{DEAD.outcome}", DEAD.outcome) == ("STALLED", "STALLED", 1)
@@ -71,6 +71,8 @@ def test_plot_draws_into_given_axes(results, name, curves, label):
     assert axes.get_ylabel().removesuffix(" (log.)") == label
     assert len([line for line in axes.get_lines() if line.get_linestyle() == "-"]) == curves
     assert not other.has_data()
+    with pytest.raises(ValueError, match="ax = 3: give Matplotlib axes"):
+        results[name].plot(ax=3)
 
 
 @pytest.mark.parametrize("name", ["layout", "wave", "result"])

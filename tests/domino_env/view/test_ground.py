@@ -7,7 +7,7 @@ from uneven_layouts import uneven_layout
 import domino_env as de
 from domino_env.physics.motion import outlines, stack_leans
 from domino_env.view.drawing import PAPER, Scale, strip
-from domino_env.view.ground import ground_line, places_along, relief
+from domino_env.view.ground import ground_line, positions_along, relief
 
 LAYOUT = uneven_layout(3, 12)
 
@@ -38,9 +38,9 @@ def test_places_are_counted_along_the_ground():
     layout, radius, step = wheel(), 0.35, 0.06
     half = np.arcsin(0.5 * 0.0075 / radius)
     arcs = radius * (step - 2.0 * half) + 0.0075
-    np.testing.assert_allclose(np.diff(places_along(layout)), arcs, rtol=1e-4)
+    np.testing.assert_allclose(np.diff(positions_along(layout)), arcs, rtol=1e-4)
     slope = de.Layout.uniform(9, pitch=0.02, slope=0.1)
-    np.testing.assert_allclose(places_along(slope), 0.02 * np.arange(9), atol=1e-15)
+    np.testing.assert_allclose(positions_along(slope), 0.02 * np.arange(9), atol=1e-15)
 
 
 @pytest.mark.parametrize("layout", [LAYOUT, wheel()], ids=["uneven", "wheel"])
@@ -75,7 +75,7 @@ def test_a_figure_stands_on_its_line():
 def test_the_line_follows_the_ground_ahead_of_a_layout():
     ground = de.load_scene("hills").ground
     layout = ground.layout([0.012] * 9, [0.0075] * 10)
-    x, z = ground_line(layout, after=0.5, ground=ground).T
+    x, z = ground_line(layout, ahead=0.5, ground=ground).T
     ahead = x > layout.pivots[-1, 0]
     assert ahead.sum() > 100
     assert np.ptp(z[ahead]) > 0.01

@@ -73,10 +73,3 @@ def test_a_template_has_title_push_and_time_of_its_scene(tmp_path, output_of):
     assert f"after {wave.arrival_times[-1]:.3f} s" in sentence
     stops = _advice(strips(wave.layout), wave.layout, de.Physics(push=2.0))[-1]
     assert "the wave stops" in stops
-
-
-def test_unknown_paper_and_giants_are_refused():
-    with pytest.raises(ValueError, match="choose one of a4, letter"):
-        strips(LAYOUT, "b5")
-    with pytest.raises(ValueError, match="wider than a4"):
-        strips(de.Layout([0.1], 0.1, height=1.0, width=0.5))

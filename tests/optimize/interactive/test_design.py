@@ -100,6 +100,13 @@ def test_a_scene_that_cannot_be_changes_nothing() -> None:
     with pytest.raises(ValueError, match="length"):
         design.change(length=9.0)
     assert (design.scene, design.layout) == before
+    for wrong, message in (
+        ((THICKNESS, 5, 0.01), "part = 'thickness': choose one of spacing"),
+        ((SPACING, 39, 0.01), "index = 39: give a whole number from 0 to 38"),
+        ((SPACING, 5, float("nan")), "value = nan m: give a finite number"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            design.drag(*wrong)
     with pytest.raises(ValueError, match="leaves nothing free"):
         design.change(spacing=(0.02, 0.02))
     with pytest.raises(ValueError, match="40 dominoes, and the scene 20"):
@@ -138,25 +145,26 @@ def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
     monkeypatch.setattr("optimize.interactive.jobs.FRAME", 0.0)
     monkeypatch.setattr("optimize.interactive.jobs.STEP", 0.0)
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
-    design, shown = Design(scene), list[float]()
-    layout, words = find(
-        scene, improvement(design.layout), threading.Event(),
-        lambda one, _: shown.append(scene.score(one)),
-    )  # fmt: skip
+    design, scores = Design(scene), list[float]()
+
+    def show(layout: de.Layout, _: float) -> None:
+        scores.append(scene.score(layout))
+
+    layout, words = find(scene, improvement(design.layout), threading.Event(), show)
     assert scene.violations(layout) == []
-    assert scene.score(layout) == pytest.approx(max(shown), rel=1e-9)
-    assert shown == sorted(shown)
-    assert (max(shown) > design.score * 1.001) == (kind != "list")
+    assert scene.score(layout) == pytest.approx(max(scores), rel=1e-9)
+    assert scores == sorted(scores)
+    assert (max(scores) > design.score * 1.001) == (kind != "list")
     assert ("Search" in words) == (kind == "list")
 
 
 def test_a_search_that_is_stopped_returns_its_best() -> None:
-    stopped, shown = threading.Event(), list[de.Layout]()
+    stopped, layouts = threading.Event(), list[de.Layout]()
 
     def show(layout: de.Layout, _: float) -> None:
-        shown.append(layout)
+        layouts.append(layout)
         stopped.set()
 
     layout, words = find(SPRINT, "auto", stopped, show)
     assert "stopped" in words
-    assert SPRINT.score(layout) >= SPRINT.score(shown[0]) - 1e-6
+    assert SPRINT.score(layout) >= SPRINT.score(layouts[0]) - 1e-6

@@ -14,14 +14,6 @@ import pytest
 import domino_env as de
 from optimize.interactive import exchange
 from optimize.interactive.design import SPACING, Design
-from optimize.interactive.exchange import (
-    exports,
-    file_of,
-    link_of,
-    of_link,
-    open_design,
-    receive,
-)
 
 SPRINT = de.load_scene("sprint")
 
@@ -35,8 +27,8 @@ def design() -> Design:
 
 
 def sent(design: Design, name: str) -> bytes:
-    ending, write = exports(design)[name]
-    return file_of(write, f"row{ending}").read()
+    ending, write = exchange.exports(design)[name]
+    return exchange.make_file(write, f"row{ending}").read()
 
 
 @pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
@@ -44,10 +36,12 @@ def test_files_and_links_bring_back_the_same_design(name: str) -> None:
     design = Design(de.load_scene(name))
     other = Design(SPRINT)
     files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
-    assert receive(other, files) == "opened row.toml, row.csv"
-    linked = of_link(parse_qs(link_of(design)[1:])["design"][0])
-    for one in (other, linked, open_design(f"http://localhost:1/{link_of(design)}")):
-        assert (one.scene, one.layout, one.score) == (design.scene, design.layout, design.score)
+    assert exchange.receive(other, files) == "opened row.toml, row.csv"
+    link = exchange.make_link(design)
+    linked = exchange.read_link(parse_qs(link[1:])["design"][0])
+    expected = design.scene, design.layout, design.score
+    for found in (other, linked, exchange.open_design(f"http://localhost:1/{link}")):
+        assert (found.scene, found.layout, found.score) == expected
 
 
 def test_pages_and_templates_are_those_of_the_commands(design: Design) -> None:
@@ -63,20 +57,20 @@ def test_a_layout_is_opened_with_its_own_scene_or_one_that_fits(
     run = tmp_path / "run"
     run.mkdir()
     design.layout.to_csv(run / "layout.csv")
-    alone = open_design(run)
+    alone = exchange.open_design(run)
     assert (alone.layout, alone.scene.name) == (design.layout, "own")
     (run / "scene.toml").write_text(SPRINT.to_toml())
     for source in (run, run / "layout.csv"):
-        assert open_design(source).scene == SPRINT
+        assert exchange.open_design(source).scene == SPRINT
     wide = de.Layout(np.linspace(0.001, 0.045, 11), 0.008)
-    words = receive(design, {"wide.csv": file_of(wide.to_csv, "a.csv").read()})
+    words = exchange.receive(design, {"wide.csv": exchange.make_file(wide.to_csv, "a.csv").read()})
     assert "it is no layout of scene 'sprint': the layout has 12 dominoes" in words
     assert design.scene.spacing == (0.001, 0.045)
     assert design.layout == wide
     with pytest.raises(ValueError, match="there is no scene 'sprnt': did you mean 'sprint'"):
-        open_design("sprnt")
+        exchange.open_design("sprnt")
     with pytest.raises(ValueError, match=r"allows 0\.04 m"):
-        open_design(de.Layout([0.02], 0.008, [0.04, 0.05]))
+        exchange.open_design(de.Layout([0.02], 0.008, [0.04, 0.05]))
 
 
 WRONG = {
@@ -95,10 +89,10 @@ def test_a_wrong_file_gets_the_sentence_of_the_command_line(
     path = tmp_path / name
     path.write_bytes(WRONG[name])
     with pytest.raises(ValueError, match=name) as expected:
-        open_design(path)
+        exchange.open_design(path)
     before = design.layout
     with pytest.raises(ValueError, match=name) as error:
-        receive(design, {name: WRONG[name]})
+        exchange.receive(design, {name: WRONG[name]})
     ours, theirs = (str(e.value).replace(f"{tmp_path}/", "") for e in (error, expected))
     assert ours == theirs
     assert design.layout is before
@@ -115,7 +109,7 @@ def test_a_wrong_file_gets_the_sentence_of_the_command_line(
 ])  # fmt: skip
 def test_other_uploads_are_refused(design: Design, files: dict[str, bytes], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        receive(design, files)
+        exchange.receive(design, files)
 
 
 def packed(data: bytes) -> str:
@@ -128,4 +122,4 @@ def packed(data: bytes) -> str:
 ])  # fmt: skip
 def test_a_damaged_link_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="the design in the link: "):
-        of_link(text)
+        exchange.read_link(text)

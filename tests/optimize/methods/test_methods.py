@@ -16,7 +16,6 @@ ENDLESS = [name for name in METHODS if name != "uniform"]  # they go on until th
 
 every_method = pytest.mark.parametrize("method", METHODS)
 endless_method = pytest.mark.parametrize("method", ENDLESS)
-every_scene = pytest.mark.parametrize("name", SCENES)
 
 
 @pytest.fixture
@@ -35,7 +34,7 @@ def simulated(monkeypatch) -> list[tuple[de.Layout, float]]:
 
 
 @every_method
-@every_scene
+@pytest.mark.parametrize("name", SCENES)
 def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated, method, name):
     scene = scenes[name]
     scene.uniform()
