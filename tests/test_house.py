@@ -1,4 +1,4 @@
-"""Imports, public names, the installed wheel, requirements and the Makefile."""
+"""Imports, public names, the installed wheel and requirements."""
 
 import os
 import re
@@ -146,28 +146,3 @@ def test_everything_is_compiled_through_one_decorator():
     plain = re.compile(r"\bn?jit\(|@\S*\bn?jit\b(?!\.)|import n?jit\b|\bcache=True")
     places = {str(path.relative_to(ROOT)) for path in sources if plain.search(path.read_text())}
     assert all(place.startswith("domino_env/kernels/jit/") for place in places), places
-
-
-# make -------------------------------------------------------------------------------------------
-
-
-def test_make_does_nothing_twice(tmp_path):
-    venv = tmp_path / "venv"
-    (venv / "bin").mkdir(parents=True)
-    (venv / "bin" / "python").touch()
-    plan = ["make", "--no-print-directory", "--dry-run", f"VENV={venv}"]
-    assert "install" in output_of(*plan, "run")
-    (venv / ".core").touch()
-    assert "install" not in output_of(*plan, "run")
-    assert "[dev," in output_of(*plan, "test")
-    assert "setuptools" not in output_of(*plan, "test")  # what `run` installed stays
-    (venv / ".dev").touch()
-    words = output_of(*plan, "test").split()
-    assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
-
-
-def test_the_version_stands_in_the_citation_and_the_changelog():
-    cited = (ROOT / "CITATION.cff").read_text("utf-8")
-    assert f"\nversion: {domino_env.__version__}\n" in cited
-    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
-    assert f"\n## {domino_env.__version__}\n" in changes

@@ -9,12 +9,9 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from domino_env.cli.main import main
-from domino_env.core.results import versions
 from optimize import executors, search
 from optimize.executors import ExecutorLost, ProcessExecutor, WorkerLost, open_executor
 from optimize.experiments.runner import run_experiment
@@ -206,17 +203,3 @@ def test_the_message_names_the_missing_extra(monkeypatch):
         pass
     with pytest.raises(ImportError, match=r'"domino-chains\[peers\]"'):
         registry.load("tpe")
-
-
-def test_workers_with_other_versions_are_rejected():
-    client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
-    with pytest.raises(ValueError, match=r"tcp://worker has .*'numba': '0\.1'.*, and here it is"):
-        executors.require_same_versions(client, "tcp://here")
-
-
-def test_an_executor_that_does_not_open_leaves_no_study(tmp_path, monkeypatch):
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 0.2)
-    monkeypatch.chdir(tmp_path)
-    assert main(["compare", "sprint", "--dask", "tcp://127.0.0.1:9", "--budget", "9"]) == 2
-    assert not (tmp_path / "runs").exists()

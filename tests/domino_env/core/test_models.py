@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import pytest
 from msgspec import Meta
 
-from domino_env.core.models import Document, Number, Size, Table, read_model
+from domino_env.core.models import Number, Size, Table, read_model
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,3 @@ def test_errors_have_their_place(document, sentence):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         read_model(Outer, document)
     assert str(refused.value).startswith(sentence)
-
-
-def test_places_begin_where_the_document_stands():
-    with pytest.raises(ValueError, match=r"^run\.inner\.flag = 1: give true or false"):
-        read_model(Outer, {"count": 2, "inner": {"flag": 1}}, "run")
-
-
-def test_a_document_may_hold_more_than_is_read_of_it():
-    class Few(Document):
-        seed: int = 0
-
-    assert read_model(Few, {"seed": 3, "versions": {}}).seed == 3

@@ -51,11 +51,6 @@ def test_one_number_serves_all_dominoes():
     assert (alone.count, alone.length) == (1, 0.0)
 
 
-def test_uniform_by_pitch_and_by_gap():
-    by_pitch, by_gap = (Layout.uniform(5, **one) for one in ({"pitch": 0.024}, {"spacing": 0.0165}))
-    assert by_pitch.spacing == pytest.approx(by_gap.spacing)
-
-
 @pytest.mark.parametrize(
     "duplicate",
     [lambda x: x, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)), dataclasses.replace],
@@ -226,9 +221,3 @@ def test_lengths_of_another_unit_get_a_warning(tmp_path, table, words):
     (tmp_path / "layout.csv").write_text(table)
     with pytest.warns(Advice, match=rf"layout\.csv: {words}.*: lengths are in metres"):
         Layout.read(tmp_path / "layout.csv")
-
-
-def test_only_csv_and_json_are_read(tmp_path):
-    (tmp_path / "layout.xlsx").touch()
-    with pytest.raises(ValueError, match=r"layout\.xlsx: it is not a layout: a layout is"):
-        Layout.read(tmp_path / "layout.xlsx")

@@ -99,14 +99,6 @@ def test_millimetres_are_hinted_at():
     assert "lengths are in metres" not in de.simulate(de.Layout([0.02, 0.05], 0.0075)).explanation
 
 
-def test_a_wave_that_stops_says_where_and_what_to_do():
-    wave = de.simulate(de.Layout.uniform(30, spacing=0.004), de.Physics(push=3.0))
-    assert wave.outcome is de.Outcome.STALLED
-    assert 0.0 < wave.reach < 1.0
-    assert f"leading domino {wave.hit - 1};" in wave.explanation
-    assert "push harder" in wave.explanation
-
-
 # steady waves ------------------------------------------------------------------------------------
 
 RNG = np.random.default_rng(0)

@@ -15,7 +15,6 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate_batch
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation import accuracy
-from domino_env.validation.accuracy import Measurement, time_to_reach
 from domino_env.validation.edge_cases import EdgeCase
 
 
@@ -64,13 +63,6 @@ def test_the_error_is_the_largest_over_the_dominoes_hit():
     exact = np.array([0.0, 1.0, 2.0, np.inf])
     assert largest_difference(np.array([0.0, 1.01, 2.04, np.inf]), exact) == pytest.approx(0.02)
     assert largest_difference(np.array([0.0, 1.0, 2.0, 3.0]), exact) == math.inf
-
-
-def test_the_run_time_to_an_error_is_that_of_the_fastest_run():
-    pairs = [(1.0, 1e-2), (2.0, 1e-4), (3.0, 1e-5), (0.5, math.inf)]
-    runs = [Measurement("", "rk4", 1e-3, error, math.nan, seconds) for seconds, error in pairs]
-    seconds = [time_to_reach(runs, level) for level in (1e-2, 1e-3, 1e-5, 1e-6)]
-    assert seconds == pytest.approx([1.0, 2.0, 3.0, math.nan], nan_ok=True)
 
 
 SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())
