@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 from sampled_scenes import small_scenes
 
 import domino_env as de
-from agents.rollout import completed
+from agents.rollout import complete_layout
 from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 KINDS = (DominoChain, DominoLayout)
@@ -68,7 +68,7 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
             assert wave.outcome != de.Outcome.PROPAGATED
             others = scene.criterion.simulates_anew, scene.growth, scene.ground
             if others == (False, None, None):
-                longer = scene.simulate(completed(layout, scene), 1e-6)
+                longer = scene.simulate(complete_layout(layout, scene), 1e-6)
                 assert score == pytest.approx(placed.score(longer), abs=1e-9)
         else:
             assert scene.placement_deviation or scene.violations(layout) == []
