@@ -20,7 +20,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.core.plot_style import png
-from domino_env.core.tables import fill, markdown_table
+from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
 from domino_env.scenes.shipping import scene_schema
 from domino_env.view.figures import draw_with_uniform
@@ -124,7 +124,7 @@ def filled_pages() -> dict[Path, str]:
         "docs/reference.md": {package: name_table(package) for package in PACKAGES},
     }
     pages = {ROOT / page: parts for page, parts in tables.items()}
-    return {path: fill(path.read_text("utf-8"), parts) for path, parts in pages.items()}
+    return {path: fill_tables(path.read_text("utf-8"), parts) for path, parts in pages.items()}
 
 
 @cache

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.core.files import write_text
-from domino_env.core.tables import fill, markdown_table
+from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.threads import allowed_threads
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, simulate
@@ -75,7 +75,7 @@ def main() -> None:
     tables = {"known": known_table(read_verified())}
     if not parser.parse_args().stored:
         tables["random"] = random_table(random_verifications())
-    write_text(PAGE, fill(PAGE.read_text("utf-8"), tables))
+    write_text(PAGE, fill_tables(PAGE.read_text("utf-8"), tables))
 
 
 if __name__ == "__main__":

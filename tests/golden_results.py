@@ -66,7 +66,7 @@ LAYOUT = ("spacing", "thickness", "height", "density", "width")
 STEADY = ("exists", "speed", "frequency", "omega_release", "omega_impact", "fall_times")
 DIAGNOSIS = (
     "outcome", "least_contact_force", "least_hit_impulse", "least_flush_impulse", "floor_friction",
-    "least_load", "flush_loss", "stall_margin", "opened", "lifted",
+    "least_load", "flush_loss", "stall_margin", "separating_contacts", "lifting_dominoes",
 )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ EXPECTED: dict[str, str | None] = {
     "layouts/escape.csv": r"'\x1b]0;owned\x07\x1b[2J' is not a number",
     "layouts/latin_1.csv": None,
     "layouts/nan.json": "spacing[0] = nan: give a finite number from 1e-09 to 1e+09",
-    "layouts/negative.csv": "-18 must be more than 0",
+    "layouts/negative.csv": "-18: give a number more than 0",
     "layouts/twice.csv": "two columns give the spacing",
     "layouts/utf_16_torn.csv": "not utf-16-le text, or not all of it: truncated data",
     "scenes/formulas_in_the_title.toml": None,
@@ -164,11 +164,11 @@ def test_the_command_line_prints_one_safe_line(tmp_path, capsys):
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
     de.Layout([0.02] * 9, 0.0075).to_csv(tmp_path / "row.csv")
-    monkeypatch.setattr("domino_env.physics.files.MOST_DOMINOES", 9)
-    with pytest.raises(ValueError, match="it has 10 dominoes, where at most 9 are read"):
+    monkeypatch.setattr("domino_env.physics.files.MAX_DOMINOES", 9)
+    with pytest.raises(ValueError, match="it has 10 dominoes: give at most 9"):
         de.Layout.read(tmp_path / "row.csv")
     monkeypatch.setattr("domino_env.core.files.LARGEST_FILE", 100)
-    with pytest.raises(ValueError, match=r"row\.csv: .* bytes, where files of at most 100"):
+    with pytest.raises(ValueError, match=r"row\.csv: .* bytes: give one of at most 100"):
         de.Layout.read(tmp_path / "row.csv")
 
 

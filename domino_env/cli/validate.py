@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.files import write_text
-    from domino_env.core.tables import fill
+    from domino_env.core.tables import fill_tables
     from domino_env.validation.measured import validate
     from domino_env.validation.measured_page import PAGE, PLOT, draw, markdown, text
 
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         page, plot = Path(arguments.out) / PAGE, Path(arguments.out) / PLOT
         words = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
         draw(validations, plot)
-        write_text(page, fill(words, {"sources": markdown(validations)}))
+        write_text(page, fill_tables(words, {"sources": markdown(validations)}))
         print(f"{page}, {plot}")
     return 0
 

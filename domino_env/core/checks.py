@@ -28,7 +28,7 @@ def require(
     below: float = INF,
     whole: bool = False,
 ) -> None:
-    """Raise an error for a number that is not finite or out of its range.
+    """Raise a ValueError for a number that is not finite or out of its range.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def require(
         place = tuple(map(int, np.argwhere(~accepted)[0]))
         name, value = f"{name}{list(place) if place else ''}", value[place]
     value = value.item() if isinstance(value, np.generic) else value
-    wanted = "whole number" if whole else "finite number"
-    bounds = range_in_words(low, high, above=above, below=below)
+    expected = "whole number" if whole else "finite number"
+    bounds = format_range(low, high, above=above, below=below)
     given = f"{name} = {as_text(value)}{' ' * bool(unit)}{unit}"
-    raise ValueError(f"{given}: give a {wanted}{bounds}{f' ({hint})' if hint else ''}")
+    raise ValueError(f"{given}: give a {expected}{bounds}{f' ({hint})' if hint else ''}")
 
 
 def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
@@ -86,7 +86,7 @@ def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Raise an error for a value that is not among the choices.
+    """Raise a ValueError for a value that is not among the choices.
 
     Raises
     ------
@@ -102,14 +102,14 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
 
 
-def require_type(name: str, value: object, kind: type, wanted: str) -> None:
-    """Raise a TypeError for a value that is no instance of a type; `wanted` ends the message."""
+def require_type(name: str, value: object, kind: type, expected: str) -> None:
+    """Raise a TypeError for a value that is no instance of a type; `expected` ends the message."""
     if not isinstance(value, kind):
-        raise TypeError(f"{name} is of type {type(value).__name__}: give {wanted}")
+        raise TypeError(f"{name} is of type {type(value).__name__}: give {expected}")
 
 
 def require_extra(purpose: str, extra: str, *packages: str) -> None:
-    """Raise an error if packages of an extra are not installed.
+    """Raise an ImportError if packages of an extra are not installed.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def require_extra(purpose: str, extra: str, *packages: str) -> None:
         )
 
 
-def range_in_words(
+def format_range(
     low: float | None = None,
     high: float | None = None,
     *,
@@ -135,9 +135,9 @@ def range_in_words(
     bounds = {"at least": low, "more than": above, "at most": high, "less than": below}
     given = {word: x for word, x in bounds.items() if x is not None and math.isfinite(x)}
     if given.keys() == {"at least", "at most"}:
-        return f" from {_number(given['at least'])} to {_number(given['at most'])}"
-    return "".join(f", {word} {_number(x)}" for word, x in given.items())
+        return f" from {_format_number(given['at least'])} to {_format_number(given['at most'])}"
+    return "".join(f", {word} {_format_number(x)}" for word, x in given.items())
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{value:g}" if isinstance(value, float) else f"{value}"

@@ -13,17 +13,17 @@ from typing import Any, BinaryIO, NoReturn
 
 LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million unlike dominoes takes 105 MB
 LONGEST_SENTENCE, LONGEST_PATH = 480, 160  # [characters]
-_SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
-_SHORT.maxlist = _SHORT.maxdict = _SHORT.maxtuple = 4
-_SHORT.maxlevel = 2
+_SHORT_REPR = reprlib.Repr()
+_SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = 60
+_SHORT_REPR.maxlist = _SHORT_REPR.maxdict = _SHORT_REPR.maxtuple = 4
+_SHORT_REPR.maxlevel = 2
 
 
 def read_bytes(path: Path) -> bytes:
     """Return the bytes of a file; raise a ValueError above `LARGEST_FILE`."""
     size = path.stat().st_size
     if size > LARGEST_FILE:
-        refuse(path, f"{size:,} bytes, where files of at most {LARGEST_FILE:,} are read")
+        raise_with_path(path, f"the file has {size:,} bytes: give one of at most {LARGEST_FILE:,}")
     return path.read_bytes()
 
 
@@ -54,10 +54,10 @@ def errors_with_path(path: Path | str) -> Iterator[None]:
     try:
         yield
     except (ValueError, ArithmeticError, MemoryError) as error:
-        refuse(path, error)
+        raise_with_path(path, error)
 
 
-def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
+def raise_with_path(path: Path | str, error: BaseException | str) -> NoReturn:
     """Raise a ValueError of one line that begins with the path of a file."""
     name = one_line(str(path), LONGEST_PATH, keep_end=True)
     text = str(error).removeprefix(f"{path}: ").removeprefix(f"{name}: ")
@@ -87,12 +87,12 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)
-    except OSError as error:  # which names `new`, or no file where the disk is full
+    except OSError as error:  # its message has the name of `new`, or none if the disk is full
         if error.errno is None:
             raise
         raise type(error)(f"{path} cannot be written: {error.strerror}") from None
     finally:
-        with suppress(OSError):  # of a read-only file system, even if there is no such file
+        with suppress(OSError):  # a read-only file system raises even for a missing file
             new.unlink(missing_ok=True)
 
 
@@ -111,7 +111,7 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Raise a ValueError if no file can be written to a folder, which is not made."""
+    """Raise a ValueError if no file can be written to a folder, without creating the folder."""
     place = next(f for f in (folder, *folder.absolute().parents) if f.exists())
     if not place.is_dir():
         raise ValueError(f"{place} is a file: name a folder")
@@ -120,9 +120,9 @@ def require_writable(folder: Path) -> None:
 
 
 def layout_name(path: Path) -> str:
-    """Return the name of a layout by its file; of a run's layout.csv, by the run's folder."""
-    of_run = path.stem == "layout"
-    return one_line(path.resolve().parent.name if of_run else path.stem, 100)
+    """Return the name of a layout: that of its file, or of the run's folder for layout.csv."""
+    in_run_folder = path.stem == "layout"
+    return one_line(path.resolve().parent.name if in_run_folder else path.stem, 100)
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
@@ -143,6 +143,6 @@ def amount(number: int, noun: str) -> str:
 def as_text(value: object) -> str:
     """Return the repr of a value from a file, short enough for a sentence."""
     try:
-        return one_line(_SHORT.repr(value), 80)
+        return one_line(_SHORT_REPR.repr(value), 80)
     except (ValueError, RecursionError):  # whole numbers of thousands of digits have no repr
         return f"a {type(value).__name__} too large to show"

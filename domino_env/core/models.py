@@ -16,15 +16,15 @@ import msgspec
 import numpy as np
 from msgspec import Meta, inspect
 
-from domino_env.core.checks import range_in_words, require_choice
+from domino_env.core.checks import format_range, require_choice
 from domino_env.core.files import as_text, one_line
 
 SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep their digits
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 """A size, more than 0, SI units."""
-Part = Annotated[float, Meta(ge=0, le=LARGEST)]
-"""A number of 0 or more, by which nothing is divided."""
+NonNegative = Annotated[float, Meta(ge=0, le=LARGEST)]
+"""A number of 0 or more."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 """A finite number."""
 
@@ -105,19 +105,21 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        _raise(error, kind, document, where)
+        _raise_violation(error, kind, document, where)
 
 
-def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
+def _raise_violation(
+    error: msgspec.ValidationError, kind: Any, document: Any, where: str
+) -> NoReturn:
     match = _PLACE.fullmatch(str(error))
     message, path = (match["error"], match["path"]) if match else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
     type_ = inspect.type_info(kind)
-    value, meaning = document, _plain(type_)[1]
+    value, meaning = document, _without_metadata(type_)[1]
     for step in steps:
         value = value[step]
-        type_, meaning = _inside(type_, step, meaning)
-    place, field = _joined(where, *steps), _FIELD.search(message)
+        type_, meaning = _entry_type(type_, step, meaning)
+    place, field = _key_path(where, *steps), _FIELD.search(message)
     if error.__cause__ is not None:  # a relation, mostly with the key first
         sentence = str(error.__cause__)
         first = re.match(r"\w+", sentence)
@@ -127,26 +129,26 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
         allowed = tuple(_fields(type_))
         near = difflib.get_close_matches(field[1][:50], allowed, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        key = one_line(_joined(place, field[1]), 60)
+        key = one_line(_key_path(place, field[1]), 60)
         sentence = f"unknown key '{key}': {hint}allowed: {', '.join(allowed)}"
     elif field:
-        type_, meaning = _inside(type_, field[1], "")
-        sentence = f"{_joined(place, field[1])} is missing: {_wanted(type_)}{meaning}"
+        type_, meaning = _entry_type(type_, field[1], "")
+        sentence = f"{_key_path(place, field[1])} is missing: {_instruction(type_)}{meaning}"
     else:
-        if isinstance(literal := _plain(type_)[0], inspect.LiteralType):
+        if isinstance(literal := _without_metadata(type_)[0], inspect.LiteralType):
             require_choice(place, value, literal.values)
         given = f"{place} =" if place else "this is"
-        sentence = f"{given} {as_text(value)}: {_wanted(type_)}{meaning}"
+        sentence = f"{given} {as_text(value)}: {_instruction(type_)}{meaning}"
     raise ValueError(sentence) from None
 
 
-def _joined(*steps: str | int) -> str:
+def _key_path(*steps: str | int) -> str:
     """Return a place such as physics.push or spacing.values[3]."""
     text = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps if s != "")
     return text.removeprefix(".")
 
 
-def _plain(type_: Any) -> tuple[Any, str]:
+def _without_metadata(type_: Any) -> tuple[Any, str]:
     """Return a type without metadata, and the description of its field."""
     meaning = ""
     while isinstance(type_, inspect.Metadata | inspect.UnionType):
@@ -160,15 +162,15 @@ def _plain(type_: Any) -> tuple[Any, str]:
 
 
 def _fields(type_: Any) -> dict[str, Any]:
-    type_, _ = _plain(type_)
+    type_, _ = _without_metadata(type_)
     return {field.encode_name: field.type for field in getattr(type_, "fields", ())}
 
 
-def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
+def _entry_type(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
     """Return the type of a field or an entry, and its description."""
     if isinstance(step, str):
         field = _fields(type_)[step]
-        return field, _plain(field)[1]
+        return field, _without_metadata(field)[1]
     listed = type_
     while not hasattr(listed, "item_type") and not hasattr(listed, "item_types"):
         if isinstance(listed, inspect.UnionType):  # a number or a list of them
@@ -180,19 +182,19 @@ def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
     return listed.item_type, meaning
 
 
-def _wanted(type_: Any) -> str:
+def _instruction(type_: Any) -> str:
     """Return the accepted values of a type, as an instruction."""
     while isinstance(type_, inspect.Metadata):
         type_ = type_.type
     if isinstance(type_, inspect.UnionType):
         kinds = [t for t in type_.types if not isinstance(t, inspect.NoneType)]
-        return " or ".join(dict.fromkeys(_wanted(t) for t in kinds)).replace(" or give", " or")
+        return " or ".join(dict.fromkeys(_instruction(t) for t in kinds)).replace(" or give", " or")
     if isinstance(type_, inspect.LiteralType):
         return f"choose {', '.join(map(str, type_.values))}"
     if isinstance(type_, inspect.IntType):
-        return f"give a whole number{_between(type_)}"
+        return f"give a whole number{_format_bounds(type_)}"
     if isinstance(type_, inspect.FloatType):
-        return f"give a finite number{_between(type_)}"
+        return f"give a finite number{_format_bounds(type_)}"
     if isinstance(type_, inspect.BoolType):
         return "give true or false"
     if isinstance(type_, inspect.StrType):
@@ -200,17 +202,17 @@ def _wanted(type_: Any) -> str:
         return f"give a line of text{most}"
     if hasattr(type_, "item_type"):
         low, high = type_.min_length, type_.max_length
-        many = f"{low} to {high}" if low != high else f"{high}"
+        number = f"{low} to {high}" if low != high else f"{high}"
         if not (low and high):
-            many = f"at most {high}" if high else f"at least {low}"
-        few = f" of {many} entries" if low or high else ""
-        return f"give a list{few}, each {_wanted(type_.item_type).removeprefix('give ')}"
+            number = f"at most {high}" if high else f"at least {low}"
+        length = f" of {number} entries" if low or high else ""
+        return f"give a list{length}, each {_instruction(type_.item_type).removeprefix('give ')}"
     if hasattr(type_, "item_types"):
         return f"give a list of {len(type_.item_types)} numbers"
     return f"give a table of {', '.join(_fields(type_))}"
 
 
-def _between(type_: Any) -> str:
+def _format_bounds(type_: Any) -> str:
     if (type_.ge, type_.le) == (-LARGEST, LARGEST):
         return ""
-    return range_in_words(type_.ge, type_.le, above=type_.gt, below=type_.lt)
+    return format_range(type_.ge, type_.le, above=type_.gt, below=type_.lt)

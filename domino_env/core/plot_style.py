@@ -18,8 +18,8 @@ from domino_env.core.colours import COLOURS, FAINT, INK, RESULT, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
-HEAD = 0.85  # inches for headline and subtitle
-NARROWEST = 7.5  # inches that a headline takes
+HEADING_HEIGHT = 0.85  # [in] of headline and subtitle
+MIN_WIDTH = 7.5  # [in] of a figure with a headline
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
@@ -34,14 +34,14 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict
-        `color` and `linestyle` by name; the second half of `COLOURS` is dashed, and after it they
-        repeat.
+        `color` and `linestyle` by name. Lines of the second half of `COLOURS` are dashed; further
+        methods repeat the first styles.
     """
-    looks = {"auto": (RESULT, "-"), "uniform": (SOFT, ":")}
-    for k, method in enumerate([name for name in methods if name not in looks]):
+    styles = {"auto": (RESULT, "-"), "uniform": (SOFT, ":")}
+    for k, method in enumerate([name for name in methods if name not in styles]):
         place = 1 + k % (len(COLOURS) - 1)
-        looks[method] = COLOURS[place], "--" if place > len(COLOURS) // 2 else "-"
-    return {method: {"color": c, "linestyle": line} for method, (c, line) in looks.items()}
+        styles[method] = COLOURS[place], "--" if place > len(COLOURS) // 2 else "-"
+    return {method: {"color": c, "linestyle": line} for method, (c, line) in styles.items()}
 
 
 class Picture(Figure):
@@ -108,11 +108,11 @@ def new_panels(
     """
     across = min(number, most_across)
     down = -(-number // across)
-    head = HEAD if headline else 0.0
+    head = HEADING_HEIGHT if headline else 0.0
     width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
-    figure = new_figure(max(width, NARROWEST if headline else 0.0), height)
+    figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
-        headings(figure, headline, subtitle)
+        write_headings(figure, headline, subtitle)
     panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
@@ -131,37 +131,37 @@ def style(axes: Axes, title: str = "") -> None:
     axes.xaxis.label.set_color(SOFT)
     axes.yaxis.label.set_color(SOFT)
     if title:
-        axes.set_title(escaped(title), loc="left", color=INK, size=11)
+        axes.set_title(escape_dollars(title), loc="left", color=INK, size=11)
 
 
-def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
+def write_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
     """Write headline and subtitle above a figure, `left` inches from its edge."""
-    across, up = figure.get_size_inches()
+    width, height = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
-        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / up))
-    x, high, low = left / across, 1.0 - 0.30 / up, 1.0 - 0.58 / up
-    figure.text(x, high, escaped(headline), va="center", size=14.5, color=INK, weight="bold")
-    figure.text(x, low, escaped(subtitle), va="center", size=9.5, color=SOFT)
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEADING_HEIGHT / height))
+    x, high, low = left / width, 1.0 - 0.30 / height, 1.0 - 0.58 / height
+    figure.text(x, high, escape_dollars(headline), va="center", size=14.5, color=INK, weight="bold")
+    figure.text(x, low, escape_dollars(subtitle), va="center", size=9.5, color=SOFT)
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
     """Set the time axis to rising times, logarithmic if they span more than a factor of 30."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")
-        plain_numbers(axes.xaxis, (1, 3))
+        set_plain_numbers(axes.xaxis, (1, 3))
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
 
 
-def plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
-    """Write plain numbers on a logarithmic axis, those that begin with one of these digits."""
+def set_plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
+    """Label a logarithmic axis with plain numbers, those that begin with one of these digits."""
     axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
-def escaped(text: str) -> str:
-    """Return a user's text for a figure, in which two dollar signs would be a formula."""
+def escape_dollars(text: str) -> str:
+    """Escape the dollar signs of a text, between which Matplotlib reads a formula."""
     return text.replace("$", r"\$")
 
 

@@ -44,7 +44,7 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
 
 
 def notice(sentence: str) -> None:
-    """Log a sentence on expected waiting; commands print it on a line of its own."""
+    """Log a sentence for the user, such as on a long wait; commands print it on its own line."""
     logging.getLogger("domino_env").info(sentence)
 
 

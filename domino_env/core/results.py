@@ -1,4 +1,4 @@
-"""Results: their drawings, their line in a session, the versions that made them.
+"""Results: their drawings, their `repr`, and the versions of the packages that made them.
 
 Modules of results do not import those that draw them: a package registers the functions that return
 a Matplotlib figure in its `__init__`, and the first call imports them.
@@ -12,37 +12,35 @@ from dataclasses import fields
 from enum import Enum
 from typing import Any
 
-_FUNCTIONS: dict[str, str] = {}
-MOST_ITEMS = 4  # of a tuple that is written out
+_DRAWINGS: dict[str, str] = {}
+MAX_ITEMS = 4  # of a tuple that is written out
 
 
 def register(functions: Mapping[str, str]) -> None:
     """Add drawings: kind of result → "module:function" that draws one."""
-    _FUNCTIONS.update(functions)
+    _DRAWINGS.update(functions)
 
 
 def draw(kind: str, *arguments: Any) -> Any:
     """Return the drawing by the function registered for this kind."""
     import pkgutil
 
-    return pkgutil.resolve_name(_FUNCTIONS[kind])(*arguments)
+    return pkgutil.resolve_name(_DRAWINGS[kind])(*arguments)
 
 
 def dataclass_repr(value: Any) -> str:
-    """Return a dataclass in a line, arrays by their shapes and long tuples by their lengths.
-
-    Used as ``__repr__ = brief``.
-    """
-    parts = [f"{f.name}={_short(getattr(value, f.name))}" for f in fields(value) if f.repr]
+    """Return a dataclass in one line: arrays by their shapes, long tuples by their lengths."""
+    parts = [f"{f.name}={_short_repr(getattr(value, f.name))}" for f in fields(value) if f.repr]
     return f"{type(value).__name__}({', '.join(parts)})"
 
 
-def _short(value: Any) -> str:
+def _short_repr(value: Any) -> str:
     if getattr(value, "ndim", 0):  # an array
         return f"<array {'×'.join(map(str, value.shape))}>"
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        few = len(value) <= MOST_ITEMS
-        return f"({', '.join(map(_short, value))})" if few else f"<{len(value)} items>"
+        if len(value) > MAX_ITEMS:
+            return f"<{len(value)} items>"
+        return f"({', '.join(map(_short_repr, value))})"
     return repr(value)
 
 
@@ -65,20 +63,20 @@ def document(value: Any, names: str) -> dict[str, Any]:
 
 
 def as_json(value: Any) -> Any:
-    """Return a value as JSON, with its items; see `document`."""
+    """Convert a value and its items to types of JSON; see `document`."""
     if isinstance(value, Enum):
         return value.name
     if hasattr(value, "tolist"):  # of NumPy
         value = value.tolist()
     if isinstance(value, dict):
-        return {key: as_json(one) for key, one in value.items()}
+        return {key: as_json(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [as_json(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of all that the bits of a result depend on, by name."""
+    """Return the versions of Python and the packages that the bits of a result depend on."""
     import platform
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version

@@ -76,7 +76,7 @@ def text_table(
     return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
 
 
-def fill(page: str, tables: dict[str, list[str]]) -> str:
+def fill_tables(page: str, tables: dict[str, list[str]]) -> str:
     """Return a page with tables, each between its comment ``<!-- name -->`` and ``<!-- end -->``.
 
     Parameters

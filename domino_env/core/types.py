@@ -14,7 +14,7 @@ Bools = NDArray[np.bool_]
 def unique_points(table: Floats) -> Floats:
     """Return the unique points of a table (M, n), ordered by their coordinates.
 
-    As `numpy.unique(table, axis=0)`, which loses an interruption by Ctrl-C in a TypeError.
+    As `numpy.unique(table, axis=0)`, which raises a TypeError in place of a KeyboardInterrupt.
     """
     ordered = table[np.lexsort(table.T[::-1])]
     first = np.ones(len(ordered), dtype=np.bool_)

@@ -48,7 +48,7 @@ class EpisodeResults:
     outcome
         Values of `Outcome`, (E,).
     reach
-        Part of the scene's N dominoes that each wave reached, (E,).
+        NonNegative of the scene's N dominoes that each wave reached, (E,).
     score
         Scores as of `Scene.score`, (E,).
     """

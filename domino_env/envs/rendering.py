@@ -153,7 +153,7 @@ def _line(snapshot: Snapshot) -> str:
     if len(snapshot.hand):
         line += "   in hand " + ", ".join(f"{1e3 * d:g}" for d in snapshot.hand) + " mm"
     if snapshot.wave is not None:
-        line += f"   {snapshot.wave.outcome.name.lower().replace('_', ' ')}"
+        line += f"   {snapshot.wave.outcome.label}"
     return line
 
 

@@ -13,7 +13,7 @@ from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.envs.spaces import FEATURE_LIMIT, choices
 from domino_env.kernels.step.batch import RULES
-from domino_env.physics.wave import LOOSEST, TIGHTEST
+from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.objectives.robust import LEAST_GAP
@@ -91,7 +91,7 @@ class SceneSource:
         hide: Sequence[str] = (),
     ) -> None:
         require("num_envs", num_envs, 1, whole=True)
-        require("rtol", rtol, TIGHTEST, LOOSEST)
+        require("rtol", rtol, MIN_RTOL, MAX_RTOL)
         require("window", window, 0, whole=True, hint="the number of dominoes observed")
         if not isinstance(scene, Scene | SceneDistribution):
             scene = load_any(scene)

@@ -590,7 +590,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         getattr(batch, name)[0] = getattr(source, name)[0]
     if scene.ground is None:
         return batch
-    _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])
+    _, tilt = scene.ground.rise_and_tilt(np.empty(0), batch.thickness[0, :1])
     return batch._replace(
         rise=np.zeros((num_envs, longest - 1)),
         tilt=np.full((num_envs, longest), tilt[0]),

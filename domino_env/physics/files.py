@@ -23,7 +23,7 @@ from domino_env.core.files import decode, one_line, read_bytes, read_json, write
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
 from domino_env.physics.standard import DENSITY, HEIGHT
 
-MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
+MAX_DOMINOES = 1_000_000  # of a file, which is read in some seconds, within 1 GB of memory
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 # cells are divided by these, not multiplied by 0.001: 18 mm then reads as the very number 0.018
 _PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
@@ -31,8 +31,8 @@ _PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / m
     for name in ("spacing", "thickness", "height", "width", "rise")
     for unit, per_unit in (("", 1.0), ("_m", 1.0), ("_mm", 1000.0))
 }
-_GROUND = ("rise", "tilt")  # which may be 0 or negative
-_OF_PAIRS = ("spacing", "rise")  # which the last domino does not have
+_SIGNED_COLUMNS = ("rise", "tilt")  # may be 0 or negative
+_PAIR_COLUMNS = ("spacing", "rise")  # without a value for the last domino
 
 
 Sizes = Size | list[Size]
@@ -57,9 +57,9 @@ class LayoutTable(Table):
         Raises
         ------
         ValueError
-            It has more than `MOST_DOMINOES`.
+            For more than `MAX_DOMINOES`.
         """
-        _require_few(len(self.spacing) + 1)
+        _require_count(len(self.spacing) + 1)
         values = {name: getattr(self, name) for name in LayoutTable.__struct_fields__}
         return {k: v for k, v in values.items() if k != "unit" and v is not UNSET}
 
@@ -67,7 +67,12 @@ class LayoutTable(Table):
 def write_csv(path: Path, parts: dict[str, Any]) -> None:
     """Write one line per domino, SI units, shortest digits that read back to the same bits.
 
-    parts: arrays of a layout by name, and its width.
+    Parameters
+    ----------
+    path
+        Output file.
+    parts
+        Arrays of a layout by name, and its width.
     """
     count = len(parts["thickness"])
     columns = [
@@ -78,7 +83,7 @@ def write_csv(path: Path, parts: dict[str, Any]) -> None:
 
 
 def write_json(path: Path, parts: dict[str, Any]) -> None:
-    """Write every array in full, SI units; parts: as for `write_csv`."""
+    """Write every array in full, SI units; `parts` as for `write_csv`."""
     document = {name: np.asarray(part).tolist() for name, part in parts.items()}
     write_text(path, json.dumps({"unit": UNIT} | document, indent=1) + "\n")
 
@@ -101,7 +106,7 @@ def read_arguments(path: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        With line and column or key, for more than `MOST_DOMINOES`, and for another suffix.
+        With line and column or key, for more than `MAX_DOMINOES`, and for another suffix.
     """
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -111,16 +116,16 @@ def read_arguments(path: Path) -> dict[str, Any]:
     if suffix == ".json":
         return read_model(LayoutTable, read_json(path)).arguments()
     if not path.exists():
-        raise ValueError("there is no such file")
-    raise ValueError("it is not a layout: a layout is a .csv or .json file")
+        raise ValueError("there is no such file: name a .csv or .json file of a layout")
+    raise ValueError("it is not a layout: name a .csv or .json file")
 
 
 def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
     """Return the arguments of a `Layout` from the bytes of a table."""
-    divider, lines = _table(path, data)
+    separator, lines = _split_table(path, data)
     head, first = next(lines, (0, []))
     if not first:
-        raise ValueError("the file is empty; the first line names the columns")
+        raise ValueError("the file is empty: give a line of names, such as spacing_mm,thickness_mm")
     names = [_column_name(cell) for cell in first]
     places: dict[str, int] = {}
     for place, name in enumerate(names):
@@ -136,11 +141,13 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
             )
     columns, numbers = {kind: array("d") for kind in places}, array("q")
 
-    def fault(line: int, kind: str, words: str) -> ValueError:
-        return ValueError(f"{path}, line {line}, column '{one_line(names[places[kind]])}': {words}")
+    def cell_error(line: int, kind: str, reason: str) -> ValueError:
+        return ValueError(
+            f"{path}, line {line}, column '{one_line(names[places[kind]])}': {reason}"
+        )
 
     for line, cells in lines:
-        if any(cell.strip() for cell in cells[len(names) :]):  # 18,5 in two cells, say
+        if any(cell.strip() for cell in cells[len(names) :]):  # such as 18,5 in two cells
             raise ValueError(
                 f"{path}, line {line}: more cells than the {len(names)} names: where commas divide "
                 "the cells, write 18.5 with a point, or divide them by semicolons"
@@ -149,82 +156,82 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
         last = not cells[places["spacing"]].strip(" \t0.,")
         for kind, place in places.items():
             try:
-                value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], divider)
+                value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], separator)
             except ValueError as error:
-                if not (last and kind in _OF_PAIRS):
-                    raise fault(line, kind, str(error)) from None
+                if not (last and kind in _PAIR_COLUMNS):
+                    raise cell_error(line, kind, str(error)) from None
                 value = math.nan
             columns[kind].append(value)
         numbers.append(line)
     if not numbers:
-        raise ValueError("no dominoes below the line of names")
-    _require_few(len(numbers))
+        raise ValueError("no dominoes below the line of names: give one line per domino")
+    _require_count(len(numbers))
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
-    without = np.isnan(values["spacing"])
-    if not without[-1] or without[:-1].any():
-        line = numbers[int(without[:-1].argmax()) if without[:-1].any() else -1]
-        words = "give the free gap in front of every domino but the last, which has none"
-        raise fault(line, "spacing", words)
-    for kind in places.keys() & _OF_PAIRS:
+    missing = np.isnan(values["spacing"])
+    if not missing[-1] or missing[:-1].any():
+        line = numbers[int(missing[:-1].argmax()) if missing[:-1].any() else -1]
+        reason = "give the free gap in front of every domino but the last, which has none"
+        raise cell_error(line, "spacing", reason)
+    for kind in places.keys() & _PAIR_COLUMNS:
         values[kind] = values[kind][:-1]
     if "width" in values:
         low, high = values["width"].min(), values["width"].max()
         if low < high:
-            words = f"dominoes of {low:g} and {high:g} m; a layout has one width"
-            raise fault(head, "width", words)
+            reason = f"dominoes of {low:g} and {high:g} m: give one width for all"
+            raise cell_error(head, "width", reason)
         values["width"] = float(low)
     return values
 
 
-def _number(kind: str, cell: str, per_unit: float, divider: str) -> float:
-    """Return a cell in SI units; a ValueError has no place yet."""
+def _number(kind: str, cell: str, per_unit: float, separator: str) -> float:
+    """Return a cell in SI units; raise a ValueError without file and line for other text."""
     if not cell:
         raise ValueError(f"empty; every domino needs a {kind}")
     quoted = one_line(cell, 60)
     try:
-        number = cell if divider == "," else cell.replace(",", ".")
+        number = cell if separator == "," else cell.replace(",", ".")
         value = float(number.replace("_", " ")) / per_unit  # float() would read 1_4 as 14
     except ValueError:
         hint = ""
         if re.fullmatch(r"[0-9]+,[0-9]+", cell):
             hint = f": where commas divide the cells, write {cell.replace(',', '.')}"
         raise ValueError(f"'{quoted}' is not a number{hint}") from None
-    if kind in _GROUND:
+    if kind in _SIGNED_COLUMNS:
         if not abs(value) <= LARGEST:
-            raise ValueError(f"{quoted} must be finite")
+            raise ValueError(f"{quoted}: give a finite number")
     elif not SMALLEST <= value <= LARGEST:
         raise ValueError(
-            f"{quoted} must be more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
+            f"{quoted}: give a number more than 0, {SMALLEST:g} to {LARGEST:g} in SI units"
         )
     return value
 
 
-def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
+def _split_table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
     lines = decode(data).splitlines(keepends=True)
     first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
     named = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
-    # otherwise the one that finds most names; of equals the first, as a comma may be part of a name
-    divider = (
+    # otherwise the one with most names; of equals the first, as a comma may be part of a name
+    separator = (
         named[1]
         if named
         else max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
     )
-    cells = _cells(path, lines, divider)
+    cells = _cells(path, lines, separator)
     if named:
         next(cells)
-    return divider, cells
+    return separator, cells
 
 
-def _require_few(count: int) -> None:
-    if count > MOST_DOMINOES:
-        raise ValueError(f"it has {count:,} dominoes, where at most {MOST_DOMINOES:,} are read")
+def _require_count(count: int) -> None:
+    if count > MAX_DOMINOES:
+        raise ValueError(f"it has {count:,} dominoes: give at most {MAX_DOMINOES:,}")
 
 
-def _cells(path: Path, lines: list[str], divider: str) -> Iterator[tuple[int, list[str]]]:
+def _cells(path: Path, lines: list[str], separator: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the number and the cells of every line that is not blank."""
-    reader = csv.reader(lines, delimiter=divider)
+    reader = csv.reader(lines, delimiter=separator)
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):

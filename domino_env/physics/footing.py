@@ -1,6 +1,6 @@
 """Geometry of chains on uneven ground, and layouts that cannot stand.
 
-All functions take one layout or, with one more axis in front, a batch.
+All functions take one layout, or a batch with one more axis in front.
 """
 
 from __future__ import annotations
@@ -9,9 +9,11 @@ import numpy as np
 
 from domino_env.core.types import Bools, Floats
 
+REACH = 0.999  # of the height at which a tip strikes: largest rise of the next pivot
 
-def steps(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return the distance of each next pivot above the last, normal to its ground (…, N-1) [m]."""
+
+def normal_rises(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
+    """Return how far each next pivot lies above the last, normal to its ground (…, N-1) [m]."""
     ahead = tilt[..., 1:]
     return (spacing + thickness[..., 1:]) * np.tan(ahead) + rise / np.cos(ahead)
 
@@ -22,7 +24,7 @@ def pitches(
     """Return the distances from pivot to pivot (…, N-1) [m]; by default on flat ground."""
     if rise is None or tilt is None:
         return spacing + thickness[..., 1:]
-    return np.hypot(spacing + thickness[..., 1:], steps(spacing, thickness, rise, tilt))
+    return np.hypot(spacing + thickness[..., 1:], normal_rises(spacing, thickness, rise, tilt))
 
 
 def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
@@ -52,70 +54,74 @@ def find_violation(
         rise, tilt = np.zeros_like(spacing), np.zeros_like(thickness)
     height = np.broadcast_to(height, thickness.shape)
     for name, values, unit in (("rise", rise, "m"), ("tilt", tilt, "rad")):
-        if (at := _first(~np.isfinite(values))) is not None:
-            return at, f"{name}[{at[-1]}] = {values[at]} {unit}: must be finite"
+        if (at := _first_index(~np.isfinite(values))) is not None:
+            return at, f"{name}[{at[-1]}] = {values[at]} {unit}: give a finite number"
     steepest = np.arctan2(thickness, height)
-    if (at := _first(np.abs(tilt) >= steepest)) is not None:
+    if (at := _first_index(np.abs(tilt) >= steepest)) is not None:
         lean, most = np.degrees([tilt[at], steepest[at]])
         return at, (
             f"domino {at[-1]} does not stand: tilt[{at[-1]}] is {lean:.4g}°, and it tips over by "
             f"itself from {most:.4g}° on (the angle whose tangent is thickness over height); make "
             "the ground flatter there, or the domino thicker"
         )
-    tall, ahead = height[..., :-1], height[..., 1:]
-    (leaning, stair, high), meeting, up, strike = _links(spacing, thickness, height, rise, tilt)
-    if (at := _first(leaning)) is not None:
+    behind, ahead = height[..., :-1], height[..., 1:]
+    faults, least_gap, offset, strike = _contact_faults(spacing, thickness, height, rise, tilt)
+    leaning, stair, overshoot = faults
+    if (at := _first_index(leaning)) is not None:
         i = at[-1]
         return at, (
             f"dominoes {i} and {i + 1} lean against each other before anything falls, as the "
             f"ground between them is hollow: make spacing[{i}] = {spacing[at]} m more than "
-            f"{meeting[at]:.6g} m, or the difference of their tilts smaller"
+            f"{least_gap[at]:.6g} m, or the difference of their tilts smaller"
         )
-    if (at := _first(stair)) is not None:
-        i, most = at[-1], min(spacing[at], 0.999 * strike[at])
+    if (at := _first_index(stair)) is not None:
+        i, most = at[-1], min(spacing[at], REACH * strike[at])
         return at, (
-            f"domino {i + 1} stands {up[at]:.6g} m above domino {i}, seen from its own ground: "
-            f"such a stair is outside the model; at most {most:.6g} m over this "
-            f"spacing[{i}] = {spacing[at]} m"
+            f"domino {i + 1} stands {offset[at]:.6g} m above domino {i}, normal to its own ground: "
+            f"the model takes at most {most:.6g} m over spacing[{i}] = {spacing[at]} m; make the "
+            "step lower"
         )
-    if (at := _first(high)) is not None:
+    if (at := _first_index(overshoot)) is not None:
         i = at[-1]
         return at, (
-            f"domino {i} (height {tall[at]} m) would strike {strike[at] - up[at]:.6g} m up, above "
-            f"the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), seen from its own "
-            f"ground: widen spacing[{i}] = {spacing[at]} m, or make domino {i + 1} taller or the "
-            "ground less hollow"
+            f"domino {i} (height {behind[at]} m) would strike {strike[at] - offset[at]:.6g} m up, "
+            f"above the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), normal to its "
+            f"own ground: widen spacing[{i}] = {spacing[at]} m, make domino {i + 1} taller, or "
+            "make the ground less hollow"
         )
     return None
 
 
-def impassable(
+def impassable_contacts(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> Bools:
-    """Return the links (…, N-1), bool, at which `find_violation` finds something."""
+    """Return a mask (…, N-1) of the contacts that cannot work, as `find_violation` explains."""
     height = np.broadcast_to(height, thickness.shape)
-    leaning, stair, high = _links(spacing, thickness, height, rise, tilt)[0]
-    return leaning | stair | high
+    leaning, stair, overshoot = _contact_faults(spacing, thickness, height, rise, tilt)[0]
+    return leaning | stair | overshoot
 
 
-def _links(
+def _contact_faults(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> tuple[tuple[Bools, Bools, Bools], Floats, Floats, Floats]:
-    """Return contacts (…, N-1) that cannot work, and their lengths [m].
+    """Return masks (…, N-1) of contacts that cannot work, and the lengths that decide it [m].
 
-    Pairs that lean before anything falls, lead up a stair, or would strike above a top; the gap
-    below which they lean, the height of the next pivot, and the height at which the tip strikes.
+    Masks: dominoes that lean against each other before anything falls; a next pivot too high above
+    the last; a tip that strikes above the next top. Lengths: gap below which dominoes lean against
+    each other; `normal_rises`; height above the last pivot at which the tip strikes.
     """
-    tall, ahead = height[..., :-1], height[..., 1:]
-    near = spacing < tall
-    meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
-    up = steps(spacing, thickness, rise, tilt)
-    strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
-    leaning, stair = meeting >= spacing, up > np.minimum(spacing, 0.999 * strike)
-    high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
-    return (near & leaning, near & stair, near & high), meeting, up, strike
+    behind, ahead = height[..., :-1], height[..., 1:]
+    in_reach = spacing < behind
+    least_gap = behind * np.sin(tilt[..., :-1] - tilt[..., 1:])
+    offset = normal_rises(spacing, thickness, rise, tilt)
+    strike = np.sqrt(np.maximum(behind**2 - spacing**2, 0.0))
+    leaning, stair = least_gap >= spacing, offset > np.minimum(spacing, REACH * strike)
+    # 1e-12: rounding
+    overshoot = strike - offset > np.minimum(ahead * (1.0 + 1e-12), (1.0 + REACH) * strike)
+    masks = in_reach & leaning, in_reach & stair, in_reach & overshoot
+    return masks, least_gap, offset, strike
 
 
-def _first(wrong: Bools) -> tuple[int, ...] | None:
+def _first_index(wrong: Bools) -> tuple[int, ...] | None:
     places = np.argwhere(wrong)
     return tuple(int(k) for k in places[0]) if len(places) else None

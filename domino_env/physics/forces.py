@@ -15,10 +15,12 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import Outcome, kernel_setting
 
+ROUNDING = 1e-9  # of the largest force or impulse, below which the sign of another is rounding
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Assumptions of the model along a chain, per domino; nan where not reached.
+    """Forces and losses by which a wave fits the model's assumptions; nan where not reached.
 
     Attributes
     ----------
@@ -60,17 +62,17 @@ class Diagnosis:
     __repr__ = dataclass_repr
 
     @property
-    def opened(self) -> NDArray[np.int64]:
-        """Contacts (of i with i+1) that the model keeps closed although they would separate."""
+    def separating_contacts(self) -> NDArray[np.int64]:
+        """Indices i of contacts with i+1 that would separate but that the model keeps closed."""
         least = np.fmin(
             np.fmin(self.least_contact_force, self.least_hit_impulse), self.least_flush_impulse
         )
         scale = np.nanmax(np.abs(least), initial=0.0)
-        return np.flatnonzero(least < -1e-9 * scale)
+        return np.flatnonzero(least < -ROUNDING * scale)
 
     @property
-    def lifted(self) -> NDArray[np.int64]:
-        """Dominoes whose pivot would lift off the floor."""
+    def lifting_dominoes(self) -> NDArray[np.int64]:
+        """Indices of the dominoes whose pivot would lift off the floor."""
         return np.flatnonzero(self.least_load < 0.0)
 
 

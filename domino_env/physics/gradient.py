@@ -44,9 +44,9 @@ class Gradient:
 
     Notes
     -----
-    The derivative exists almost everywhere. Where a change of contact coincides with a hit, where
-    several face impacts coincide, and at the onset of a face impact, it jumps: then it is that of
-    the simulated sequence of events, one side of the kink.
+    The derivative exists almost everywhere. It jumps if a change of contact coincides with a hit,
+    if several face impacts coincide, and at the onset of a face impact; the result is then the
+    one-sided derivative for the simulated sequence of events.
     """
 
     spacing: Floats
@@ -97,15 +97,15 @@ def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats
         return replace(gradient, spacing=gradient.spacing + weight, thickness=thickness)
     arrays = layout.spacing, layout.thickness, layout.rise, layout.tilt
     ahead, pitch = layout.tilt[..., 1:], layout.spacing + layout.thickness[..., 1:]
-    step, whole = footing.steps(*arrays), footing.pitches(*arrays)
-    share, up = weight * pitch / whole, weight * step / whole
+    normal, distance = footing.normal_rises(*arrays), footing.pitches(*arrays)
+    along, up = weight * pitch / distance, weight * normal / distance
     tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
     tilt = gradient.tilt.copy()
-    thickness[..., 1:] += share + up * tan
+    thickness[..., 1:] += along + up * tan
     tilt[..., 1:] += up * (pitch * sec + layout.rise * tan) * sec
     return replace(
         gradient,
-        spacing=gradient.spacing + share + up * tan,
+        spacing=gradient.spacing + along + up * tan,
         thickness=thickness,
         rise=gradient.rise + up * sec,
         tilt=tilt,

@@ -23,14 +23,14 @@ from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.standard import ADVICE, DENSITY, HEIGHT, WIDTH
 
-MAX_DISTANCE = 1e-4  # [m] of the ground under a base, over or under the chord
-STEEPEST = 45.0  # [°]
-WIDEST = 100.0  # [m] limit of plausible profiles
-MOST_POINTS = 10_000
+MAX_DEVIATION = 1e-4  # [m] of the ground under a base from its chord
+MAX_SLOPE = 45.0  # [°]
+MAX_SPAN = 100.0  # [m] of a profile that is probably in metres
+MAX_POINTS = 10_000
 
-Angle = Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)]
+Angle = Annotated[float, Meta(ge=-MAX_SLOPE, le=MAX_SLOPE)]
 Point = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=2)]
-Points = Annotated[tuple[Point, ...], Meta(min_length=2, max_length=MOST_POINTS)]
+Points = Annotated[tuple[Point, ...], Meta(min_length=2, max_length=MAX_POINTS)]
 
 
 class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
@@ -82,16 +82,19 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         for i, ((a, _), (b, _)) in enumerate(pairwise(self.profile or ())):
             if not b > a:
                 raise ValueError(
-                    f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: give "
-                    "points in the order of x"
+                    f"profile[{i + 1}] lies at x = {b:g} m and profile[{i}] at {a:g} m: give "
+                    "points of rising x"
                 )
-        if self.profile is not None and (span := self.profile[-1][0] - self.profile[0][0]) > WIDEST:
+        if (
+            self.profile is not None
+            and (span := self.profile[-1][0] - self.profile[0][0]) > MAX_SPAN
+        ):
             advise(f"profile spans {span:g} m: {ADVICE}")
         place, steepest = self.steepest
-        if self.profile is not None and steepest > math.tan(math.radians(STEEPEST)):
+        if self.profile is not None and steepest > math.tan(math.radians(MAX_SLOPE)):
             raise ValueError(
                 f"profile slopes by {math.degrees(math.atan(steepest)):.3g}° near x = {place:.4g} "
-                f"m: at most {STEEPEST:g}°; points that lie further apart are less steep"
+                f"m: at most {MAX_SLOPE:g}°; points that lie further apart are less steep"
             )
 
     @property
@@ -126,29 +129,29 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         places = np.concatenate([knots, knots[:-1] + flat])
         t, c = self._piece(places)
         steepness = np.abs((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
-        worst = int(np.argmax(steepness))
-        return float(places[worst]), float(steepness[worst])
+        largest = int(np.argmax(steepness))
+        return float(places[largest]), float(steepness[largest])
 
-    def curvature(self, way: float) -> tuple[float, float]:
-        """Return the place at which the ground bends most one way, and its curvature there.
+    def curvature(self, sign: float) -> tuple[float, float]:
+        """Return the place of the largest curvature of one sign, and the curvature there.
 
         Parameters
         ----------
-        way
+        sign
             1 for hollows, -1 for crests.
 
         Returns
         -------
         tuple of float
-            Place [m] and d²y/dx² [1/m].
+            Place [m] and |d²y/dx²| [1/m], 0 if there is none of this sign.
         """
         knots = self.curve.knots  # the curvature is linear between them
         t, c = self._piece(knots)
-        bends = way * (6.0 * c[0] * t + 2.0 * c[1])
-        worst = int(np.argmax(bends))
-        return float(knots[worst]), max(float(bends[worst]), 0.0)
+        curvatures = sign * (6.0 * c[0] * t + 2.0 * c[1])
+        largest = int(np.argmax(curvatures))
+        return float(knots[largest]), max(float(curvatures[largest]), 0.0)
 
-    def lay(self, spacing: ArrayLike, thickness: ArrayLike) -> tuple[Floats, Floats]:
+    def rise_and_tilt(self, spacing: ArrayLike, thickness: ArrayLike) -> tuple[Floats, Floats]:
         """Return rise and tilt of layouts on the ground.
 
         Parameters
@@ -168,17 +171,19 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         ValueError
             For ground that bulges by more than a tenth of a millimetre under a base.
         """
-        gaps, thick = numbers("spacing", spacing), numbers("thickness", thickness)
+        gaps, thicknesses = numbers("spacing", spacing), numbers("thickness", thickness)
         if self.slope is not None:
             slope = math.radians(self.slope)
-            return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
-        if violation := self.violation(float(thick.max(initial=0.0))):
+            return -math.sin(slope) * (gaps + thicknesses[..., 1:]), np.full_like(
+                thicknesses, slope
+            )
+        if violation := self.violation(float(thicknesses.max(initial=0.0))):
             raise ValueError(violation)
-        arrays = _batch(gaps), _batch(thick)
+        arrays = _batch(gaps), _batch(thicknesses)
         rise, tilt = (np.empty(array.shape) for array in arrays)
-        size = len(tilt), thick.shape[-1]
+        size = len(tilt), thicknesses.shape[-1]
         share_pieces(place_on_ground, *size, self.curve, *arrays, rise, tilt)
-        return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
+        return rise.reshape(gaps.shape), tilt.reshape(thicknesses.shape)
 
     def layout(
         self,
@@ -203,15 +208,15 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Raises
         ------
         ValueError
-            As for `lay` and `Layout`.
+            As for `rise_and_tilt` and `Layout`.
         """
         gaps = np.atleast_1d(numbers("spacing", spacing))
-        thick = full_array("thickness", thickness, len(gaps) + 1)
-        rise, tilt = self.lay(gaps, thick)
-        return Layout(gaps, thick, height, width, density, rise, tilt)
+        thicknesses = full_array("thickness", thickness, len(gaps) + 1)
+        rise, tilt = self.rise_and_tilt(gaps, thicknesses)
+        return Layout(gaps, thicknesses, height, width, density, rise, tilt)
 
     def violation(self, thickness: float) -> str | None:
-        """Return a sentence about where a base does not lie on the ground, or None.
+        """Return a sentence if a base does not lie on the ground somewhere, else None.
 
         Parameters
         ----------
@@ -223,22 +228,22 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         str or None
             Place, distance and next action.
         """
-        for way, verb in ((1.0, "is hollow"), (-1.0, "bulges")):
-            place, bend = self.curvature(way)
-            off = bend * thickness**2 / 8.0
-            if off > MAX_DISTANCE:
+        for sign, verb in ((1.0, "is hollow"), (-1.0, "bulges")):
+            place, curvature = self.curvature(sign)
+            deviation = curvature * thickness**2 / 8.0
+            if deviation > MAX_DEVIATION:
                 return (
-                    f"the ground {verb} by {1e3 * off:.3g} mm under a base {1e3 * thickness:.4g} mm"
-                    f" thick near x = {place:.4g} m: at most {1e3 * MAX_DISTANCE:g} mm; make it "
-                    "bend less there, or the dominoes thinner"
+                    f"the ground {verb} by {1e3 * deviation:.3g} mm under a base "
+                    f"{1e3 * thickness:.4g} mm thick near x = {place:.4g} m: at most "
+                    f"{1e3 * MAX_DEVIATION:g} mm; make it bend less there, or the dominoes thinner"
                 )
         return None
 
     def along_ground(self, gradient: Gradient, layout: Any) -> Gradient:
-        """Turn a gradient with the ground fixed into one along the ground.
+        """Convert a gradient at fixed rise and tilt to one for dominoes moving along the ground.
 
-        Where a gap or a thickness changes, all later dominoes move along the ground, and their
-        rise and tilt change with it.
+        If a gap or a thickness changes, all later dominoes move along the ground, and their rise
+        and tilt change with them.
 
         Parameters
         ----------
@@ -257,9 +262,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             return gradient  # on flat ground nothing changes
         spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
         if self.slope is not None:
-            moved = -math.sin(math.radians(self.slope)) * gradient.rise
-            spacing += moved
-            thickness[..., 1:] += moved
+            through_rise = -math.sin(math.radians(self.slope)) * gradient.rise
+            spacing += through_rise
+            thickness[..., 1:] += through_rise
         else:
             geometry = layout.spacing, layout.thickness, layout.rise, layout.tilt
             arrays = [_batch(array) for array in (*geometry, gradient.rise, gradient.tilt)]
@@ -270,7 +275,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
     @cached_property
     def curve(self) -> Curve:
-        """Ground as an argument of the kernels."""
+        """Piecewise cubic of the ground, for the kernels."""
         if self.profile is None:
             down = -math.tan(math.radians(self.slope or 0.0))
             x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, down, 0.0])
@@ -285,7 +290,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         return Curve(*(_batch(array, 0) for array in (x, starts, pieces)))
 
     def _piece(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the distance of x (…) from the start of its piece, and its coefficients (4, …)."""
+        """Return distances of x (…) from the starts of their pieces, and coefficients (4, …)."""
         k = np.searchsorted(self.curve.knots, x)
         return x - self.curve.starts[k], np.moveaxis(self.curve.pieces[k], -1, 0)
 

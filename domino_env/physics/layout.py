@@ -20,7 +20,7 @@ from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Chain of N dominoes that topples towards +x.
+    """Geometry of a chain of N dominoes that topples towards +x.
 
     Parameters
     ----------
@@ -248,14 +248,14 @@ class Layout:
     def to_csv(self, path: str | Path) -> None:
         """Write one line per domino, in metres; the last spacing is empty.
 
-        Ground that is not flat has columns of its own: rise [m] and tilt [rad].
+        On uneven ground there are two more columns: rise [m] and tilt [rad].
 
         Parameters
         ----------
         path
             The file, which is replaced atomically.
         """
-        files.write_csv(Path(path), self._parts())
+        files.write_csv(Path(path), self._columns())
 
     def to_json(self, path: str | Path) -> None:
         """Write every array in full, in SI units.
@@ -265,9 +265,9 @@ class Layout:
         path
             The file, which is replaced atomically.
         """
-        files.write_json(Path(path), self._parts())
+        files.write_json(Path(path), self._columns())
 
-    def _parts(self) -> dict[str, Any]:
+    def _columns(self) -> dict[str, Any]:
         names = ["spacing", "thickness", "height", "width", "density"]
         names += [] if self.is_flat else ["rise", "tilt"]
         return {name: getattr(self, name) for name in names}
@@ -315,7 +315,7 @@ class Layout:
 
 
 def _span(values: Floats, unit: float = 1e3) -> str:
-    """Return values in words, lengths in millimetres: one number, or the range."""
+    """Format values times `unit`, by default metres as millimetres: one number, or the range."""
     low, high = (f"{unit * value:.4g}" for value in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 

@@ -19,7 +19,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
 from domino_env.physics.wave import kernel_setting
 
-PIECES = 32  # equal steps of angle between two samples of a fall
+PIECES = 32  # of each fall, equal steps of the angle between its 33 samples
 
 
 class Motion:
@@ -37,7 +37,7 @@ class Motion:
     Attributes
     ----------
     end
-        Time at which all that moves has come to rest or lies flat [s]; nothing moves afterwards.
+        Time at which the last leader lies or has stalled [s]; nothing moves afterwards.
     starts
         Times at which each domino begins to lead [s], and the end, shape (F+1,).
     samples
@@ -47,9 +47,8 @@ class Motion:
     Notes
     -----
     The leader's angle is interpolated between 33 samples of each of its falls (to some 1e-4 rad, at
-    the kinks that face impacts make); all others follow from it by their contacts. What the model
-    does not follow keeps its last position: dominoes behind a separated contact, a leader that has
-    stalled.
+    the kinks at face impacts); all others follow from it by their contacts. Dominoes behind a
+    separated contact, and a leader that has stalled, keep their last position.
     """
 
     def __init__(self, layout: Layout, physics: Physics, rtol: float = 1e-8) -> None:
@@ -131,9 +130,9 @@ def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
 
 
 def stack_sums(
-    layout: Layout, leader: Ints, angle: Floats, before: float, after: float
+    layout: Layout, leader: Ints, angle: Floats, backward: float, forward: float
 ) -> tuple[Floats, Floats]:
-    """Return the potential energy that a chain has released, and its inertia at the leader.
+    """Compute the potential energy that a chain has released, and its inertia at the leader.
 
     Parameters
     ----------
@@ -143,9 +142,9 @@ def stack_sums(
         (T,) index of the leading domino.
     angle
         (T,) turn of the leader from upright to its ground [rad].
-    before, after
-        Turns of the leader before and after that [rad], between which the rates of all others are
-        differences.
+    backward, forward
+        Steps of the leader's turn to both sides [rad]; the rates of all dominoes are differences
+        between them.
 
     Returns
     -------
@@ -159,7 +158,7 @@ def stack_sums(
     bodies = np.stack([layout.height, layout.thickness, layout.tilt, mass, inertias], axis=1)
     sums = np.empty((2, len(leader)))
     lean = angle + layout.tilt[leader]
-    _sum_stacks(_contacts(layout), bodies, leader, lean - before, lean + after, sums)
+    _sum_stacks(_contacts(layout), bodies, leader, lean - backward, lean + forward, sums)
     return sums[0], sums[1]
 
 
@@ -172,7 +171,7 @@ def _contacts(layout: Layout) -> Floats:
     length, stand = layout.height[:-1], layout.tilt[1:]
     d = layout.thickness[1:] / length
     p = layout.spacing / length + d
-    e = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt) / length
+    e = footing.normal_rises(layout.spacing, layout.thickness, layout.rise, layout.tilt) / length
     r, slant = np.hypot(p, e), np.arctan2(e, p)
     lowest = (r * r + d * d - 1.0) / (2.0 * d * r)
     separation = np.arccos(np.clip(lowest, -1.0, 1.0)) - slant
@@ -202,17 +201,17 @@ def _lean_stacks(contacts: Floats, leader: Ints, angle: Floats, leans: Floats) -
 
 @compile_alone
 def _sum_stacks(
-    contacts: Floats, bodies: Floats, leader: Ints, before: Floats, after: Floats, sums: Floats
+    contacts: Floats, bodies: Floats, leader: Ints, first: Floats, last: Floats, sums: Floats
 ) -> None:
-    """Write the sums of `stack_sums`.
+    """Write the sums of `stack_sums`; first, last: leans of the leader at both ends of a step.
 
-    Far behind the leader leans soon stay the same from one instant to the next: the sums up to the
-    first domino that leans as before are kept, so that a long chain takes time by its length.
+    Far behind the leader leans do not change from one instant to the next. The sums up to the first
+    such domino are kept, so that the time is proportional to the length of the chain.
     """
     count = len(bodies)
     leans, totals = np.full((count, 2), np.nan), np.zeros((count + 1, 2))
     for t in range(len(leader)):
-        i, low, high = leader[t], before[t], after[t]
+        i, low, high = leader[t], first[t], last[t]
         step = high - low
         while i >= 0 and not (leans[i, 0] == low and leans[i, 1] == high):
             leans[i, 0], leans[i, 1] = low, high
@@ -248,8 +247,8 @@ def outlines(layout: Layout, leans: Floats) -> Floats:
     """
     up = np.stack([np.sin(leans), np.cos(leans)], axis=-1) * layout.height[:, None]
     back = np.stack([-np.cos(leans), np.sin(leans)], axis=-1) * layout.thickness[:, None]
-    foot = layout.pivots
-    return np.stack([foot, foot + up, foot + up + back, foot + back], axis=1)
+    pivots = layout.pivots
+    return np.stack([pivots, pivots + up, pivots + up + back, pivots + back], axis=1)
 
 
 def _hermite(t: Floats, times: Floats, values: Floats, derivatives: Floats) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from domino_env.core.checks import require_type
-from domino_env.core.models import Part, Size, Value, about
+from domino_env.core.models import NonNegative, Size, Value, about
 from domino_env.physics.layout import Layout
 
 
@@ -17,7 +17,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     friction
         Coulomb coefficient between dominoes, 0 or more; 0 leaves all friction terms out.
     gravity
-        [m/s²]
+        Acceleration of gravity [m/s²].
     push
         Angular velocity of domino 0 at t = 0 [rad/s].
 
@@ -27,7 +27,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
         For a number that is not finite or out of its range.
     """
 
-    friction: Annotated[Part, about("coefficient between dominoes; 0 for none")] = 0.25
+    friction: Annotated[NonNegative, about("coefficient between dominoes; 0 for none")] = 0.25
     gravity: Annotated[Size, about("[m/s²]; 9.81 on Earth")] = 9.81
     push: Annotated[Size, about("angular velocity of domino 0 at first [rad/s]")] = 8.0
 

@@ -22,7 +22,9 @@ from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
-from domino_env.physics.wave import LOOSEST, Outcome
+from domino_env.physics.wave import MAX_RTOL, Outcome
+
+FIRST_RING_SIZE = 512  # dominoes behind the leader; doubled while those further back matter
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class SteadyWave:
     speed
         Mean speed [m/s]; 0 if there is none.
     frequency
-        Hits per second; 0 if there is none.
+        Hits per second [1/s]; 0 if there is none.
     omega_release
         Angular velocity of each leader just after it is hit [rad/s]; nan if there is none. For a
         pattern (P,), as the following fields.
@@ -110,8 +112,10 @@ def steady_wave(
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
     waves = [
-        vars(_solve_pattern(p, d, h, rho, physics, slope, rtol)).values()
-        for p, d, h, rho in chains.swapaxes(0, 1)
+        vars(
+            _solve_pattern(pitches, thicknesses, heights, densities, physics, slope, rtol)
+        ).values()
+        for pitches, thicknesses, heights, densities in chains.swapaxes(0, 1)
     ]
     if not shape:
         return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
@@ -152,31 +156,34 @@ def steady_pattern(
         For an argument out of its range, or a chain that cannot stand.
     """
     sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
-    pitches, thick, tall, rho = map(np.array, np.broadcast_arrays(*map(np.atleast_1d, sizes)))
-    return _solve_pattern(pitches, thick, tall, rho, physics, slope, rtol)
+    pitches, thicknesses, heights, densities = np.broadcast_arrays(*map(np.atleast_1d, sizes))
+    return _solve_pattern(
+        pitches.copy(), thicknesses.copy(), heights.copy(), densities.copy(), physics, slope, rtol
+    )
 
 
 def _solve_pattern(
-    pitches: Floats, thick: Floats, tall: Floats, rho: Floats,
+    pitches: Floats, thicknesses: Floats, heights: Floats, densities: Floats,
     physics: Physics, slope: float, rtol: float,
 ) -> SteadyWave:  # fmt: skip
     """Return the steady wave of a pattern, all sizes of shape (P,)."""
-    successors = np.arange(1, len(thick) + 2) % len(thick)
-    gaps = pitches - thick[successors[:-1]]
+    count = len(thicknesses)
+    successors = np.arange(1, count + 2) % count
+    gaps = pitches - thicknesses[successors[:-1]]
     rise = -np.sin(slope) * pitches
     pairs, dominoes = successors - 1, np.append(0, successors)
     Layout(  # checks a period and the first domino of the next
-        gaps[pairs], thick[dominoes], tall[dominoes],
-        density=rho[dominoes], rise=rise[pairs], tilt=slope,
+        gaps[pairs], thicknesses[dominoes], heights[dominoes],
+        density=densities[dominoes], rise=rise[pairs], tilt=slope,
     )  # fmt: skip
-    if np.any(gaps >= tall):
-        j = int(np.argmax(gaps >= tall))
-        return _no_wave(f"gap {j} = {gaps[j]} m is not below the height, {tall[j]} m", len(thick))
-    ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
-    pattern = Arrays(gaps, thick, tall, rho, *ground)
+    if np.any(gaps >= heights):
+        j = int(np.argmax(gaps >= heights))
+        return _no_wave(f"gap {j} = {gaps[j]} m is not below the height, {heights[j]} m", count)
+    ground = (rise, np.full(count, float(slope))) if slope != 0.0 else ()
+    pattern = Arrays(gaps, thicknesses, heights, densities, *ground)
     # the steady wave is the fixed point of the map of one period
-    falls = np.zeros(len(thick), FALL)
-    ring_size = 512  # dominoes behind the leader, more if those further back have an effect
+    falls = np.zeros(count, FALL)
+    ring_size = FIRST_RING_SIZE
     while True:
         setting = (pattern, physics.friction, physics.gravity, rtol, ring_size)
         outcome, leader, tail, gain, offset, least_u = period_falls(*setting, 0.0, True, falls)
@@ -185,19 +192,19 @@ def _solve_pattern(
         ring_size *= 2
     if outcome != Outcome.PROPAGATED:
         reason = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
-        return _no_wave(reason, len(thick))
+        return _no_wave(reason, count)
     u = offset / (1.0 - gain) if gain < 1.0 else -1.0
     if u <= max(least_u, 0.0):
         return _no_wave(
             "the chain releases less energy than its hits and friction dissipate; use wider gaps, "
             "thinner dominoes or less friction",
-            len(thick),
+            count,
         )
     outcome, leader, *_ = period_falls(*setting, u, False, falls)
     if outcome != Outcome.PROPAGATED:
-        return _no_wave(f"domino {leader} of the pattern nearly stops; change its gap", len(thick))
+        return _no_wave(f"domino {leader} of the pattern nearly stops; change its gap", count)
     period = float(falls["time"].sum())
-    speed, frequency = float((gaps + thick).sum()) / period, len(thick) / period
+    speed, frequency = float((gaps + thicknesses).sum()) / period, count / period
     intervals = (falls[name].copy() for name in ("release", "impact", "time"))
     return SteadyWave(True, "the chain has a steady wave", speed, frequency, *intervals)
 
@@ -205,9 +212,9 @@ def _solve_pattern(
 def _check_chains(
     physics: Physics, slope: float, rtol: float, chain: tuple[ArrayLike, ...]
 ) -> tuple[Floats, ...]:
-    """Return pitch, thickness, height and density as arrays; raise for values that are no chain."""
+    """Return pitch, thickness, height and density as arrays; raise for values out of range."""
     require_physics(physics)
-    require("rtol", rtol, 0.0, LOOSEST)
+    require("rtol", rtol, 0.0, MAX_RTOL)
     require("slope", slope, unit="rad")
     names = ("pitch", "thickness", "height", "density")
     sizes = tuple(map(numbers, names, chain))
@@ -251,7 +258,7 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
         For `rtol` out of its range.
     """
     require_arguments(layout, physics)
-    require("rtol", rtol, 0.0, LOOSEST)
+    require("rtol", rtol, 0.0, MAX_RTOL)
     outcome, least_u = compose_falls(arrays_from(layout), physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf
@@ -270,7 +277,7 @@ def terminal_speed_estimate(
     thickness, height
         Sizes of every domino [m].
     gravity
-        Acceleration [m/s²].
+        Acceleration of gravity [m/s²].
 
     Returns
     -------
@@ -289,14 +296,14 @@ def terminal_speed_estimate(
     limit = existence_limit(thickness, height)
     require("gravity", gravity, above=0.0, unit="m/s²")
     require("pitch", pitch, above=thickness, below=thickness + height, unit="m")
-    lean, slender = thickness / pitch, thickness / height
-    drop = 1.0 - lean - slender * math.sqrt(1.0 - lean * lean)
+    per_pitch, per_height = thickness / pitch, thickness / height
+    drop = 1.0 - per_pitch - per_height * math.sqrt(1.0 - per_pitch * per_pitch)
     if drop <= 0.0:
         raise ValueError(
-            f"thickness/pitch = {lean:.6g} is not below {limit:.6g}: "
+            f"thickness/pitch = {per_pitch:.6g} is not below {limit:.6g}: "
             "a domino that falls releases no energy (van Leeuwen 2004, eq. 79); widen the pitch"
         )
-    correction = drop / ((1.0 - lean) ** 2 * (1.0 + slender * slender))
+    correction = drop / ((1.0 - per_pitch) ** 2 * (1.0 + per_height * per_height))
     return math.sqrt(3.0 * gravity * height * correction)
 
 
@@ -326,5 +333,5 @@ def existence_limit(thickness: float, height: float = HEIGHT) -> float:
     """
     require("height", height, above=0.0, unit="m")
     require("thickness", thickness, above=0.0, below=height, unit="m", hint="in metres")
-    a2 = (thickness / height) ** 2
-    return (1.0 - a2) / (1.0 + a2)
+    square = (thickness / height) ** 2
+    return (1.0 - square) / (1.0 + square)

@@ -31,8 +31,8 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
 
-LOOSEST, TIGHTEST = 1e-3, 1e-13
-_UNTAPED = np.empty(0, kernel_arrays.EVENT)
+MIN_RTOL, MAX_RTOL = 1e-13, 1e-3
+_NO_TAPE = np.empty(0, kernel_arrays.EVENT)
 
 
 class Outcome(enum.IntEnum):
@@ -52,6 +52,11 @@ class Outcome(enum.IntEnum):
         """Meaning of the outcome and the next action, in a sentence."""
         return _EXPLANATIONS[self]
 
+    @property
+    def label(self) -> str:
+        """Name in lower case, such as "out of reach"."""
+        return self.name.lower().replace("_", " ")
+
 
 _EXPLANATIONS = {
     Outcome.PROPAGATED: "the wave completed: the last domino passed its tipping angle",
@@ -68,12 +73,12 @@ _EXPLANATIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """A toppling wave, event by event.
+    """Wave of a layout: arrival times, velocities and outcome.
 
     Attributes
     ----------
     layout, physics
-        As simulated.
+        Layout and physics that were simulated.
     outcome
         Reason why the wave ended; `explanation` is a sentence about it, with the place.
     hit
@@ -96,7 +101,7 @@ class Wave:
     error_estimate
         Estimate of the largest |error|/t_k over the arrival times t_k.
     converged
-        True where the estimate is within `rtol`; ill-conditioned layouts may not reach it.
+        True if the estimate is at most `rtol`; near a stall, rounding may prevent it.
     flushes
         Number of face impacts, in which a contact of a tip becomes one of a corner.
     releases
@@ -104,7 +109,7 @@ class Wave:
     largest_flush_loss
         Largest fraction of the leader's speed lost in one face impact.
     rtol
-        Requested tolerance.
+        Relative error allowed in the arrival times.
     run_time
         Time of the computation [s].
     tape
@@ -131,12 +136,14 @@ class Wave:
     tape: NDArray[np.record] | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        count, ended = self.layout.count, _ended(self.outcome)
+        count = self.layout.count
         if self.mean_speed > 0.0:
-            how = f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
+            result = (
+                f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
+            )
         else:
-            how = f"{self.hit} of {count} dominoes were hit, {self.toppled} toppled"
-        return f"Wave({ended}: {how})"
+            result = f"{self.hit} of {count} dominoes were hit, {self.toppled} toppled"
+        return f"Wave({self.outcome.label}: {result})"
 
     def _repr_png_(self) -> Any:
         return draw("wave", self, None, False)._repr_png_()
@@ -152,15 +159,15 @@ class Wave:
         Returns
         -------
         matplotlib.figure.Figure
-            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+            The figure; notebooks show it, and `pyplot.show` does if pyplot is imported.
         """
         return draw("wave", self, ax)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
-        """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.
+        """Compute the gradient of Σ_k arrival_bar[k] t_k with respect to layout and physics.
 
-        Reverse mode: one pass back through the chain, whatever N. Exact up to the tolerance of the
-        simulation, near a stall too.
+        One pass of reverse mode, which takes a time proportional to N. It is exact up to the
+        tolerance of the simulation, near a stall too.
 
         Parameters
         ----------
@@ -175,8 +182,8 @@ class Wave:
         Raises
         ------
         ValueError
-            For a wave simulated without `gradient=True`, for a wrong shape, and where arrival_bar
-            is not 0 for a domino that the wave did not reach.
+            For a wave simulated without `gradient=True`, for a wrong shape, and if arrival_bar is
+            not 0 for a domino that the wave did not reach.
         """
         if self.tape is None:
             raise ValueError(
@@ -190,9 +197,9 @@ class Wave:
                 "dominoes"
             )
         require("arrival_bar", bar)
-        wrong = np.flatnonzero((bar != 0.0) & ~np.isfinite(self.arrival_times))
-        if len(wrong):
-            k = int(wrong[0])
+        unreached = np.flatnonzero((bar != 0.0) & ~np.isfinite(self.arrival_times))
+        if len(unreached):
+            k = int(unreached[0])
             raise ValueError(
                 f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
             )
@@ -202,12 +209,12 @@ class Wave:
         friction, gravity, push = physics_bar.item()
         return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
-    def gradient(self, of: str = "time") -> Gradient:
+    def gradient(self, quantity: str = "time") -> Gradient:
         """Return the gradient of the last arrival time or of the mean speed.
 
         Parameters
         ----------
-        of
+        quantity
             "time" for the arrival time at the last domino [s], "speed" for the mean speed [m/s].
 
         Returns
@@ -218,32 +225,32 @@ class Wave:
         Raises
         ------
         ValueError
-            Where the wave does not reach the last domino (for the speed: did not propagate), and as
+            If the wave does not reach the last domino (for the speed: does not propagate), and as
             for `pullback`.
         """
-        require_choice("of", of, ("time", "speed"))
+        require_choice("quantity", quantity, ("time", "speed"))
         count, total = self.layout.count, float(self.arrival_times[-1])
-        exists = np.isfinite(total) if of == "time" else self.outcome == Outcome.PROPAGATED
+        exists = np.isfinite(total) if quantity == "time" else self.outcome == Outcome.PROPAGATED
         if count < 2 or not exists:
             reason = "a single domino has none" if count < 2 else self.explanation
-            raise ValueError(f"there is no {of} to differentiate: {reason}")
+            raise ValueError(f"there is no {quantity} to differentiate: {reason}")
         bar = np.zeros(count)
-        bar[-1] = 1.0 if of == "time" else -self.mean_speed / total
+        bar[-1] = 1.0 if quantity == "time" else -self.mean_speed / total
         gradient = self.pullback(bar)
-        if of == "time":
+        if quantity == "time":
             return gradient
         return with_length_gradient(gradient, self.layout, 1.0 / total)
 
     @property
     def mean_speed(self) -> float:
-        """First pivot to last over the last arrival time [m/s]; 0 unless propagated."""
+        """Length of the layout over the last arrival time [m/s]; 0 for a wave that stops."""
         if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
             return 0.0
         return float(self.layout.length / self.arrival_times[-1])
 
     @property
     def local_speed(self) -> Floats:
-        """Pitch over the time between hits (N-1,) [m/s]; nan where not reached."""
+        """Pitches over the times between hits (N-1,) [m/s]; nan where not reached."""
         times = np.where(np.isfinite(self.arrival_times), self.arrival_times, np.nan)
         return np.asarray(self.layout.pitch / np.diff(times))
 
@@ -337,7 +344,7 @@ class WaveBatch:
         Parameters
         ----------
         arrival_bar
-            (B, N) derivatives of B numbers by the arrival times of their layouts.
+            (B, N) derivatives of B numbers with respect to the arrival times of their layouts.
 
         Returns
         -------
@@ -347,9 +354,10 @@ class WaveBatch:
         setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
         bars = numbers("arrival_bar", arrival_bar)
         if bars.shape != shape:
-            wanted = f"give the shape of the thicknesses, {shape}"
-            raise ValueError(f"arrival_bar has shape {bars.shape}: {wanted}")
-        return _pulled_back(self.arrays, setting, bars, np.empty_like(self.summaries))
+            raise ValueError(
+                f"arrival_bar has shape {bars.shape}: give the shape of the thicknesses, {shape}"
+            )
+        return _pullback_batch(self.arrays, setting, bars, np.empty_like(self.summaries))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
         """Return one wave as `simulate` returns it.
@@ -359,7 +367,7 @@ class WaveBatch:
         b
             Index in the batch.
         layout
-            The layout that was simulated, if it is at hand.
+            The layout that was simulated; None to make it of the arrays.
 
         Returns
         -------
@@ -388,8 +396,8 @@ class WaveBatch:
         return len(self.summaries)
 
     def __repr__(self) -> str:
-        counts = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
-        text = ", ".join(f"{number} {ended}" for number, ended in counts if number)
+        counts = [(int(np.sum(self.outcome == kind)), kind.label) for kind in Outcome]
+        text = ", ".join(f"{number} {label}" for number, label in counts if number)
         speeds = self.mean_speed[self.mean_speed > 0.0]
         if len(speeds):
             text += f"; {speeds.min():.6g} to {speeds.max():.6g} m/s"
@@ -446,16 +454,17 @@ def simulate(
     arrays, setting, count = batch_arrays_from(layout), kernel_setting(physics, rtol), layout.count
     summaries = np.empty(1, kernel_arrays.SUMMARY)
     arrivals = np.empty((1, count), kernel_arrays.ARRIVAL)
-    tape = np.empty(4 * count + 16, kernel_arrays.EVENT) if gradient else _UNTAPED
+    # mostly enough; else the same run writes as many events again, to a tape of their number
+    tape = np.empty(4 * count + 16, kernel_arrays.EVENT) if gradient else _NO_TAPE
     while True:
         solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
         summary = kernel_arrays.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
-        tape = np.empty(summary.taped, kernel_arrays.EVENT)  # as many as the same run writes again
-    kept = tape[: summary.taped].copy() if gradient else None
+        tape = np.empty(summary.taped, kernel_arrays.EVENT)
+    saved = tape[: summary.taped].copy() if gradient else None
     run_time = time.perf_counter() - began
-    return _wave(layout, physics, rtol, summary, arrivals[0], run_time, kept)
+    return _wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
 
 
 def simulate_batch(
@@ -495,7 +504,7 @@ def simulate_batch(
         Keep the fields per domino.
     gradient
         Compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
-        are then not kept.
+        are then not saved.
 
     Returns
     -------
@@ -514,21 +523,21 @@ def simulate_batch(
     """
     began = time.perf_counter()
     require_physics(physics)
-    arrays = _checked_batch(spacing, thickness, height, density, rise, tilt)
+    arrays = _check_batch(spacing, thickness, height, density, rise, tilt)
     (number, count), setting = arrays.thickness.shape, kernel_setting(physics, rtol)
-    record, by_time = record and not gradient, None
+    record, time_gradient = record and not gradient, None
     summaries = np.empty(number, kernel_arrays.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernel_arrays.ARRIVAL)
     size = number, count, arrays, *setting
     if gradient:
-        by_time = _pulled_back(arrays, setting, np.eye(1, count, count - 1), summaries)
+        time_gradient = _pullback_batch(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
-        share_pieces(solve_batch, *size, record, summaries, arrivals, _UNTAPED)
+        share_pieces(solve_batch, *size, record, summaries, arrivals, _NO_TAPE)
     run_time = time.perf_counter() - began
-    return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, by_time)
+    return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, time_gradient)
 
 
-def _pulled_back(
+def _pullback_batch(
     arrays: kernel_arrays.Arrays,
     setting: tuple[float, ...],
     arrival_bar: Floats,
@@ -581,18 +590,14 @@ def _wave(
     )
 
 
-def _ended(outcome: Outcome) -> str:
-    return outcome.name.lower().replace("_", " ")
-
-
 def kernel_setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
     """Return friction, gravity, push and checked tolerance for the kernels."""
-    if not (type(rtol) is float and TIGHTEST <= rtol <= LOOSEST):  # a call of `require` is 1 µs
-        require("rtol", rtol, TIGHTEST, LOOSEST)
+    if not (type(rtol) is float and MIN_RTOL <= rtol <= MAX_RTOL):  # a call of `require` is 1 µs
+        require("rtol", rtol, MIN_RTOL, MAX_RTOL)
     return physics.friction, physics.gravity, physics.push, float(rtol)
 
 
-def _checked_batch(
+def _check_batch(
     spacing: ArrayLike,
     thickness: ArrayLike,
     height: ArrayLike,
@@ -604,30 +609,30 @@ def _checked_batch(
     gaps = numbers("spacing", spacing, None)
     if gaps.ndim != 2:
         raise ValueError(
-            f"spacing has shape {gaps.shape}: give one line per layout, (B, N-1); for one layout "
+            f"spacing has shape {gaps.shape}: give (B, N-1), a layout per index b; for one layout "
             "use simulate()"
         )
     number, count = gaps.shape[0], gaps.shape[1] + 1
 
-    def whole(name: str, values: ArrayLike, across: int) -> Floats:
+    def full(name: str, values: ArrayLike, across: int) -> Floats:
         """Return (1, n) or (B, n) from a scalar, (n,) or (B, n)."""
         array = np.atleast_2d(numbers(name, values, None))
         if len(array) in (1, number) and array.shape[1:] in ((1,), (across,)):
             return np.broadcast_to(array, (len(array), across))
         raise ValueError(
-            f"{name} has shape {np.shape(values)}: expected a number, ({across},) or ({number}, "
+            f"{name} has shape {np.shape(values)}: give a number, ({across},) or ({number}, "
             f"{across}), as spacing has shape {gaps.shape}"
         )
 
-    thick = np.broadcast_to(whole("thickness", thickness, count), (number, count))
-    tall, rho = whole("height", height, count), whole("density", density, count)
-    parts = [gaps, thick, tall, rho]
+    thicknesses = np.broadcast_to(full("thickness", thickness, count), (number, count))
+    heights, densities = full("height", height, count), full("density", density, count)
+    parts = [gaps, thicknesses, heights, densities]
     for name, values in zip(("spacing", "thickness", "height", "density"), parts, strict=True):
         require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
     if np.any(rise) or np.any(tilt):
-        parts.append(np.broadcast_to(whole("rise", rise, count - 1), gaps.shape))
-        parts.append(np.broadcast_to(whole("tilt", tilt, count), thick.shape))
-    if violation := footing.find_violation(gaps, thick, tall, *parts[4:]):
+        parts.append(np.broadcast_to(full("rise", rise, count - 1), gaps.shape))
+        parts.append(np.broadcast_to(full("tilt", tilt, count), thicknesses.shape))
+    if violation := footing.find_violation(gaps, thicknesses, heights, *parts[4:]):
         (layout, *_), sentence = violation
         raise ValueError(f"layout {layout}: {sentence}")
     copies = [np.array(part, order="C") for part in parts]

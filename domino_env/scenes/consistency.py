@@ -8,7 +8,7 @@ from typing import Any
 
 from domino_env.core.models import read_model
 from domino_env.physics.ground import Ground
-from domino_env.physics.standard import MOST, unit_hint
+from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
 from domino_env.scenes.tables import MOST_PAIRS, RangeTable, SceneFile
@@ -98,7 +98,7 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     height, scale = tables.row.height, tables.row.height if tables.in_heights else 1.0
     (low, high), _ = tables.spacing.domain()
     thin, thick = (0.0, 0.0) if tables.stock else tables.thickness_domain()[0]
-    if (tables.growth is None and scale * low >= height) or scale * thin > MOST * height:
+    if (tables.growth is None and scale * low >= height) or scale * thin > MAX_RATIO * height:
         hint = unit_hint(height, (scale * low, scale * high), (scale * thin, scale * thick))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
     for name in ("placement.deviation", "robust.deviation"):

@@ -10,7 +10,7 @@ import hashlib
 import numpy as np
 
 from domino_env.core.checks import require_choice
-from domino_env.core.files import refuse
+from domino_env.core.files import raise_with_path
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS
@@ -97,7 +97,7 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
     table = _table(distribution, "test" if beyond is None else "beyond")
     if table is None:
         which = "no test set" if beyond is None else "no test set beyond its ranges"
-        refuse(distribution.file, f"{which} ships with it")
+        raise_with_path(distribution.file, f"{which} ships with it")
     if beyond is not None:
         require_choice("beyond", beyond, distribution.features)
         first = BEYOND * distribution.features.index(beyond)

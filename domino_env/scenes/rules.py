@@ -62,7 +62,7 @@ def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
     if ground is None:
         flat = "the layout has uneven ground, and the scene flat ground: rise and tilt must be 0"
         return [] if layout.is_flat else [flat]
-    rise, tilt = ground.lay(layout.spacing, layout.thickness)
+    rise, tilt = ground.rise_and_tilt(layout.spacing, layout.thickness)
     violations = []
     for name, values, wanted, unit in (
         ("rise", layout.rise, rise, "m"),

@@ -98,7 +98,7 @@ class LayoutBatch:
     def _rise_and_tilt(self) -> tuple[Floats, Floats]:
         if self.ground is None:
             return np.zeros(self.spacing.shape), np.zeros(self.thickness.shape)
-        return self.ground.lay(self.spacing, self.thickness)
+        return self.ground.rise_and_tilt(self.spacing, self.thickness)
 
     def simulate(self, *, record: bool = False, gradient: bool = False) -> WaveBatch:
         """Simulate all layouts; the arguments are those of `domino_env.simulate_batch`.
@@ -111,7 +111,9 @@ class LayoutBatch:
             ground = {"rise": self.rise, "tilt": self.tilt}
             if not self.ground.is_even:
                 arrays = gaps, self.thickness, self.height, self.rise, self.tilt
-                gaps = np.where(footing.impassable(*arrays), 2.0 * self.height[:, :-1], gaps)
+                gaps = np.where(
+                    footing.impassable_contacts(*arrays), 2.0 * self.height[:, :-1], gaps
+                )
         return simulate_batch(
             gaps, self.thickness, self.physics, height=self.height, density=self.density,
             rtol=self.rtol, record=record, gradient=gradient, **ground,

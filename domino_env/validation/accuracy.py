@@ -23,7 +23,7 @@ from domino_env.core.results import as_json
 from domino_env.core.tables import csv_table, text_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import TIGHTEST, Wave, simulate
+from domino_env.physics.wave import MIN_RTOL, Outcome, Wave, simulate
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.edge_cases import RTOL, TIP, Answer, EdgeCase
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
@@ -124,7 +124,7 @@ def measure(
         Error and run time of each setting, coarse to fine.
     """
     for example in examples:
-        exact = simulate(example.layout, example.physics, rtol=TIGHTEST)
+        exact = simulate(example.layout, example.physics, rtol=MIN_RTOL)
         for solver in SOLVERS:
             if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
@@ -260,10 +260,10 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
         x, (errors, estimates) = places[outcomes == outcome], logged[outcomes == outcome].T
         if not len(x):
             continue
-        ended = "completes" if outcome == "PROPAGATED" else outcome.lower().replace("_", " ")
+        ending = "completes" if outcome == "PROPAGATED" else Outcome[outcome].label
         axes.vlines(x, errors, estimates, color=colour, linewidth=1.0, alpha=0.45)
         axes.plot(x, estimates, "_", color=colour, markersize=6)
-        label = f"{ended} ({len(x)})"
+        label = f"{ending} ({len(x)})"
         axes.plot(x, errors, "o", color=colour, markersize=3.2, label=label)
     axes.axhline(RTOL, color=INK, linewidth=0.8, linestyle="--", label=f"tolerance {RTOL:g}")
     axes.set_xlim(-2.5, places[-1] + 3.5)

@@ -22,7 +22,7 @@ import gymnasium
 import numpy as np
 
 import domino_env as de
-from domino_env.physics.wave import TIGHTEST
+from domino_env.physics.wave import MIN_RTOL
 from domino_env.rigid.simulation import largest_difference
 
 Task = Callable[[], object]
@@ -59,7 +59,7 @@ def waves() -> Iterator[str]:
     }
     for (name, layout), friction in product(layouts.items(), (0.25, 0.0)):
         physics = de.Physics(friction, 9.81, 8.0)
-        exact = de.simulate(layout, physics, rtol=TIGHTEST)
+        exact = de.simulate(layout, physics, rtol=MIN_RTOL)
         for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
             plain = partial(de.simulate, layout, physics, rtol=rtol)
             gradient = partial(_gradient, plain)

@@ -14,7 +14,7 @@ import numpy as np
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
+from domino_env.physics.wave import MIN_RTOL, Outcome, Wave, simulate
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.precise import reference_waves, write_reference
 
@@ -265,7 +265,7 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
         error, right, slack = true.relative_error(wave.arrival_times), true.outcome, 4e-16
         against, lowest = "many digits", min(lowest, true.lowest)
     else:
-        tight = simulate(case.layout, case.physics, rtol=TIGHTEST)
+        tight = simulate(case.layout, case.physics, rtol=MIN_RTOL)
         error, right = largest_difference(wave.arrival_times, tight.arrival_times), tight.outcome
         against, lowest = "tightest run", min(lowest, float(np.nanmin(tight.stall_margin)))
         slack = tight.error_estimate

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from domino_env.core.colours import AMBER, BLUE, INK, PALE, RED
-from domino_env.core.plot_style import LEGEND, escaped, new_panels, write_png
+from domino_env.core.plot_style import LEGEND, escape_dollars, new_panels, write_png
 from domino_env.core.tables import markdown_table, text_table
 from domino_env.core.types import Floats
 from domino_env.validation.measured import Comparison, Validation, model_value
@@ -154,7 +154,7 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
             places, speed, yerr=2.0 * speed * uncertainty, fmt="o", markersize=4, capsize=3,
             color=colour, label=floor or "measured",
         )  # fmt: skip
-    axes.set_title(escaped(source.title.partition(":")[0]), loc="left", color=INK, size=10)
+    axes.set_title(escape_dollars(source.title.partition(":")[0]), loc="left", color=INK, size=10)
     axes.set(
         xlabel=f"{setting.x_is} [{UNITS[setting.x_unit]}]",
         ylabel=f"speed [{source.unit if source.quantity == 'speed' else 'm/s'}]",

@@ -227,4 +227,4 @@ def _state(entry: ComparedLayout, t: float) -> str:
         return line
     if wave.mean_speed > 0.0:
         return f"{line}   {1e3 * wave.layout.length:.0f} mm at {wave.mean_speed:.4f} m/s"
-    return f"{line}   {wave.outcome.name.lower().replace('_', ' ')}"
+    return f"{line}   {wave.outcome.label}"

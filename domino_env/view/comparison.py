@@ -138,7 +138,7 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
         "falls": [_short(leans) for leans in falls],
         "end": float(motion.end),
         "mean_speed": wave.mean_speed,
-        "outcome": wave.outcome.name.lower().replace("_", " "),
+        "outcome": wave.outcome.label,
         "explanation": wave.explanation,
         "error": wave.error_estimate,
         "friction": wave.physics.friction,
@@ -157,7 +157,7 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
 
 def _ground(layout: Layout) -> dict[str, list[Any]]:
     """Return the pivots, the tilt and the line of the ground."""
-    steps = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
+    steps = footing.normal_rises(layout.spacing, layout.thickness, layout.rise, layout.tilt)
     return {
         "x": _short(layout.pivots[:, 0]),
         "z": _short(layout.pivots[:, 1]),

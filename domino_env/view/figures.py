@@ -18,7 +18,14 @@ from matplotlib.patches import Polygon
 
 from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
 from domino_env.core.files import as_text
-from domino_env.core.plot_style import HEAD, LEGEND, headings, new_figure, plain_numbers, style
+from domino_env.core.plot_style import (
+    HEADING_HEIGHT,
+    LEGEND,
+    new_figure,
+    set_plain_numbers,
+    style,
+    write_headings,
+)
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
@@ -106,11 +113,11 @@ def layouts_figure(
     scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
     strip = (tall + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
-    height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
+    height = HEADING_HEIGHT + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
-    headings(figure, headline, subtitle, LEFT)
-    y = height - HEAD
+    write_headings(figure, headline, subtitle, LEFT)
+    y = height - HEADING_HEIGHT
     for drawn in layouts:
         y -= strip
         axes = _axes(figure, y, strip)
@@ -141,9 +148,9 @@ def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -
 
 def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figure:
     """Draw the layout of a wave to scale, its gaps and its speed, or its speed alone into axes."""
-    physics, ended = wave.physics, wave.outcome.name.lower().replace("_", " ")
+    physics = wave.physics
     layouts = [DrawnLayout(wave.layout, wave, "the layout")]
-    headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ended
+    headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else wave.outcome.label
     subtitle = (
         f"{wave.layout.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s, gravity {physics.gravity:g} m/s²"
@@ -234,8 +241,7 @@ def _label(drawn: DrawnLayout) -> str:
     if wave is None:
         return f"{name}: {length}"
     if wave.mean_speed == 0.0:
-        ended = wave.outcome.name.lower().replace("_", " ")
-        return f"{name}: {ended}, {wave.hit} of {drawn.layout.count} were hit"
+        return f"{name}: {wave.outcome.label}, {wave.hit} of {drawn.layout.count} were hit"
     return f"{name}: {length} in {wave.arrival_times[-1]:.4f} s, {wave.mean_speed:.4f} m/s"
 
 
@@ -319,5 +325,5 @@ def _speed(axes: Axes, layouts: Sequence[DrawnLayout], _: Scene | None) -> None:
     if high > 2.0 * low:  # a narrow gap at the end would flatten everything else
         axes.set_yscale("log")
         axes.set_ylabel("local speed [m/s] (log.)")
-        plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
+        set_plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
     axes.set_ylim(0.93 * low, 1.07 * high)

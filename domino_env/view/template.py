@@ -21,7 +21,7 @@ from matplotlib.patches import Rectangle
 from domino_env.core.checks import require_choice
 from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import amount, write_bytes
-from domino_env.core.plot_style import escaped
+from domino_env.core.plot_style import escape_dollars
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
@@ -41,7 +41,7 @@ LINE = 0.4  # [pt]
 
 @dataclass(frozen=True)
 class Strip:
-    """Part of the layout on a strip of paper, which is cut out and joined to the one before.
+    """NonNegative of the layout on a strip of paper, which is cut out and joined to the one before.
 
     Attributes
     ----------
@@ -218,7 +218,9 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     axes.set(xlim=(0.0, wide * MM), ylim=(0.0, high * MM))
     axes.set_axis_off()
     left, top = MARGIN * MM, high * MM
-    axes.text(left, top - 14.0, escaped(title), va="center", size=13, weight="bold", color=INK)
+    axes.text(
+        left, top - 14.0, escape_dollars(title), va="center", size=13, weight="bold", color=INK
+    )
     right = (wide - MARGIN) * MM
     axes.text(right, top - 14.0, subtitle, va="center", ha="right", size=9, color=SOFT)
     yield axes

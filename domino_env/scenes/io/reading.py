@@ -14,8 +14,8 @@ from domino_env.core.files import (
     as_text,
     errors_with_path,
     one_line,
+    raise_with_path,
     read_bytes,
-    refuse,
     write_text,
 )
 from domino_env.core.progress import notice
@@ -95,9 +95,9 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
         file = f"{name}.toml"
         return document_of_text((known[text] / file).read_text("utf-8"), file), text, file
     if path.suffix.lower() in (".csv", ".json"):
-        refuse(path, "a scene is a .toml file or a name; domino simulate reads layouts")
+        raise_with_path(path, "a scene is a .toml file or a name; domino simulate reads layouts")
     if path.is_dir() and not (path / SCENE).is_file():
-        refuse(path, f"a folder without a {SCENE}: name the file of a scene")
+        raise_with_path(path, f"a folder without a {SCENE}: name the file of a scene")
     if path.suffix != ".toml" and not path.is_file():
         near = difflib.get_close_matches(text[:300], known, n=1)
         near += [str(path / SCENE)] * (path / SCENE).is_file()
@@ -107,11 +107,11 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
             f"{', '.join(known)}; or give the path of a .toml file"
         )
     if not path.is_file():
-        refuse(path, "there is no such scene file")
+        raise_with_path(path, "there is no such scene file")
     try:
         content = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        refuse(path, "not UTF-8 text; save the file as UTF-8")
+        raise_with_path(path, "not UTF-8 text; save the file as UTF-8")
     return document_of_text(content, str(path)), path.stem, str(path)
 
 

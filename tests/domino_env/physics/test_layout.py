@@ -79,11 +79,11 @@ def test_copies_are_equal_and_read_only(original, duplicate):
     ({"width": "wide"}, "width = 'wide' m: give a finite number, more than 0"),
     ({"tilt": 0.16}, "domino 0 does not stand: tilt[0] is 9.167°, and it tips over by itself ..."),
     ({"rise": [0.0, 0.021]},
-     "... stands 0.021 m above domino 1, seen from its own ground: such ..."),
+     "... stands 0.021 m above domino 1, normal to its own ground: the ..."),
     ({"rise": -0.01}, "domino 0 (height 0.048 m) would strike 0.0536 ..."),
     ({"tilt": [0.15, -0.15, 0.0], "spacing": [0.01, 0.02]},
      "... lean against each other before ..."),
-    ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: must be finite ..."),
+    ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: give a finite ..."),
     ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give one number or 2, one per pair"),
 ])  # fmt: skip
 def test_what_cannot_stand(change, sentence):
@@ -193,7 +193,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
      "'18,5' is not a number: where commas divide the cells, write 18.5"),
     ("spacing_mm,thickness_mm\n18,5,7,5\n,7\n", "line 2: more cells than the 2 names: where"),
     ("spacing_mm,thickness_mm,width_mm\n20,7,24\n,7,40\n",
-     "column 'width_mm': dominoes of 0.024 and 0.04 m; a layout has one width"),
+     "column 'width_mm': dominoes of 0.024 and 0.04 m: give one width"),
     ('spacing,thickness\n"' + "x" * 200_000, "not a table: field larger than field limit"),
     ("{", "not JSON"),
     ("[1, 2]", "this is [1, 2]: give a table of spacing, thickness, height"),

@@ -275,7 +275,7 @@ def test_arguments_of_another_type(function):
     (lambda: de.verify(LAYOUT, PHYSICS, engine="mujco"), "engine = 'mujco': choose one of False, "),
     (lambda: de.verify(de.Layout([], 0.0075), PHYSICS), "one domino has no wave"),
     (lambda: de.Ground(slope=1.0).along_ground(3, LAYOUT), "gradient is of type int: give a Grad"),
-    (lambda: de.Ground(slope=1.0).lay("x", 0.0075), "spacing = 'x': give numbers"),
+    (lambda: de.Ground(slope=1.0).rise_and_tilt("x", 0.0075), "spacing = 'x': give numbers"),
     (lambda: de.fit_friction("ab", "cd"), "pitches = 'ab': give numbers"),
 ])  # fmt: skip
 def test_misuse_is_explained(call, words):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
-from domino_env.core.tables import fill
+from domino_env.core.tables import fill_tables
 from domino_env.rigid import known
 from optimize.experiments.best_known import best_known
 from optimize.experiments.verification import verify_records
@@ -30,9 +30,9 @@ def test_every_layout_that_ships_is_verified_as_it_is(name):
 
 def test_the_page_shows_the_stored_verifications():
     page = PAGE.read_text("utf-8")
-    assert fill(page, {"known": known.known_table(STORED)}) == page, AGAIN
+    assert fill_tables(page, {"known": known.known_table(STORED)}) == page, AGAIN
     with pytest.raises(ValueError, match="no comment <!-- else -->"):
-        fill(page, {"else": []})
+        fill_tables(page, {"else": []})
 
 
 def test_a_layout_is_known_under_its_own_physics_only():
