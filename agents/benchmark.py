@@ -231,8 +231,7 @@ def benchmark_tasks(
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
-        if number is not None:
-            require(name, number, above=0, whole=name != "seconds")
+        require(name, number, above=0, whole=name != "seconds", optional=True)
     for name in algorithms:
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)

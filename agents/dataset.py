@@ -20,7 +20,7 @@ import gymnasium
 import numpy as np
 
 from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
-from domino_env.core.checks import require, require_extra
+from domino_env.core.checks import as_path, require, require_extra
 from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
@@ -89,7 +89,7 @@ def make_dataset(
     require("seed", seed, 0, whole=True)
     require("noise", noise, 0.0, 1.0)
     require_extra("a dataset", "minari", "pyarrow", "minari")
-    root, source = Path(folder), load_distribution(distribution)
+    root, source = as_path("folder", folder), load_distribution(distribution)
     require_writable(root)
     require_unused(root, (CARD, EPISODES))
     root.mkdir(parents=True, exist_ok=True)

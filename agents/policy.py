@@ -23,7 +23,8 @@ from agents.algorithms import Hyperparameters
 from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.files import as_text, errors_with_path, read_json
+from domino_env.core.checks import require_type
+from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_model
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
@@ -71,8 +72,7 @@ def find_folder(run: str | Path) -> Path:
 
     A folder of the same name is given as a Path, or as "./name".
     """
-    if not isinstance(run, str | Path):
-        raise TypeError(f"run = {as_text(run)}: give the name of a policy, or a folder or file")
+    require_type("run", run, str | Path, "the name of a policy, or a folder or file")
     if run not in (*shipped(), DESIGNER):
         return Path(run)
     if Path(run).exists():

@@ -30,8 +30,8 @@ from agents.policy import (
 )
 from agents.rollout import SELECTION_SEEDS, Rollout, build, evaluation_seeds
 from domino_env import Scene, SceneDistribution
-from domino_env.core.checks import require, require_choice
-from domino_env.core.files import as_text, require_unused, require_writable, write_text
+from domino_env.core.checks import as_path, require, require_choice, require_type
+from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.models import plain
 from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
@@ -192,18 +192,14 @@ def train(
     >>> run.rollout.score  # doctest: +SKIP
     """
     require_choice("algorithm", algorithm, ALGORITHMS)
-    if steps is not None:
-        require("steps", steps, 1, whole=True)
+    require("steps", steps, 1, whole=True, optional=True)
     require("seed", seed, 0, 2**32 - 1, whole=True)
-    if num_scenes is not None:
-        require("num_scenes", num_scenes, 1, POOL, whole=True)
+    require("num_scenes", num_scenes, 1, POOL, whole=True, optional=True)
     require_learning()
-    if not isinstance(hyperparameters, Hyperparameters | None):
-        raise ValueError(
-            f"hyperparameters = {as_text(hyperparameters)}: give agents.algorithms.Hyperparameters"
-        )
+    wanted = "agents.algorithms.Hyperparameters"
+    require_type("hyperparameters", hyperparameters, Hyperparameters | None, wanted)
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
-    home = Path(folder or f"runs/{target.name}-{algorithm}")
+    home = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
     if resume:
         config = read_config(home)
         target, hyperparameters = load_any(home / SCENE), config.hyperparameters

@@ -204,10 +204,7 @@ class DesignSpace:
         ValueError
             For another shape.
         """
-        design = numbers("design", design, None)
-        if design.shape != (self.dimension,):
-            raise ValueError(f"the design has shape {design.shape}: expected ({self.dimension},)")
-        return design[None]
+        return numbers("design", design, None, (self.dimension,))[None]
 
     def checked(self, designs: Floats, *, anywhere: bool = False) -> Floats:
         """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.

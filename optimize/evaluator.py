@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.files import amount
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
@@ -97,6 +98,10 @@ class Evaluator:
         executor: Executor | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
+        require_type("problem", problem, Problem, "a Problem, such as Problem('sprint')")
+        require("max_evaluations", max_evaluations, 1, whole=True, optional=True)
+        require("max_seconds", max_seconds, above=0.0, unit="s", optional=True)
+        require("tolerance", tolerance, above=0.0, optional=True)
         self.problem, self.tolerance = problem, tolerance
         self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
         self.evaluations = self.falls = self.effort = 0
@@ -259,12 +264,13 @@ class Evaluator:
         BudgetSpent
             Where fewer evaluations remain. As many as remain are simulated first.
         """
-        designs = np.asarray(designs, dtype=np.float64)
-        single = designs.ndim == 1
+        designs = numbers("designs", designs, None)
+        single = designs.ndim < 2
         designs = designs[None] if single else designs
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
+        rtol = self.problem.rtol if rtol is None else rtol
         # the same pieces with and without an executor: no result may depend on it
         step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
         batch = step if gradient or self._executor is None else self.bulk
@@ -273,7 +279,7 @@ class Evaluator:
             self.require_more()
             end = start + int(min(batch, len(designs) - start, self.remaining))
             pieces = [designs[i : min(i + step, end)] for i in range(start, end, step)]
-            answers = self._answers(pieces, gradient, rtol or self.problem.rtol, relaxed)
+            answers = self._answers(pieces, gradient, rtol, relaxed)
             try:
                 for piece, scores in zip(pieces, answers, strict=True):
                     self._count(scores)

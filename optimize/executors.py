@@ -48,6 +48,14 @@ class WorkerLost(RuntimeError):  # noqa: N818
     """A task ends the worker process that runs it, every time."""
 
 
+def require_executor(executor: object) -> None:
+    """Raise a TypeError for anything but an executor or None."""
+    from domino_env.core.checks import require_type
+
+    wanted = "a concurrent.futures.Executor, as open_executor(2) yields, or None"
+    require_type("executor", executor, futures.Executor | None, wanted)
+
+
 @contextmanager
 def loss_as_error() -> Iterator[None]:
     """Turn the errors of an executor that has ended into ExecutorLost."""
@@ -255,8 +263,7 @@ def open_executor(
     """
     from domino_env.core.checks import require, require_extra
 
-    if workers is not None:
-        require("workers", workers, 1, whole=True)
+    require("workers", workers, 1, whole=True, optional=True)
     if dask is not None:
         require_extra("a Dask cluster", "dist", "dask", "distributed")
         if dask != "local" and workers is not None:

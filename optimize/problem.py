@@ -172,7 +172,7 @@ class Problem(DesignSpace):
         designs = self.checked(self.as_batch(designs) if single else designs)
         values = self.values(designs)
         sizes = self.split(values)
-        rtol = GRADIENT_RTOL if gradient else rtol or self.rtol
+        rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
         batch = replace(self.scene.batch(*sizes, rtol), stop=stop)
         result = self.scene.evaluate(batch, gradient=gradient)
         scores = Scores(result.score, result.reach, result.falls)

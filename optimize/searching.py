@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.core.checks import require
+from domino_env.core.checks import as_path, require, require_type
 from domino_env.core.progress import notice, progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
@@ -24,6 +24,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
 from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
+from optimize.executors import require_executor
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.problem import Problem, Scores
@@ -131,12 +132,11 @@ def search(
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     run, method = registry.load(method), registry.method_name(method)
     require("seed", seed, 0, whole=True)
-    if budget is not None:
-        require("budget", budget, 1, whole=True)
-    if seconds is not None:
-        require("seconds", seconds, above=0.0, unit="s")
-    if tolerance is not None:
-        require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain")
+    require("budget", budget, 1, whole=True, optional=True)
+    require("seconds", seconds, above=0.0, unit="s", optional=True)
+    require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain", optional=True)
+    require_executor(executor)
+    require_type("callback", callback, Callable, "a function of the Evaluator")
     if resume and folder is None:
         raise ValueError("resume: give the folder of the search to continue")
     if tolerance is None and budget is None and seconds is None:
@@ -148,9 +148,10 @@ def search(
     failure: Exception | None = None
     with ExitStack() as stack:
         if folder is not None:
-            evaluations_before = begin_run(Path(folder), scene, method, seed, resume=resume)
+            folder = as_path("folder", folder)
+            evaluations_before = begin_run(folder, scene, method, seed, resume=resume)
             context = f"{versions()} {scene.to_toml()}"
-            journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
+            journal = Journal(folder / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
         compile_for(scene, gradients=True)
         began = clock()

@@ -130,8 +130,7 @@ class Designer:
     def design(self, scene: Scene, tries: int = TIGHT, steps: int | None = None) -> Design:
         """Design a layout; see `agents.design`."""
         require("tries", tries, 1, whole=True)
-        if steps is not None:
-            require("steps", steps, 0, whole=True)
+        require("steps", steps, 0, whole=True, optional=True)
         require_kind(scene)
         _threads()  # its first call is not timed
         began = time.perf_counter()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 from collections.abc import Iterable
 from importlib.util import find_spec
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,6 +30,8 @@ def require(
     above: float = -INF,
     below: float = INF,
     whole: bool = False,
+    optional: bool = False,
+    array: bool = False,
 ) -> None:
     """Raise a ValueError for a number that is not finite or out of its range.
 
@@ -35,7 +40,7 @@ def require(
     name
         Name of the parameter, the first word of the message.
     value
-        A number, or an array of numbers, each of which is checked.
+        A number; with `array`, an array of numbers, each of which is checked.
     low, high
         Smallest and largest value that is accepted.
     unit
@@ -46,6 +51,10 @@ def require(
         Exclusive bounds.
     whole
         If True, only whole numbers are accepted.
+    optional
+        If True, None is accepted.
+    array
+        If True, an array is accepted.
 
     Raises
     ------
@@ -54,10 +63,13 @@ def require(
         Earth)". For an array it has the index of the first entry that is not accepted.
     """
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    letters = "iu" if whole else "iuf"
+    if optional and value is None:
+        return
     if isinstance(value, kinds) and not isinstance(value, bool):
         if low <= value <= high and above < value < below:
             return
-    elif isinstance(value, np.ndarray) and value.dtype.kind in ("iu" if whole else "iuf"):
+    elif array >= bool(np.ndim(value)) and getattr(value, "dtype", np.dtype(bool)).kind in letters:
         accepted = value >= low if low > -INF else value > above
         accepted &= value <= high if high < INF else value < below
         if accepted.all():
@@ -71,18 +83,46 @@ def require(
     raise ValueError(f"{given}: give a {expected}{bounds}{f' ({hint})' if hint else ''}")
 
 
-def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
+def numbers(
+    name: str,
+    value: Any,
+    copy: bool | None = True,
+    shape: tuple[int | str, ...] | None = None,
+    meaning: str = "",
+) -> Floats:
     """Return the numbers of an argument as an array; `copy` is that of `numpy.array`.
+
+    Parameters
+    ----------
+    name, value
+        Name and value of the argument.
+    copy
+        That of `numpy.array`.
+    shape
+        Accepted shape, with letters for sizes that are free, as in (2, "N"); None for any.
+    meaning
+        Meaning of the entries, at the end of the message about another shape.
 
     Raises
     ------
     ValueError
-        If the value is not a number or nested lists of numbers with equal lengths.
+        If the value is not a number or nested lists of numbers with equal lengths, or if it has
+        another shape.
     """
     try:
-        return np.array(value, dtype=np.float64, copy=copy)
-    except (TypeError, ValueError):
+        if np.asarray(value).dtype.kind not in "iufO":  # truth values, texts, dates
+            raise TypeError
+        array = np.array(value, dtype=np.float64, copy=copy)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
+    if shape is not None:
+        pairs = itertools.zip_longest(shape, array.shape)
+        if any(w is None or n is None or (n != w and not isinstance(w, str)) for w, n in pairs):
+            wanted = (
+                f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)}){', ' * bool(meaning)}"
+            )
+            raise ValueError(f"{name} has shape {array.shape}: give {wanted}{meaning}")
+    return array
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
@@ -102,10 +142,16 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
 
 
-def require_type(name: str, value: object, kind: type, expected: str) -> None:
+def require_type(name: str, value: object, kind: Any, expected: str) -> None:
     """Raise a TypeError for a value that is no instance of a type; `expected` ends the message."""
     if not isinstance(value, kind):
-        raise TypeError(f"{name} is of type {type(value).__name__}: give {expected}")
+        raise TypeError(f"{name} = {as_text(value)}: give {expected}")
+
+
+def as_path(name: str, value: object) -> Path:
+    """Return the path of an argument; raise a TypeError for anything but a string or a path."""
+    require_type(name, value, str | PathLike, "a path, as a string or a pathlib.Path")
+    return Path(cast("str", value))
 
 
 def require_extra(purpose: str, extra: str, *packages: str) -> None:

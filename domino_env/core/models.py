@@ -72,7 +72,7 @@ def plain(value: Any) -> Any:
 
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
+        return value.astype(float).tolist() if value.dtype.char == "g" else value.tolist()
     return as_text(value)  # a string, which no field accepts
 
 

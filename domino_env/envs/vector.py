@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.checks import numbers, require, require_choice
+from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import EpisodeResults, objects, placed_layout
 from domino_env.envs.rendering import (
@@ -212,6 +212,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
         """Return the options of a reset; raise ValueError for an unknown one."""
+        require_type("options", options, dict | None, "a dictionary of options, or None")
         known = (*self.options, *("scene",) * (self.distribution is not None), *more)
         for key in options or {}:
             if key not in known:
@@ -237,8 +238,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 f"{len(seeds)} seeds for {self.num_envs} environments: give one for each"
             )
         for value in seeds:
-            if value is not None:
-                require("seed", value, 0, whole=True)
+            require("seed", value, 0, whole=True, optional=True)
         return seeds
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import numbers, require
+from domino_env.core.checks import as_path, numbers, require
 from domino_env.core.files import errors_with_path
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
@@ -79,9 +79,7 @@ class Layout:
         rise: ArrayLike = 0.0,
         tilt: ArrayLike = 0.0,
     ) -> None:
-        gaps = numbers("spacing", spacing)
-        if gaps.ndim != 1:
-            raise ValueError(f"spacing has shape {gaps.shape}: give one gap per pair, shape (N-1,)")
+        gaps = numbers("spacing", spacing, shape=("N-1",), meaning="one gap per pair")
         count = len(gaps) + 1
         arrays = {
             "spacing": gaps,
@@ -92,9 +90,8 @@ class Layout:
         for name, array in arrays.items():
             # these comparisons take less time than `require`
             if len(array) and not 0.0 < array.min() <= array.max() < np.inf:
-                require(name, array, above=0.0, unit="kg/m³" if name == "density" else "m")
-        if isinstance(width, np.ndarray):
-            raise ValueError(f"width has shape {width.shape}: give one number for all dominoes")
+                unit = "kg/m³" if name == "density" else "m"
+                require(name, array, above=0.0, unit=unit, array=True)
         require("width", width, above=0.0, unit="m")
         arrays["rise"] = full_array("rise", rise, count - 1)
         arrays["tilt"] = full_array("tilt", tilt, count)
@@ -185,7 +182,7 @@ class Layout:
         ValueError
             For neither or both of pitch and spacing, dominoes that overlap, and as for the class.
         """
-        require("count", count, 1, whole=True)
+        require("count", count, 1, files.MAX_DOMINOES, whole=True)
         if (pitch is None) == (spacing is None):
             raise ValueError(f"{pitch=}, {spacing=}: give either pitch or spacing (the gap) in m")
         require("thickness", thickness, above=0.0, unit="m")
@@ -255,7 +252,7 @@ class Layout:
         path
             The file, which is replaced atomically.
         """
-        files.write_csv(Path(path), self._columns())
+        files.write_csv(as_path("path", path), self._columns())
 
     def to_json(self, path: str | Path) -> None:
         """Write every array in full, in SI units.
@@ -265,7 +262,7 @@ class Layout:
         path
             The file, which is replaced atomically.
         """
-        files.write_json(Path(path), self._columns())
+        files.write_json(as_path("path", path), self._columns())
 
     def _columns(self) -> dict[str, Any]:
         names = ["spacing", "thickness", "height", "width", "density"]
@@ -296,8 +293,9 @@ class Layout:
             For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
         """
+        path = as_path("path", path)
         with errors_with_path(path):
-            layout = cls(**{"width": width} | files.read_arguments(Path(path)))
+            layout = cls(**{"width": width} | files.read_arguments(path))
         if layout.count > 1:
             standard.advise_on_units(path, *layout._sizes)
         return layout

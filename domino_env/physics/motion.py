@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import numbers
+from domino_env.core.checks import numbers, require
 from domino_env.core.types import Floats, Ints
 from domino_env.kernels.arrays import SNAPSHOT
 from domino_env.kernels.diagnosis import trace_motion
@@ -73,7 +73,8 @@ class Motion:
         tuple of ndarray
             Index of the leader (T,) and its lean (T,) [rad].
         """
-        t = np.clip(numbers("times", times), 0.0, self.end)
+        require("times", t := numbers("times", times, shape=("T",)), unit="s", array=True)
+        t = np.clip(t, 0.0, self.end)
         n = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, len(self.samples) - 1)
         angle = np.empty(len(t))
         for k in np.unique(n):

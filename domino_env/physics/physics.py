@@ -43,9 +43,14 @@ def require_arguments(layout: object, physics: object) -> None:
     TypeError
         For anything but a Layout and a Physics, in this order.
     """
+    require_layout(layout)
+    require_physics(physics)
+
+
+def require_layout(layout: object) -> None:
+    """Raise a TypeError for anything but a Layout."""
     example = "Layout(spacing=[0.018, 0.02], thickness=0.0075), in metres"
     require_type("layout", layout, Layout, f"a Layout, such as {example}")
-    require_physics(physics)
 
 
 def require_physics(physics: object) -> None:

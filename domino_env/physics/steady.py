@@ -214,12 +214,13 @@ def _check_chains(
 ) -> tuple[Floats, ...]:
     """Return pitch, thickness, height and density as arrays; raise for values out of range."""
     require_physics(physics)
-    require("rtol", rtol, 0.0, MAX_RTOL)
+    require("rtol", rtol, above=0.0, high=MAX_RTOL)
     require("slope", slope, unit="rad")
     names = ("pitch", "thickness", "height", "density")
     sizes = tuple(map(numbers, names, chain))
     for name, values in zip(names, sizes, strict=True):
-        require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
+        unit = "kg/m³" if name == "density" else "m"
+        require(name, values, above=0.0, unit=unit, array=True)
     if 0 in (shape := np.broadcast(*sizes).shape):
         raise ValueError(f"the sizes have shape {shape}: give one chain or more")
     return sizes
@@ -258,7 +259,7 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
         For `rtol` out of its range.
     """
     require_arguments(layout, physics)
-    require("rtol", rtol, 0.0, MAX_RTOL)
+    require("rtol", rtol, above=0.0, high=MAX_RTOL)
     outcome, least_u = compose_falls(arrays_from(layout), physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf

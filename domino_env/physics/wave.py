@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.checks import numbers, require, require_choice
+from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
@@ -190,13 +190,9 @@ class Wave:
                 "this wave saved no states to differentiate: simulate it with "
                 "simulate(layout, physics, gradient=True)"
             )
-        count, bar = self.layout.count, numbers("arrival_bar", arrival_bar)
-        if bar.shape != (count,):
-            raise ValueError(
-                f"arrival_bar has shape {bar.shape}: give one number for each of the {count} "
-                "dominoes"
-            )
-        require("arrival_bar", bar)
+        shape = (self.layout.count,)
+        bar = numbers("arrival_bar", arrival_bar, shape=shape, meaning="a number for each domino")
+        require("arrival_bar", bar, array=True)
         unreached = np.flatnonzero((bar != 0.0) & ~np.isfinite(self.arrival_times))
         if len(unreached):
             k = int(unreached[0])
@@ -352,11 +348,7 @@ class WaveBatch:
             Arrays with a leading B, zero for a wave that did not propagate.
         """
         setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
-        bars = numbers("arrival_bar", arrival_bar)
-        if bars.shape != shape:
-            raise ValueError(
-                f"arrival_bar has shape {bars.shape}: give the shape of the thicknesses, {shape}"
-            )
+        bars = numbers("arrival_bar", arrival_bar, shape=shape, meaning="that of the thicknesses")
         return _pullback_batch(self.arrays, setting, bars, np.empty_like(self.summaries))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
@@ -402,6 +394,11 @@ class WaveBatch:
         if len(speeds):
             text += f"; {speeds.min():.6g} to {speeds.max():.6g} m/s"
         return f"WaveBatch({len(self)} waves: {text or 'none'})"
+
+
+def require_wave(name: str, wave: object) -> None:
+    """Raise a TypeError for anything but a Wave."""
+    require_type(name, wave, Wave, "a Wave, such as simulate(layout, physics)")
 
 
 def simulate(
@@ -606,12 +603,8 @@ def _check_batch(
     tilt: ArrayLike,
 ) -> kernel_arrays.Arrays:
     """Return the arrays of a batch for the kernels; raise for dominoes that cannot stand."""
-    gaps = numbers("spacing", spacing, None)
-    if gaps.ndim != 2:
-        raise ValueError(
-            f"spacing has shape {gaps.shape}: give (B, N-1), a layout per index b; for one layout "
-            "use simulate()"
-        )
+    meaning = "a layout per index b; for one layout use simulate()"
+    gaps = numbers("spacing", spacing, None, ("B", "N-1"), meaning)
     number, count = gaps.shape[0], gaps.shape[1] + 1
 
     def full(name: str, values: ArrayLike, across: int) -> Floats:
@@ -628,7 +621,8 @@ def _check_batch(
     heights, densities = full("height", height, count), full("density", density, count)
     parts = [gaps, thicknesses, heights, densities]
     for name, values in zip(("spacing", "thickness", "height", "density"), parts, strict=True):
-        require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
+        unit = "kg/m³" if name == "density" else "m"
+        require(name, values, above=0.0, unit=unit, array=True)
     if np.any(rise) or np.any(tilt):
         parts.append(np.broadcast_to(full("rise", rise, count - 1), gaps.shape))
         parts.append(np.broadcast_to(full("tilt", tilt, count), thicknesses.shape))

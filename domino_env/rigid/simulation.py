@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_type
 from domino_env.core.progress import progress_bar
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
@@ -213,9 +213,10 @@ def simulate_standing(
     """
     begun, physics = time.perf_counter(), physics or Physics()
     require_arguments(layout, physics)
-    if floor_friction is not None:
-        require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots")
-        floor_friction = float(floor_friction)
+    hint = "None for fixed pivots"
+    require("floor_friction", floor_friction, 0.0, hint=hint, optional=True)
+    floor_friction = None if floor_friction is None else float(floor_friction)
+    require_type("stop", stop, Callable | None, "a function that returns True or False, or None")
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
     run, steps = _run(layout, physics, floor_friction, COARSEST, progress, stop)
     fineness, largest = COARSEST, 0.0

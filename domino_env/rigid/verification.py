@@ -162,7 +162,7 @@ def verify(
     if layout.count < 2:
         raise ValueError("one domino has no wave: give a layout of two or more")
     frictions = np.atleast_1d(numbers("floors", floors))
-    require("floors", frictions, above=0.0, hint="coefficients of friction")
+    require("floors", frictions, above=0.0, hint="coefficients of friction", array=True)
     require_choice("engine", engine, (False, True))
     places = (None, *frictions.tolist())
     return Verification(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core import checks
 from domino_env.core.files import errors_with_path
 from domino_env.core.types import Floats
 from domino_env.physics.physics import Physics
@@ -132,6 +133,8 @@ class SceneDistribution:
         ValueError
             If none of 1000 scenes can be used.
         """
+        if not isinstance(rng, np.random.Generator):
+            checks.require("rng", rng, 0, whole=True, hint="a seed; or a numpy.random.Generator")
         rng, reason = np.random.default_rng(rng), "no uniform layout completes in any of them"
         for _ in range(MOST_SAMPLED):
             numbers = self._sample_once(rng)
@@ -182,7 +185,8 @@ class SceneDistribution:
         ValueError
             For numbers that no scene has.
         """
-        sampled = dict(zip(self.ranges, map(float, numbers), strict=True))
+        numbers = checks.numbers("numbers", numbers, None, (len(self.ranges),), repr(self))
+        sampled = dict(zip(self.ranges, numbers.tolist(), strict=True))
         row, physics = (self.document.get(table, {}) for table in ("row", "physics"))
         units = self._units(
             sampled.get(("row", "height"), row.get("height", HEIGHT)),
@@ -218,6 +222,7 @@ class SceneDistribution:
         ValueError
             For a scene that differs from the sampled ones in more than these numbers.
         """
+        checks.require_type("scene", scene, Specification, "a Scene of this distribution")
         tables = scene.document()
         units = self._units(scene.height, scene.physics.gravity)
         missing = any(key not in tables.get(table, ()) for table, key in self.ranges)
@@ -253,7 +258,8 @@ class SceneDistribution:
             (…, V): -1 at the least, 1 at the largest value of each range, in the logarithm where
             the spread is "log"; 0 for a range of one value.
         """
-        values = np.asarray(numbers, dtype=np.float64)
+        shape = (*np.shape(numbers)[:-1], len(self.ranges))
+        values = checks.numbers("numbers", numbers, None, shape, repr(self))
         scaled = np.zeros(values.shape)
         for v, sampled in enumerate(self.ranges.values()):
             low, high, x = sampled.min, sampled.max, values[..., v]

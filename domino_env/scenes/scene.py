@@ -9,10 +9,9 @@ from typing import ClassVar, Self, cast
 
 import numpy as np
 
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_type
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import require_arguments
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.objectives.robust import add_errors
@@ -148,7 +147,6 @@ class Scene(Specification):
         """
         if isinstance(layout, Wave):
             return float(self.evaluate_waves([layout]).score[0])
-        require_arguments(layout, self.physics)
         self._require(layout)
         return self.score(self.simulate(layout))
 
@@ -172,6 +170,7 @@ class Scene(Specification):
         Evaluation
             Scores, reaches, numbers of falls, and derivatives if wanted.
         """
+        require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
         return self.criterion.evaluate(batch, gradient)
 
     def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
@@ -191,6 +190,7 @@ class Scene(Specification):
         Evaluation
             Scores, reaches and numbers of falls.
         """
+        require_type("waves", waves, Sequence, "a list of waves")
         criterion = self.criterion
         evaluation = criterion.score(Waves.of_waves(waves, self.count))
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
@@ -227,7 +227,7 @@ class Scene(Specification):
             For a layout that breaks the scene's rules.
         """
         self._require(layout)
-        require("seeds", numbered := np.atleast_1d(seeds), 0, whole=True)
+        require("seeds", numbered := np.atleast_1d(seeds), 0, whole=True, array=True)
         generators = [np.random.default_rng(seed) for seed in numbered]
         errors = [self.placement_errors(generator) for generator in generators]
         gaps = add_errors(layout.spacing, np.array(errors))
@@ -311,6 +311,7 @@ class Scene(Specification):
         ValueError
             If the rules allow no uniform layout.
         """
+        require("seconds", seconds, 0.0, unit="s", optional=True)
         limit = None if self.floor_friction is None else seconds
         if "_uniform" not in vars(self):  # kept here too, so that it is pickled with the scene
             vars(self)["_uniform"] = _find_baseline(self, self.known_point, limit)

@@ -10,10 +10,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from domino_env.core.checks import numbers
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import check_document
 from domino_env.scenes.objectives import OBJECTIVES, Objective
@@ -237,6 +238,7 @@ class Specification:
         """
         if height is None and self.growth is not None:
             raise ValueError(f"height is missing: scene '{self.name}' leaves it free")
+        spacing = numbers("spacing", spacing, None, ("B", "N-1"))
         full = (len(spacing), spacing.shape[1] + 1)
         tall = np.full((1, full[1]) if height is None else full, self.height)
         if height is not None:
@@ -265,6 +267,7 @@ class Specification:
         list of str
             One sentence for each rule, with the place, the value and the accepted range.
         """
+        require_layout(layout)
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
         violations = on_other_ground(layout, self.ground)

@@ -19,7 +19,7 @@ from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
+from domino_env.physics.wave import Outcome, Wave, WaveBatch, require_wave, simulate_batch
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 
 FREE_STANDING_RTOL = 1e-3  # for any requested tolerance, as their error is some 2e-4
@@ -179,6 +179,7 @@ class Waves:
         times = np.full((len(waves), count), np.inf)
         numbers = np.empty((len(waves), 7))
         for b, wave in enumerate(waves):
+            require_wave(f"waves[{b}]", wave)
             times[b, : wave.layout.count] = wave.arrival_times
             margins = wave.stall_margin
             margins = margins[np.isfinite(margins)]

@@ -15,7 +15,7 @@ from PIL import Image
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
-from domino_env.view.comparison import ComparedLayout
+from domino_env.view.comparison import ComparedLayout, require_compared
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
 
@@ -172,6 +172,7 @@ def _stage(
     require("width", width, 200, WIDEST, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
+    require_compared(compared)
     for entry in compared:
         require_drawable(entry.name, entry.wave.layout.count)
     motions = [Motion(entry.wave.layout, entry.wave.physics) for entry in compared]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from domino_env.core.checks import require_type
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
@@ -57,6 +58,15 @@ class ComparedLayout:
     unit: str = "m/s"
 
 
+def require_compared(compared: Sequence[ComparedLayout]) -> None:
+    """Raise an error without layouts, and for anything but compared layouts."""
+    require_type("compared", compared, Sequence, "a list of ComparedLayout")
+    if not compared:
+        raise ValueError("nothing to show: give at least one layout")
+    for entry in compared:
+        require_type("compared", entry, ComparedLayout, "ComparedLayout(name, wave) for each")
+
+
 def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     """Return the data of the page.
 
@@ -65,8 +75,7 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     ValueError
         Without a layout, and for a layout of less than two dominoes.
     """
-    if not compared:
-        raise ValueError("nothing to show: give at least one layout")
+    require_compared(compared)
     for entry in compared:
         if entry.wave.layout.count < 2:
             raise ValueError(f"{entry.name}: the layout has one domino: give at least two")

@@ -16,8 +16,8 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from domino_env.core.checks import require_type
 from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
-from domino_env.core.files import as_text
 from domino_env.core.plot_style import (
     HEADING_HEIGHT,
     LEGEND,
@@ -99,8 +99,7 @@ def layouts_figure(
     Figure
         The figure.
     """
-    if not isinstance(ax, Axes | None):
-        raise ValueError(f"ax = {as_text(ax)}: give Matplotlib axes, or None for a new figure")
+    require_type("ax", ax, Axes | None, "Matplotlib axes, or None for a new figure")
     if ax is not None:
         (panel or partial(_sizes, "spacing"))(ax, layouts, scene)
         ax.set_xlabel(_across(layouts))

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require
 from domino_env.core.files import errors_with_path, read_bytes, write_bytes
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Wave
+from domino_env.physics.wave import Wave, require_wave
 
 RATE = 44100  # [1/s] samples
 MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
@@ -46,6 +46,7 @@ def clicks(wave: Wave) -> Floats:
     ValueError
         For a wave of more than 30 million samples.
     """
+    require_wave("wave", wave)
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
     samples = int((end + 2.0 * REST) * RATE) + 1
@@ -166,8 +167,9 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     ValueError
         For a recording that is silent, too short, or has samples that are not finite.
     """
-    if not np.isfinite(samples).all():
-        raise ValueError("the recording has samples that are not finite numbers: export it again")
+    samples = numbers("samples", samples, None, ("S",))
+    require("samples", samples, hint="export it again", array=True)
+    require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
     if not samples.any():
         raise ValueError("the recording is silent: record it again")
     loud = _onsets(samples, rate)

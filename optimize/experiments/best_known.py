@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env import __version__
+from domino_env.core.checks import require_type
 from domino_env.core.files import errors_with_path, read_json, write_text
 from domino_env.core.models import LARGEST, Number, read_model
 from domino_env.physics.files import LayoutTable
@@ -70,6 +71,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     >>> best_known()["sprint"].layout.count
     40
     """
+    wanted = "a pathlib.Path, or None; best_known()['sprint'] is the record of a scene"
+    require_type("path", path, Path | None, wanted)
     path = path or PATH
     if not path.exists():
         return {}

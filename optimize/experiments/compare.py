@@ -124,8 +124,7 @@ def plan_tasks(
     for name in names:
         registry.load(name)
     for name, limit in (("budget", budget), ("seconds", seconds)):
-        if limit is not None:
-            require(name, limit, above=0.0, whole=name == "budget")
+        require(name, limit, above=0.0, whole=name == "budget", optional=True)
     texts = [(scene.to_toml(), point) for scene, point in pairs]
     return [
         Task(text, method, seed, budget, seconds, point)

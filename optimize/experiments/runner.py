@@ -9,8 +9,9 @@ from contextlib import closing
 import msgspec
 import numpy as np
 
+from domino_env.core.checks import require_type
 from domino_env.core.progress import progress_bar
-from optimize.executors import ExecutorLost, loss_as_error
+from optimize.executors import ExecutorLost, loss_as_error, require_executor
 from optimize.experiments.experiment import Experiment, Failure, KnownScore, best_of_problems
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
@@ -61,6 +62,8 @@ def run_experiment(
     ExecutorLost
         The executor itself has ended.
     """
+    require_executor(executor)
+    require_type("study", study, Study | None, "a Study, as open_store(path).begin() returns")
     results = {} if study is None else study.done()
     failures: list[Failure] = []
     keys = {task.key: task for task in tasks}

@@ -23,7 +23,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.checks import require_extra
+from domino_env.core.checks import as_path, require_extra
 from domino_env.core.files import require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
@@ -204,7 +204,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     ValueError
         The file is damaged or no store, or cannot be written. Nothing has changed then.
     """
-    path = Path(path)
+    path = as_path("path", path)
     if not path.exists() or not (create or path.stat().st_size):
         if not create:
             raise ValueError(f"there is no store {path}: name the one that a study was kept in")

@@ -76,7 +76,7 @@ def _spread(text: str) -> list[str]:
     if len(parts) != 3 + log:
         raise ValueError("give two numbers and the number of values")
     ends = np.array([float(parts[0]), float(parts[1])])
-    require("FROM, TO", ends, above=0.0 if log else -math.inf)
+    require("FROM, TO", ends, above=0.0 if log else -math.inf, array=True)
     require("NUMBER", int(parts[2]), 1, MAX_POINTS, whole=True)
     spread = (np.geomspace if log else np.linspace)(ends[0], ends[1], int(parts[2]))
     return [f"{value:.12g}" for value in spread]  # 0.3, not 0.30000000000000004

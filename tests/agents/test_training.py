@@ -221,10 +221,11 @@ def test_invalid_arguments_are_rejected(tmp_path):
         ({"num_scenes": 5000}, "num_scenes = 5000: .*1 to 4096"),
         ({"num_scenes": 2}, "num_scenes = 2: .*the scene is fixed"),
         ({"hyperparameters": {"gamma": 1.0}}, "hyperparameters = .*gamma.*: give agents.algo"),
+        ({"folder": 3}, "folder = 3: give a path"),
         ({"folder": Path(__file__)}, "is a file: name a folder"),
         ({"folder": tmp_path, "resume": True}, "holds no training to resume"),
     ):
-        with pytest.raises(ValueError, match=reason):
+        with pytest.raises((ValueError, TypeError), match=reason):
             train(SMALL, **changes)
     for name, value in {"first_deviation": 0.0, "middle": 1.0, "num_envs": 0}.items():
         with pytest.raises(ValueError, match=f"{name} = "):

@@ -1,12 +1,31 @@
 """Evaluator: counts, the best layouts, and limits."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from optimize import Evaluator, Problem
+from optimize import Evaluator, Problem, best_known, open_store, run_experiment
 from optimize.evaluator import BudgetSpent
+
+PROBLEM = Problem("sprint")
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: Evaluator("sprint"), "problem = 'sprint': give a Problem, such as Problem"),
+    (lambda: Evaluator(PROBLEM, 0), "max_evaluations = 0: give a whole number, at least 1"),
+    (lambda: Evaluator(PROBLEM, max_seconds="1"), "max_seconds = '1' s: give a finite number"),
+    (lambda: Evaluator(PROBLEM).evaluate(0.5), "design has shape (1,): give (39,)"),
+    (lambda: PROBLEM.evaluate(np.ones(39), rtol=0), "rtol = 0: give a finite number from 1e-13"),
+    (lambda: best_known("sprint"), "path = 'sprint': give a pathlib.Path, or None; best_known()["),
+    (lambda: open_store(3), "path = 3: give a path"),
+    (lambda: run_experiment([], 3), "executor = 3: give a concurrent.futures.Executor"),
+    (lambda: run_experiment([], study="x"), "study = 'x': give a Study, as open_store(path).begin"),
+])  # fmt: skip
+def test_arguments_that_are_not_accepted_are_named(call, words):
+    with pytest.raises((ValueError, TypeError), match=re.escape(words)):
+        call()
 
 
 def test_a_limit_raises_into_the_method(scenes):

@@ -27,11 +27,14 @@ from optimize.experiments.task import Task
     ({"seconds": float("nan")}, "seconds = nan s: give a finite number"),
     ({"tolerance": 0.0}, "tolerance = 0.0: give a finite number, more than 0, less than 1"),
     ({"seed": -1}, "seed = -1: give a whole number, at least 0"),
+    ({"executor": 3}, "executor = 3: give a concurrent.futures.Executor"),
+    ({"callback": 3}, "callback = 3: give a function of the Evaluator"),
+    ({"folder": 3}, "folder = 3: give a path, as a string or a pathlib.Path"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
     ({"scene": replace(de.load_scene("sprint"), spacing=(0.02, 0.02))}, "leaves nothing free"),
 ])  # fmt: skip
 def test_impossible_searches_are_rejected(words, message):
-    with pytest.raises(ValueError, match=message.replace("?", r"\?")):
+    with pytest.raises((ValueError, TypeError), match=message.replace("?", r"\?")):
         search(**({"scene": "sprint"} | words))
 
 

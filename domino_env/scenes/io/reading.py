@@ -10,8 +10,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
+from domino_env.core.checks import require_type
 from domino_env.core.files import (
-    as_text,
     errors_with_path,
     one_line,
     raise_with_path,
@@ -84,11 +84,8 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     ValueError
         For a file that does not exist or cannot be read.
     """
-    if not isinstance(name, str | Path):
-        raise TypeError(
-            f"name = {as_text(name)}: give the name of a shipped scene, such as 'sprint', or the "
-            "path of a .toml file"
-        )
+    wanted = "the name of a shipped scene, such as 'sprint', or the path of a .toml file"
+    require_type("name", name, str | Path, wanted)
     known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
     path, text = Path(name), str(name)
     if text in known:

@@ -305,6 +305,8 @@ def test_misuse_is_explained(kind):
         env.step(np.zeros(size))
     with pytest.raises(ValueError, match="unknown reset option 'spacing': choose from "):
         env.reset(options={"spacing": [0.01]})
+    with pytest.raises(TypeError, match="options = 3: give a dictionary of options, or None"):
+        env.reset(options=3)
     env.reset()
     with pytest.raises(ValueError, match=rf"action of shape \(3,\): expected \({size},\)"):
         env.step(np.zeros(3))

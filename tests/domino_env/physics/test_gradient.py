@@ -243,7 +243,7 @@ def test_a_wave_that_stopped_pulls_back_what_it_reached():
 @pytest.mark.parametrize(("count", "saved", "call", "words"), [
     (5, False, Wave.gradient, r"simulate\(layout, physics, gradient=True\)"),
     (5, True, lambda wave: wave.gradient("energy"), "quantity = 'energy': choose one of time"),
-    (5, True, lambda wave: wave.pullback(np.ones(4)), r"shape \(4,\): give one number for"),
+    (5, True, lambda wave: wave.pullback(np.ones(4)), r"shape \(4,\): give \(5,\), a"),
     (5, True, lambda wave: wave.pullback([0, 0, np.nan, 0, 0]), r"arrival_bar\[2\] = nan"),
     (1, True, Wave.gradient, "a single domino has none"),
 ])  # fmt: skip

@@ -73,7 +73,7 @@ def test_copies_are_equal_and_read_only(original, duplicate):
      "spacing[1] = -0.0004 m: give a finite number, more than 0"),
     ({"spacing": "near"}, "spacing = 'near': give numbers"),
     ({"thickness": [[0.01], [0.01, 0.02]]}, "thickness = [[0.01], [0.01, 0.02]]: give numbers"),
-    ({"spacing": 0.01}, "spacing has shape (): give one gap per pair, shape (N-1,)"),
+    ({"spacing": 0.01}, "spacing has shape (): give (N-1,), one gap per pair"),
     ({"density": [1040.0, float("nan"), 1040.0]},
      "density[1] = nan kg/m³: give a finite number, more than 0"),
     ({"width": "wide"}, "width = 'wide' m: give a finite number, more than 0"),

@@ -241,9 +241,9 @@ LAYOUT = de.Layout([0.02], 0.0075)
     de.simulate, de.diagnose, de.smallest_push, de.simulate_standing, de.verify, de.Motion,
 ])  # fmt: skip
 def test_arguments_of_another_type(function):
-    with pytest.raises(TypeError, match=r"layout is of type list: give a Layout, such as Layout\("):
+    with pytest.raises(TypeError, match=r"layout = \[0.018, 0.02\]: give a Layout, such as L"):
         function([0.018, 0.02], de.Physics())
-    with pytest.raises(TypeError, match="physics is of type float: give a Physics, such as Phys"):
+    with pytest.raises(TypeError, match=r"physics = 0\.25: give a Physics, such as"):
         function(LAYOUT, 0.25)
 
 
@@ -265,18 +265,33 @@ def test_arguments_of_another_type(function):
     (lambda: de.Motion(LAYOUT, PHYSICS, "x"), "rtol = 'x': give a finite number from 1e-13"),
     (lambda: de.Motion(LAYOUT, PHYSICS).angles("x"), "times = 'x': give numbers"),
     (lambda: de.diagnose(LAYOUT, rtol=0.0), "rtol = 0.0: give a finite number from 1e-13"),
-    (lambda: de.simulate_batch([[0.018]], 0.0075, 0.25), "physics is of type float: give a Phys"),
+    (lambda: de.simulate_batch([[0.018]], 0.0075, 0.25), "physics = 0.25: give a Physics"),
     (lambda: de.simulate_batch([[0.02]], 0.0075).pullback([1.0]),
-     "arrival_bar has shape (1,): give the shape of the thicknesses, (1, 2)"),
+     "arrival_bar has shape (1,): give (1, 2), that of the thicknesses"),
     (lambda: de.simulate_standing(LAYOUT, floor_friction=-0.1), "floor_friction = -0.1: give"),
     (lambda: de.simulate_standing(LAYOUT, floor_friction=math.nan), "floor_friction = nan: give"),
     (lambda: de.simulate_standing(LAYOUT, rtol=0.0), "rtol = 0.0: give a finite number"),
     (lambda: de.verify(LAYOUT, PHYSICS, floors=[-0.3]), "floors[0] = -0.3: give a finite number"),
     (lambda: de.verify(LAYOUT, PHYSICS, engine="mujco"), "engine = 'mujco': choose one of False, "),
     (lambda: de.verify(de.Layout([], 0.0075), PHYSICS), "one domino has no wave"),
-    (lambda: de.Ground(slope=1.0).along_ground(3, LAYOUT), "gradient is of type int: give a Grad"),
+    (lambda: de.Ground(slope=1.0).along_ground(3, LAYOUT), "gradient = 3: give a Gradient"),
     (lambda: de.Ground(slope=1.0).rise_and_tilt("x", 0.0075), "spacing = 'x': give numbers"),
     (lambda: de.fit_friction("ab", "cd"), "pitches = 'ab': give numbers"),
+    (lambda: de.Layout(["0.02"], 0.0075), "spacing = ['0.02']: give numbers"),
+    (lambda: de.Layout([0.02], 0.0075, height=10**400), "height = 1000"),
+    (lambda: de.Layout.uniform(10**30, pitch=0.02), "count = 100000"),
+    (lambda: de.Layout.read(3), "path = 3: give a path, as a string or a pathlib.Path"),
+    (lambda: LAYOUT.to_csv(None), "path = None: give a path"),
+    (lambda: de.simulate(LAYOUT, rtol=np.full(3, 1e-8)), "rtol = array([1.e-08"),
+    (lambda: de.smallest_push(LAYOUT, rtol=0), "rtol = 0: give a finite number, more than 0"),
+    (lambda: de.simulate_standing(LAYOUT, stop=3), "stop = 3: give a function"),
+    (lambda: de.simulate_standing(LAYOUT, floor_friction=np.zeros(3)), "floor_friction = array("),
+    (lambda: de.Motion(LAYOUT, PHYSICS).angles([np.nan]), "times[0] = nan s: give a finite number"),
+    (lambda: de.Motion(LAYOUT, PHYSICS).leader(0.1), "times has shape (): give (T,)"),
+    (lambda: de.clicks(LAYOUT), "wave = Layout(2 dominoes"),
+    (lambda: de.listen(np.zeros((2, 9)), 44100), "samples has shape (2, 9): give (S,)"),
+    (lambda: de.listen(np.ones(9), 3), "rate = 3 samples a second: give a finite number from 1000"),
+    (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
 def test_misuse_is_explained(call, words):
     with pytest.raises((ValueError, TypeError), match=f"^{re.escape(words)}"):

@@ -9,6 +9,7 @@ import pytest
 
 import domino_env as de
 
+VARIED = de.load_distribution("varied")
 SMALL = de.Scene(
     name="small", count=8, spacing=(0.004, 0.03), thickness=(0.0075, 0.0075),
     physics=de.Physics(0.25, push=8.0),
@@ -81,7 +82,7 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     (lambda: SMALL.replace(spacing=(0.01, 0.02, 0.03)), "spacing = (0.01, 0.02, 0.03): give two"),
     (lambda: SMALL.replace(growth=3), "growth = 3: give two bounds"),
     (lambda: SMALL.replace(spacing_values=3), "spacing.values = 3: give a list of at least 1"),
-    (lambda: SMALL.replace(physics=3), "physics is of type int: give a Physics"),
+    (lambda: SMALL.replace(physics=3), "physics = 3: give a Physics"),
     (lambda: SMALL.replace(placement_deviation=0.5),
      "deviation = 0.5 m is more than the largest gap"),
     (lambda: SMALL.replace(placement_deviation=-1.0), "placement.deviation = -1"),
@@ -99,7 +100,18 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     (lambda: de.Ground(profile=[]), "profile = []: give a list of 2 to 10000 entries, each a list "
      "of 2 entries"),
     (lambda: SMALL.layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
-    (lambda: SMALL.score(None), "layout is of type NoneType: give a Layout"),
+    (lambda: SMALL.score(None), "layout = None: give a Layout"),
+    (lambda: SMALL.violations("small"), "layout = 'small': give a Layout"),
+    (lambda: SMALL.evaluate_waves([3]), "waves[0] = 3: give a Wave"),
+    (lambda: SMALL.evaluate_waves(3), "waves = 3: give a list of waves"),
+    (lambda: SMALL.evaluate(3), "batch = 3: give a LayoutBatch"),
+    (lambda: SMALL.batch(0.02), "spacing has shape (): give (B, N-1)"),
+    (lambda: SMALL.uniform("x"), "seconds = 'x' s: give a finite number"),
+    (lambda: VARIED.scene([1]), "numbers has shape (1,): give (6,), SceneD"),
+    (lambda: VARIED.scene(3), "numbers has shape (): give (6,)"),
+    (lambda: VARIED.scaled("x"), "numbers = 'x': give numbers"),
+    (lambda: VARIED.numbers(3), "scene = 3: give a Scene"),
+    (lambda: VARIED.sample(1.5), "rng = 1.5: give a whole number, at least 0 (a seed; or a"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
 ])  # fmt: skip
 def test_arguments_that_are_not_accepted_are_named(call, words):

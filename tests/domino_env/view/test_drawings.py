@@ -71,7 +71,7 @@ def test_plot_draws_into_given_axes(results, name, curves, label):
     assert axes.get_ylabel().removesuffix(" (log.)") == label
     assert len([line for line in axes.get_lines() if line.get_linestyle() == "-"]) == curves
     assert not other.has_data()
-    with pytest.raises(ValueError, match="ax = 3: give Matplotlib axes"):
+    with pytest.raises(TypeError, match="ax = 3: give Matplotlib axes"):
         results[name].plot(ax=3)
 
 

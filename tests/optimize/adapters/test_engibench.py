@@ -75,5 +75,5 @@ def test_a_broken_rule_is_a_violation(scenes):
     assert "design ∉ design_space" in str(problem.check_constraints(outside, {}))
     assert "friction: -1.0" in str(problem.check_constraints(long, {"friction": -1.0}))
     assert np.isfinite(problem.simulate(long)).all()
-    with pytest.raises(ValueError, match=r"the design has shape \(3,\): expected \(8,\)"):
+    with pytest.raises(ValueError, match=r"design has shape \(3,\): give \(8,\)"):
         problem.simulate(np.zeros(3))
