@@ -118,10 +118,9 @@ def numbers(
     if shape is not None:
         pairs = itertools.zip_longest(shape, array.shape)
         if any(w is None or n is None or (n != w and not isinstance(w, str)) for w, n in pairs):
-            wanted = (
-                f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)}){', ' * bool(meaning)}"
-            )
-            raise ValueError(f"{name} has shape {array.shape}: give {wanted}{meaning}")
+            sizes = ", ".join(map(str, shape)) + "," * (len(shape) == 1)
+            ending = f", {meaning}" if meaning else ""
+            raise ValueError(f"{name} has shape {array.shape}: give ({sizes}){ending}")
     return array
 
 
