@@ -221,11 +221,7 @@ class DesignSpace:
         ValueError
             For another shape, or entries outside of [0, 1].
         """
-        designs = numbers("designs", designs, None)
-        if designs.ndim != 2 or designs.shape[1] != self.dimension:
-            raise ValueError(
-                f"designs have shape {designs.shape}: expected (any number, {self.dimension})"
-            )
+        designs = numbers("designs", designs, None, ("B", self.dimension))
         good = np.isfinite(designs)
         if not anywhere:
             good &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)

@@ -101,7 +101,6 @@ class Evaluator:
         require_type("problem", problem, Problem, "a Problem, such as Problem('sprint')")
         require("max_evaluations", max_evaluations, 1, whole=True, optional=True)
         require("max_seconds", max_seconds, above=0.0, unit="s", optional=True)
-        require("tolerance", tolerance, above=0.0, optional=True)
         self.problem, self.tolerance = problem, tolerance
         self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
         self.evaluations = self.falls = self.effort = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import itertools
 import math
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -115,9 +114,11 @@ def numbers(
         array = np.array(value, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
-    if shape is not None:
-        pairs = itertools.zip_longest(shape, array.shape)
-        if any(w is None or n is None or (n != w and not isinstance(w, str)) for w, n in pairs):
+    if shape is not None and shape != array.shape:
+        fits = [
+            isinstance(n, str) or n == given for n, given in zip(shape, array.shape, strict=False)
+        ]
+        if len(shape) != array.ndim or not all(fits):
             sizes = ", ".join(map(str, shape)) + "," * (len(shape) == 1)
             ending = f", {meaning}" if meaning else ""
             raise ValueError(f"{name} has shape {array.shape}: give ({sizes}){ending}")

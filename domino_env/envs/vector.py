@@ -542,17 +542,9 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
 def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
     """Return actions as float64; raise ValueError for another shape and for infinite entries."""
-    values = numbers("action", actions, None)
-    if values.shape != space.shape:
-        raise ValueError(
-            f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"
-        )
+    values = numbers("action", actions, None, space.shape, "entries from -1 to 1")
     if not np.isfinite(values).all():
-        place = tuple(np.argwhere(~np.isfinite(values))[0])
-        indices = ", ".join(map(str, place))
-        raise ValueError(
-            f"action[{indices}] = {values[place]}: every entry must be finite, from -1 to 1"
-        )
+        require("action", values, hint="from -1 to 1", array=True)
     return values
 
 

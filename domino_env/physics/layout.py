@@ -325,9 +325,4 @@ def full_array(name: str, values: ArrayLike, count: int) -> Floats:
         full = np.empty(count)  # half the time of np.full
         full.fill(array)
         return full
-    if array.shape != (count,):
-        raise ValueError(
-            f"{name} has shape {array.shape}: give one number or {count}, one per "
-            f"{'pair' if name in ('spacing', 'rise') else 'domino'}"
-        )
-    return array
+    return numbers(name, array, None, (count,), "or one number for all")

@@ -308,11 +308,11 @@ def test_misuse_is_explained(kind):
     with pytest.raises(TypeError, match="options = 3: give a dictionary of options, or None"):
         env.reset(options=3)
     env.reset()
-    with pytest.raises(ValueError, match=rf"action of shape \(3,\): expected \({size},\)"):
+    with pytest.raises(ValueError, match=rf"action has shape \(3,\): give \({size},\)"):
         env.step(np.zeros(3))
     with pytest.raises(ValueError, match=r"action = 'a': give numbers"):
         env.step("a")
-    with pytest.raises(ValueError, match=r"action\[1\] = nan: every entry must be finite"):
+    with pytest.raises(ValueError, match=r"action\[1\] = nan: give a finite number \(from"):
         env.step(np.where(np.arange(size) == 1, np.nan, 0.0))
     with pytest.warns(UserWarning, match=r"render\(\) shows nothing without a render mode"):
         assert env.render() is None

@@ -84,7 +84,7 @@ def test_copies_are_equal_and_read_only(original, duplicate):
     ({"tilt": [0.15, -0.15, 0.0], "spacing": [0.01, 0.02]},
      "... lean against each other before ..."),
     ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: give a finite ..."),
-    ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give one number or 2, one per pair"),
+    ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give (2,), or one number for all"),
 ])  # fmt: skip
 def test_what_cannot_stand(change, sentence):
     good = {"spacing": [0.02, 0.02], "thickness": [0.0075] * 3}
