@@ -65,7 +65,7 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
         Standard deviation of the actions at the start, after `middle` of the steps, and at the end;
         geometric between (APG, PPO).
     middle
-        NonNegative of the steps, between 0 and 1.
+        Part of the steps, between 0 and 1.
     end_factor, penalty
         See `agents.sb3.ScheduledPolicy` (APG, PPO).
     options

@@ -41,7 +41,7 @@ DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
 class SummaryDocument(Document):
-    """NonNegative of the summary that identifies the search of a folder."""
+    """Part of the summary that identifies the search of a folder."""
 
     method: str
     seed: int

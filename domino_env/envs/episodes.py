@@ -48,7 +48,7 @@ class EpisodeResults:
     outcome
         Values of `Outcome`, (E,).
     reach
-        NonNegative of the scene's N dominoes that each wave reached, (E,).
+        Fraction of the scene's N dominoes that each wave reached, (E,).
     score
         Scores as of `Scene.score`, (E,).
     """

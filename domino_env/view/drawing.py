@@ -99,7 +99,7 @@ def strip(
     line
         Text above the chain.
     ahead
-        NonNegative of the width beyond which the picture follows the camera.
+        Fraction of the width beyond which the picture follows the camera.
     ground
         Ground ahead of the layout; None where it is unknown.
     camera

@@ -41,7 +41,7 @@ LINE = 0.4  # [pt]
 
 @dataclass(frozen=True)
 class Strip:
-    """NonNegative of the layout on a strip of paper, which is cut out and joined to the one before.
+    """Part of the layout on a strip of paper, which is cut out and joined to the one before.
 
     Attributes
     ----------
