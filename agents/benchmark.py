@@ -34,7 +34,7 @@ from domino_env.core.models import plain
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
-from domino_env.scenes.io.reading import document_of_text
+from domino_env.scenes.io.reading import parse_document
 from domino_env.scenes.pool import load_test_set
 from optimize.evaluator import Step
 from optimize.experiments.compare import known_score, require_distinct
@@ -274,7 +274,7 @@ def learning_curve(folder: Path) -> list[Step]:
 @lru_cache(8)
 def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
-    document = document_of_text(text, "scene")
+    document = parse_document(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else scene_of(text)
 
 

@@ -38,7 +38,7 @@ from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
-from domino_env.scenes.pool import POOL, ScenePool
+from domino_env.scenes.pool import POOL_SIZE, ScenePool
 from optimize.experiments.best_known import best_known
 from optimize.result import draw_scores
 
@@ -194,7 +194,7 @@ def train(
     require_choice("algorithm", algorithm, ALGORITHMS)
     require("steps", steps, 1, whole=True, optional=True)
     require("seed", seed, 0, 2**32 - 1, whole=True)
-    require("num_scenes", num_scenes, 1, POOL, whole=True, optional=True)
+    require("num_scenes", num_scenes, 1, POOL_SIZE, whole=True, optional=True)
     require_learning()
     wanted = "agents.algorithms.Hyperparameters"
     require_type("hyperparameters", hyperparameters, Hyperparameters | None, wanted)
@@ -243,7 +243,7 @@ class Training:
         self.tests: list[Scene] = []
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
-            pool = ScenePool(self.target, self.num_scenes or POOL)
+            pool = ScenePool(self.target, self.num_scenes or POOL_SIZE)
             last_first = range(len(pool))[: -POOL_SCENES - 1 : -1]
             self.scenes = [pool.scene(number) for number in last_first]
             with suppress(ValueError):  # the distribution has no test set

@@ -172,7 +172,9 @@ def score_cell(scene: de.Scene, score: float | None, layout: de.Layout | None) -
         return "–"
     if score <= 0.0:
         return "stops"
-    return f"{score:.4f}" if scene.unit == "m/s" else scene.in_words(score, scene.simulate(layout))
+    return (
+        f"{score:.4f}" if scene.unit == "m/s" else scene.format_score(score, scene.simulate(layout))
+    )
 
 
 def gain_cell(scene: de.Scene, score: float, reference: float | None) -> str:

@@ -102,7 +102,7 @@ class SearchResult(SceneResult):
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
         simulated = document(wave, f"{quantities} largest_flush_loss")
         return {"scene": self.scene.name} | search | simulated | {
-            "score_in_words": self.scene.in_words(self.score, wave),
+            "score_in_words": self.scene.format_score(self.score, wave),
             "length": self.layout.length,
             "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
             "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),

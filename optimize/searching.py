@@ -218,7 +218,7 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
     design = problem.design(uniform.layout)
     layout = problem.layout(design)
     if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):
-        falls = Waves.of_waves([uniform.wave], problem.scene.count).falls
+        falls = Waves.from_waves([uniform.wave], problem.scene.count).falls
         score = np.array([uniform.score])
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
 
@@ -239,7 +239,7 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
         simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics, scene.floor_friction)
         scene = scene.replace(floor_friction=None)
     layouts = uniform_layouts(scene)
-    gaps, thickness, height = layouts.at(0.5 * (layouts.low + layouts.high)[None])
+    gaps, thickness, height = layouts.sizes_at(0.5 * (layouts.low + layouts.high)[None])
     scene.evaluate(scene.batch(gaps, thickness, height))
     if gradients:
         scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)

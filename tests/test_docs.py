@@ -22,7 +22,7 @@ import optimize
 from agents.algorithms import Hyperparameters, default_hyperparameters
 from domino_env.cli.main import main, parser
 from domino_env.scenes.io.ranges import has_ranges
-from domino_env.scenes.io.reading import scene_of_document
+from domino_env.scenes.io.reading import scene_from_document
 from domino_env.view.sound import clicks, write_wav
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -193,7 +193,7 @@ def test_the_scenes_of_a_page_can_be_read(page):
                 others = de.load_scene("sprint").document()
                 if "stock" in document:
                     del others["thickness"]
-                scene_of_document(others | document, page, page)
+                scene_from_document(others | document, page, page)
 
 
 @pytest.mark.parametrize("page", PAGES)

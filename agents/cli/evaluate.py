@@ -113,13 +113,13 @@ def sentence(rollout: Rollout) -> str:
     """
     from agents.rollout import evaluation_seeds
     from agents.scripted import plan
-    from domino_env.scenes.uniform import gain, gain_in_words
+    from domino_env.scenes.uniform import format_gain, gain
     from optimize.experiments.best_known import best_known
 
     scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
     words = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
     if rollout.gain is not None:
-        words += f", {gain_in_words(rollout.gain)} the uniform baseline ({uniform:.6f})"
+        words += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
     known = best_known().get(scene.name)
     best: float | None = None if known is None else known.score
     which = "the best known"
@@ -129,5 +129,5 @@ def sentence(rollout: Rollout) -> str:
             best = plan(scene).score
     gap = None if best is None else gain(score, best)
     if gap is not None:
-        words += f", {gain_in_words(gap, 3)} {which} ({best:.6f})"
+        words += f", {format_gain(gap, 3)} {which} ({best:.6f})"
     return f"{words}; built in {rollout.seconds * 1e3:.1f} ms"

@@ -91,8 +91,8 @@ class EpisodeResults:
         """Return the waves of episodes of one scene with equally many dominoes placed."""
         if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
             return [simulate(self.layout(episodes[0]), scene.physics, rtol=self.rtol)]
-        tall = self.height if len(self.height) == 1 else self.height[episodes]
-        sizes = self.thickness[episodes, : placed + 1], tall[:, : placed + 1], scene.width
+        heights = self.height if len(self.height) == 1 else self.height[episodes]
+        sizes = self.thickness[episodes, : placed + 1], heights[:, : placed + 1], scene.width
         batch = LayoutBatch(
             self.spacing[episodes, :placed], *sizes, scene.density, scene.physics, self.rtol,
             scene.ground,
@@ -119,9 +119,9 @@ class EpisodeResults:
 
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
-        tall = self.height[i % len(self.height)]
+        heights = self.height[i % len(self.height)]
         return placed_layout(
-            self.scenes[i], self.placed[i], self.spacing[i], self.thickness[i], tall
+            self.scenes[i], self.placed[i], self.spacing[i], self.thickness[i], heights
         )
 
     def wave(self, i: int) -> Wave:

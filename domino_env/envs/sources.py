@@ -143,7 +143,7 @@ class SceneSource:
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
                 f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
-        self._store(self.sampled + env, scene, self.distribution.scaled(numbers))
+        self._store(self.sampled + env, scene, self.distribution.scale(numbers))
         return self.sampled + env
 
     def _store(self, i: int, scene: Scene, features: Floats) -> None:
@@ -222,8 +222,8 @@ def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[A
         "length": scene.length or 0.0,
         "gap_low": scene.spacing[0],
         "gap_high": scene.spacing[1],
-        "thick_low": scene.thickness[0],
-        "thick_high": scene.thickness[1],
+        "thickness_low": scene.thickness[0],
+        "thickness_high": scene.thickness[1],
         "largest_change": scene.largest_change or 0.0,
         "least_placed": LEAST_GAP,
         "growth_low": growth[0],

@@ -365,7 +365,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         if self.distribution is not None:
             infos["scene"] = objects(results.scenes)
         self._waves[envs] = infos["wave"]
-        return results.returns - episodes["rewarded"], infos
+        return results.returns - episodes["reward_sum"], infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
         """Add infos of some environments, arrays in their order, to those in arrays of all."""

@@ -15,10 +15,10 @@ in that angle, so falls, face impacts and hits are affine maps of u, and no ODE 
     stepping    the same physics by steps in time, for comparison
     ground      dominoes placed along curved ground
     step        one step of the environments
-    adjoint     the same in reverse mode
+    adjoint     derivatives of arrival times, in reverse mode
     jit         compilation and its cache
 
-Python may call the entry points of these modules only, such as `chain.solve_batch`.
+Python calls only the entry points of these modules, such as `chain.solve_batch`.
 
 Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of toppling dominoes",
 eqs. 1-3, 7-9, restated for unequal dominoes.

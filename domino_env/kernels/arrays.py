@@ -71,19 +71,21 @@ CONTACT = record_type(
     v_switch=float,  # 1 - cos θ_{i+1} of the next change of contact
     inertia=float,  # of the domino about its pivot, and half its weight times height over gravity
     half_weight=float,
-    slender=float,  # thickness over height
+    slenderness=float,  # thickness over height
     tail=float,  # bound on Σ_{k ≤ i} I_k w_k / w_i
     end_weight=float,  # w_i at the end of the last interval
     kind=int,
     on_tape=int,  # 1 if the tape has the change from tip to corner
 )
-UNEVEN_CONTACT = record_type(  # on uneven ground; half_weight and slender are relative to the slope
-    CONTACT,
-    rise_l=float,  # e
-    flush_rate=float,  # dΔ/d(1 - cos θ_{i+1}) where the faces meet, less p
-    turn=float,  # β, its sine and 1 - cosine
-    turn_s=float,
-    turn_v=float,
+UNEVEN_CONTACT = (
+    record_type(  # on uneven ground; half_weight and slenderness are relative to the slope
+        CONTACT,
+        rise_l=float,  # e
+        flush_rate=float,  # dΔ/d(1 - cos θ_{i+1}) where the faces meet, less p
+        turn=float,  # β, its sine and 1 - cosine
+        turn_s=float,
+        turn_v=float,
+    )
 )
 
 
@@ -130,9 +132,9 @@ STATE = record_type(
     margin=float,  # lowest u of the fall over u at its start
     lowest_margin=float,
     u_impact=float,
-    switched=float,  # angle of the last change of contact, and the leader's speeds around it
-    w_before=float,
-    w_after=float,
+    switch_angle=float,  # of the last change of contact, and the leader's speeds around it
+    speed_before=float,
+    speed_after=float,
     flush_loss=float,
     slowest_at=float,  # position of the lowest u if time was integrated in panels, else -1
     # the stack
@@ -152,7 +154,7 @@ STATE = record_type(
     last_due=int,  # lowest contact that changes at the very end of an interval
     flushes=int,
     releases=int,
-    taped=int,  # events written to the tape, or that it has no room for
+    event_count=int,  # events on the tape, and those that it has no room for
 )
 
 # --- The tape -------------------------------------------------------------------------------------
@@ -165,7 +167,7 @@ EVENT = record_type(
     contact=np.int32,  # SWITCH: the contact whose angle was found
     flips=np.int32,  # SWITCH: number of FLIP events that follow
     rule=np.int32,  # INTERVAL: quadrature rule
-    flushed=np.bool_,  # SWITCH: a face impact
+    is_flush=np.bool_,  # SWITCH: a face impact
     angle=float,  # INTERVAL: its start; SWITCH: where it happens
     length=float,  # INTERVAL: in angle
     u=float,  # before the event
@@ -193,7 +195,7 @@ class Summary(NamedTuple):
     releases: int
     flush_loss: float
     lowest_margin: float
-    taped: int
+    event_count: int
 
 
 SUMMARY = record_type(**Summary.__annotations__)

@@ -68,14 +68,14 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
     stack.add_leader(lanes, used, domino, mu)
     inertia = domino.inertia
     error, tail, behind = interval.MapError(0.0, 0.0, 0.0, 0.0), 0.0, 0.0
-    depth, closed, missed = 0, False, 0
+    depth, is_cut, failures = 0, False, 0
     for n in range(count - 1):
         u_start = fall.begin_fall(ring, state, n)
         force = 2.0 * b * gravity * state.kappa / state.u
-        if closed:  # the neglected tail weighs more as u falls
+        if is_cut:  # the neglected tail weighs more as u falls
             tail = stack.tail_size(lanes, used, mu, force, b, behind)
-            closed = tail <= tail_tol
-        if not closed:
+            is_cut = tail <= tail_tol
+        if not is_cut:
             while depth < n:
                 before = lanes[stack.weights(mu)]
                 stack.add_domino(lanes, used, domino, mu)
@@ -87,7 +87,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
                     domino.tail = inertia + behind
                     tail = stack.tail_size(lanes, used, mu, force, b, behind)
                     if tail <= tail_tol:
-                        closed = True
+                        is_cut = True
                         break
             if depth == n:  # the stack is complete
                 tail = 0.0
@@ -99,13 +99,13 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
             state.depth = depth
             if records.has_tape(tape):
                 records.record_interval(tape, state, n, 0.0, b, k, n - depth, u_start)
-        missed = missed + 1 if status == interval.UNRESOLVED else 0
+        failures = failures + 1 if status == interval.UNRESOLVED else 0
         outcome = arrays.STALLED if status == arrays.STALLED else arrays.PROPAGATED
         if status == interval.UNRESOLVED:
-            if arrays.is_uneven(domino) and missed > 1:
+            if arrays.is_uneven(domino) and failures > 1:
                 k = min(k + 1, len(ORDERS) - 1)
             outcome = fall.fall(lanes, ring, n, state, 0.0, b, tape)
-            depth, closed = 0, False  # the lanes were overwritten
+            depth, is_cut = 0, False  # the lanes were overwritten
             used = stack.set_angles(lanes, k, 0.0, b)
             stack.add_leader(lanes, used, domino, mu)
         outcome = fall.close_fall(ring, state, n, b, u_start, True, outcome)
@@ -153,7 +153,7 @@ def next_fall(layout, lanes, ring, n, state, tape):
 def remaining_falls(layout, lanes, ring, state, first, arrivals, tape):
     """Simulate the falls from leader `first` on.
 
-    Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
+    Returns (outcome, leader at the end, dominoes hit, dominoes past tipping).
     """
     layout, lanes, ring, arrivals, tape = jit.borrow((layout, lanes, ring, arrivals, tape))
     n, outcome = first, arrays.PROPAGATED
@@ -167,13 +167,13 @@ def remaining_falls(layout, lanes, ring, state, first, arrivals, tape):
 
 @jit.always_inline
 def end_of_chain(ring, state, n, outcome):
-    """Return (outcome, leader, dominoes struck, dominoes past tipping) of a wave that ends at n."""
+    """Return (outcome, leader, dominoes hit, dominoes past tipping) of a wave that ends at n."""
     s, v = contact.sin_versine(state.angle)
     toppled = stack.count_toppled(ring, state, n, s, v)
     if outcome in (arrays.OUT_OF_REACH, arrays.PROPAGATED):  # the leader is at its tipping angle
         toppled = n + 1
-    struck = n + 2 if outcome == arrays.JAMMED and state.fraction == 1.0 else n + 1
-    return outcome, n, struck, toppled
+    hit_count = n + 2 if outcome == arrays.JAMMED and state.fraction == 1.0 else n + 1
+    return outcome, n, hit_count, toppled
 
 
 @jit.internal
@@ -242,10 +242,10 @@ def solve_batch(
     fall.configure(state, ring, mu, gravity, rtol, exact_minimum)
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
-        outcome, leader, struck, toppled = solve(
+        outcome, leader, hit_count, toppled = solve(
             layout_of(layouts, b), lanes, ring, state, push, arrivals_b, tape
         )
-        records.summarise(summaries[b], count, outcome, leader, struck, toppled, state)
+        records.summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
     jit.keep_alive(own)
 
 

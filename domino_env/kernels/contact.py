@@ -65,11 +65,11 @@ def place_domino(ring, mask, i, layout, j):
     domino, height, thickness = ring[i & mask], layout.height[j], layout.thickness[j]
     mass = layout.density[j] * height * thickness
     domino.inertia = mass * (height * height + thickness * thickness) / 3.0
-    tilt, slender = at_or_zero(layout.tilt, j), thickness / height
+    tilt, slenderness = at_or_zero(layout.tilt, j), thickness / height
     s, c = math.sin(tilt), math.cos(tilt)
-    share = c + slender * s
+    share = c + slenderness * s
     domino.half_weight = 0.5 * mass * height * share  # times gravity where it is used
-    domino.slender = (slender * c - s) / share
+    domino.slenderness = (slenderness * c - s) / share
     domino.kind = TIP
     domino.on_tape = 0
     domino.tail = domino.inertia

@@ -9,7 +9,7 @@ from domino_env.kernels.chain import new_arrays, no_tape, ring_length
 from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 
-LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, all but flat
+LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, almost flat
 DEEPEST = 400  # dominoes behind the leader whose forces are computed
 PIECES = 16  # of each fall, between which forces are computed
 
@@ -25,8 +25,8 @@ LOADS = arrays.record_type(  # of each domino
 GEOMETRY = arrays.record_type(  # of each domino at one instant
     sin=float,
     cos=float,
-    before=float,  # J with the contacts before an impact, and after it
-    after=float,
+    jac_before=float,  # J with the contacts before an impact, and after it
+    jac_after=float,
     lever=float,  # of its weight about the pivot, over half its height
     drv=float,  # D
     w=float,
@@ -58,13 +58,13 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
         outcome = arrays.PROPAGATED
         for j in range(1, pieces + 1):
             a = b * (j - 1) / pieces
-            before, here = snapshots[n, j - 1], snapshots[n, j]
+            previous, here = snapshots[n, j - 1], snapshots[n, j]
             outcome = fall.fall(lanes, ring, n, state, a, b * j / pieces, tape)
             if outcome != arrays.PROPAGATED:  # uniformly decelerated until it stops
-                rest = 2.0 * max(state.angle - a, 0.0) / max(before.speed, arrays.TINY)
+                rest = 2.0 * max(state.angle - a, 0.0) / max(previous.speed, arrays.TINY)
                 for i in range(j, pieces + 1):
                     snapshots[n, i].angle = max(state.angle, a)
-                    snapshots[n, i].time = before.time + rest
+                    snapshots[n, i].time = previous.time + rest
                 break
             here.angle, here.time, here.speed = b * j / pieces, state.fall_time, math.sqrt(state.u)
         if outcome != arrays.PROPAGATED or not strikes:
@@ -119,15 +119,15 @@ def arm_behind(contact, s, v, mu):
 def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
     """Write the geometry of dominoes low … n.
 
-    flushing: contacts at which faces meet count as tip contacts before and corner contacts after.
+    flushing: contacts at which faces meet are tip contacts before and corner contacts after.
     """
     mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
-    before, after, drv, w = 1.0, 1.0, 0.0, 1.0
+    jac_before, jac_after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
     here.sin, here.cos = upright(layout, n, s, 1.0 - v)
-    here.lever = s - ring[n & mask].slender * (1.0 - v)
-    here.before, here.after = 1.0, 1.0
+    here.lever = s - ring[n & mask].slenderness * (1.0 - v)
+    here.jac_before, here.jac_after = 1.0, 1.0
     here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
     for i in range(n - 1, low - 1, -1):
         contact = ring[i & mask]
@@ -137,25 +137,25 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
             angle = past_flush(contact, v - contact.v_flush)
             if abs(angle) <= 2.0 * arrays.IMPACT_TOLERANCE:
                 old, omega = tip_ratio(contact, s, v), 0.0
-        drv = omega * drv + psi * after * after
-        before, after, w = old * before, omega * after, w * ratio
+        drv = omega * drv + psi * jac_after * jac_after
+        jac_before, jac_after, w = old * jac_before, omega * jac_after, w * ratio
         arm = layout.height[i] * arm_behind(contact, s, v, mu)
         s, v = s_i, v_i
         here = geometry[i]
         here.sin, here.cos = upright(layout, i, s, 1.0 - v)
-        here.lever = s - contact.slender * (1.0 - v)
-        here.before, here.after = before, after
+        here.lever = s - contact.slenderness * (1.0 - v)
+        here.jac_before, here.jac_after = jac_before, jac_after
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
 
 @internal
 def contact_impulses(ring, state, n, low, geometry, speed_before, speed_after, least):
-    """Update the least impulses (N,) of contacts by those that change the speed of the leader."""
+    """Update the least impulses (N,) of contacts by those of a change of the leader's speed."""
     passed, arm_back = 0.0, 0.0
     for i in range(low, n):
         here = geometry[i]
         turn = ring[i & state.mask].inertia * (
-            here.after * speed_after - here.before * speed_before
+            here.jac_after * speed_after - here.jac_before * speed_before
         )
         passed = (arm_back * passed - turn) / here.arm
         least[i] = min(least[i], passed)
@@ -170,7 +170,7 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
     for i in range(low, n + 1):
         domino, here = ring[i & mask], geometry[i]
         weight = gravity * domino.half_weight * here.lever
-        m += here.w * domino.inertia * here.after
+        m += here.w * domino.inertia * here.jac_after
         g += here.w * weight
         d += here.w * domino.inertia * here.drv
     lead = (g - u * d) / m
@@ -179,8 +179,8 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
         domino, here, load = ring[i & mask], geometry[i], loads[i]
         s, c = here.sin, here.cos
         weight = gravity * domino.half_weight * here.lever
-        alpha = here.after * lead + here.drv * u
-        omega2 = here.after * here.after * u
+        alpha = here.jac_after * lead + here.drv * u
+        omega2 = here.jac_after * here.jac_after * u
         back_x, back_z = push_x, push_z
         push_x, push_z = 0.0, 0.0
         if i < n:
@@ -226,9 +226,9 @@ def diagnose_chain(layout, mu, gravity, push, rtol, loads):
                     break
                 if state.flushes > flushes:
                     low, least = max(state.back, n - DEEPEST), loads["flush_impulse"]
-                    stack_geometry(layout, ring, state, n, low, state.switched, geometry, True)
+                    stack_geometry(layout, ring, state, n, low, state.switch_angle, geometry, True)
                     contact_impulses(
-                        ring, state, n, low, geometry, state.w_before, state.w_after, least
+                        ring, state, n, low, geometry, state.speed_before, state.speed_after, least
                     )
                 state.flush_loss = max(lost, state.flush_loss)
             low = max(state.back, n - DEEPEST)

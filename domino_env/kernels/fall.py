@@ -37,11 +37,13 @@ def initialise(state, push):
     state.worst = state.worst_round = 0.0
     state.angle = state.fraction = state.fall_time = state.margin = 0.0
     state.lowest_margin = 1.0
-    state.switched = state.w_before = state.w_after = state.flush_loss = state.slowest_at = 0.0
+    state.switch_angle = state.speed_before = state.speed_after = state.flush_loss = (
+        state.slowest_at
+    ) = 0.0
     state.m_end = state.cut = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
     state.gain, state.offset, state.least_start, state.composing = 1.0, 0.0, 0.0, False
     state.back = state.depth = state.last_due = 0
-    state.flushes = state.releases = state.taped = 0
+    state.flushes = state.releases = state.event_count = 0
 
 
 @always_inline
@@ -138,12 +140,12 @@ def fall(lanes, ring, n, state, a, b, tape):
     """Advance leader n from angle a to b: u, time and their errors in the state."""
     lanes, ring, tape = borrow((lanes, ring, tape))
     mask, gravity, finest = state.mask, state.gravity, len(ORDERS) - 1
-    step, end, located, least_rule = b, b, False, 0
+    step, end, at_switch, least_rule = b, b, False, 0
     due_contact = n
     for _ in range(MOST_INTERVALS):
         if a >= b:
             break
-        if not located:
+        if not at_switch:
             end = min(b, a + step)
             if b - end < REMAINDER * (end - a):
                 end = b
@@ -154,12 +156,12 @@ def fall(lanes, ring, n, state, a, b, tape):
         force = 2.0 * h * gravity * state.kappa / state.u
         detect = stack.IGNORE_SWITCHES
         if mask != arrays.ONE_FOR_ALL:
-            detect = stack.END_AT_SWITCH if located else stack.END_AT_HIT
-        low, tail, flagged = stack.sweep(lanes, count, ring, n, state, force, h, detect)
-        if flagged:
+            detect = stack.END_AT_SWITCH if at_switch else stack.END_AT_HIT
+        low, tail, has_switch = stack.sweep(lanes, count, ring, n, state, force, h, detect)
+        if has_switch:
             guess = stack.switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
             end = stack.switch_angle(ring, state, n, low, a, end, guess)
-            located, due_contact = True, low
+            at_switch, due_contact = True, low
             if end - a > 4.0 * arrays.EPS * b:
                 continue
             low = stack_at(lanes, ring, n, state, a, stack.END_AT_SWITCH)
@@ -184,7 +186,7 @@ def fall(lanes, ring, n, state, a, b, tape):
                     state.angle = a
                     return arrays.NO_RIGID_ANSWER
                 step = 0.5 * h
-                located = False
+                at_switch = False
                 continue
             if records.has_tape(tape):
                 records.record_flips(tape, ring, state, n, low)
@@ -193,8 +195,8 @@ def fall(lanes, ring, n, state, a, b, tape):
             state.depth = n - low
             a = end
             step = max(step, GROWTH * h)
-        if located:
-            located, step = False, b
+        if at_switch:
+            at_switch, step = False, b
             flushes = can_flush(ring[due_contact & mask])
             keep = stack.switch(ring, state, n, due_contact, low, end)
             if records.has_tape(tape):
@@ -203,9 +205,9 @@ def fall(lanes, ring, n, state, a, b, tape):
                 state.angle = end
                 return arrays.JAMMED
             state.flush_loss = max(state.flush_loss, 1.0 - keep)
-            state.switched, state.w_before = end, math.sqrt(state.u)
+            state.switch_angle, state.speed_before = end, math.sqrt(state.u)
             slow_down(state, keep)
-            state.w_after = math.sqrt(state.u)
+            state.speed_after = math.sqrt(state.u)
             if a >= b:  # the hit follows at once, with M of the new contacts
                 stack_at(lanes, ring, n, state, b, stack.IGNORE_SWITCHES)
     if a < b:
@@ -221,14 +223,14 @@ def hit_ratio(leader):
 
 
 @always_inline
-def hit(leader, struck, state):
+def hit(leader, next_domino, state):
     """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction."""
     s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     m = state.m_end * (cd - arrays.rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
         return arrays.JAMMED
-    slow_down(state, m / (m * hit_ratio(leader) + struck.inertia))
+    slow_down(state, m / (m * hit_ratio(leader) + next_domino.inertia))
     state.u_error += (HIT_ROUNDING * arrays.EPS + 2.0 * state.cut) * state.u
     state.u_round += HIT_ROUNDING * arrays.EPS * state.u
     return arrays.PROPAGATED
@@ -240,7 +242,7 @@ def fall_angle(leader, strikes):
     if strikes:
         s_l = leader.s_l
         return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - arrays.turn_of(leader)
-    return math.atan(leader.slender)
+    return math.atan(leader.slenderness)
 
 
 @always_inline

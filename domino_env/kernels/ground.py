@@ -35,7 +35,7 @@ def height_and_slope(curve, x, k):
 
 @internal
 def first_tilt(curve, thickness):
-    """Return α of the domino whose pivot is at x = 0; nan where it cannot stand."""
+    """Return α of the domino whose pivot is at x = 0; nan if it cannot stand."""
     k = piece_at(curve, 0.0, 0)
     height, slope = height_and_slope(curve, 0.0, k)
     tilt = -math.atan(slope)
@@ -43,8 +43,8 @@ def first_tilt(curve, thickness):
         x, y = -thickness * math.cos(tilt), height + thickness * math.sin(tilt)
         k = piece_at(curve, x, k)
         ground, slope = height_and_slope(curve, x, k)
-        turned = thickness * (slope * math.sin(tilt) - math.cos(tilt))
-        change = (y - ground) / turned
+        rate = thickness * (slope * math.sin(tilt) - math.cos(tilt))
+        change = (y - ground) / rate
         tilt += change
         if abs(change) <= CLOSE:
             return tilt
@@ -53,9 +53,9 @@ def first_tilt(curve, thickness):
 
 @internal
 def next_place(curve, x, k, gap, thickness, tilt):
-    """Return α and q of the next domino after the pivot at x on piece k; nan where it cannot stand.
+    """Return α and q of the next domino after the pivot at x on piece k; nan if it cannot stand.
 
-    tilt: first guess, that of the domino before.
+    tilt: first guess, such as that of the domino before.
     """
     height, _ = height_and_slope(curve, x, k)
     reach, up = gap + thickness, 0.0
@@ -127,11 +127,11 @@ def place_on_ground_vjp(
             by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
             by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
             determinant = by_tilt_b * by_up_f - by_tilt_f * by_up_b
-            # by α, by q, and so by where the two edges are
-            turned = by_tilt[b, i + 1] - along * by_rise[b, i] + rise[b, i] * by_place
-            lifted = c * by_rise[b, i] + s * by_place
-            at_b = (by_up_f * turned - by_tilt_f * lifted) / determinant
-            at_f = (by_tilt_b * lifted - by_up_b * turned) / determinant
+            # derivatives by α and q, and from them by the heights of the two edges
+            tilt_bar = by_tilt[b, i + 1] - along * by_rise[b, i] + rise[b, i] * by_place
+            up_bar = c * by_rise[b, i] + s * by_place
+            at_b = (by_up_f * tilt_bar - by_tilt_f * up_bar) / determinant
+            at_f = (by_tilt_b * up_bar - by_up_b * tilt_bar) / determinant
             straight = c * by_place - s * by_rise[b, i]
             over_b, over_f = slope_b * c + s, slope_f * c + s
             by_spacing[b, i] += straight - at_b * over_b - at_f * over_f

@@ -86,7 +86,7 @@ def integrals(lanes, values, k):
 
 @internal
 def affine_map(lanes, k, h, mu, gravity):
-    """Compute E and U of an interval at all lanes; return whether M is positive, and the error."""
+    """Compute E and U of an interval at all lanes; return True if M is positive, and the error."""
     m = ORDERS[k]
     end = m + 1
     for j in range(m + 2):

@@ -9,14 +9,14 @@ from domino_env.kernels.arrays import COEF, TINY
 from domino_env.kernels.jit import internal
 
 ORDERS = np.array([2, 6, 10, 14, 22, 30])
-_ROOM = 32
+_MAX_LANES = 32  # nodes of the finest rule, and both ends
 
 
 def _rules() -> tuple[np.ndarray, ...]:
-    shape = (len(ORDERS), _ROOM)
+    shape = (len(ORDERS), _MAX_LANES)
     nodes, weights, to_start, to_end, positions, high, top = (np.zeros(shape) for _ in range(7))
-    running = np.zeros((len(ORDERS), _ROOM, _ROOM))
-    closed = np.zeros((len(ORDERS), _ROOM, _ROOM))
+    running = np.zeros((len(ORDERS), _MAX_LANES, _MAX_LANES))
+    closed = np.zeros((len(ORDERS), _MAX_LANES, _MAX_LANES))
     for k, m in enumerate(ORDERS):
         x, w = legendre.leggauss(int(m))
         values = legendre.legvander(x, int(m))  # P_n(x_j), n = 0 … m
@@ -44,7 +44,7 @@ HIGH, TOP: (rule, node), last two Legendre coefficients of the polynomial throug
 RUNNING: (rule, node, j), ∫ from 0 to x_j of the node's Lagrange polynomial; CLOSED: (rule,
 point, n), Legendre coefficients of the polynomial through start, nodes and end."""
 
-_n = np.arange(_ROOM)
+_n = np.arange(_MAX_LANES)
 RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
 """P_{n+1}(z) = RECUR_Z[n] z P_n - RECUR_0[n] P_{n-1}."""
 
@@ -139,7 +139,7 @@ def first_zero(lanes, values, k, x_low):
 def slow_panel(lanes, count, x0, x1, moments):
     """Return ∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u in COEF, by ten nodes.
 
-    moments: ½∫ P_n(2x - 1) dx/u^(3/2) are added; empty where they are not wanted.
+    moments: ½∫ P_n(2x - 1) dx/u^(3/2) are added to them; empty for none.
     """
     time, sens = 0.0, 0.0
     for j in range(10):

@@ -1,6 +1,6 @@
 """Records of a chain: its arrival times, its summary, and the event tape for gradients.
 
-A full tape only counts further events, so that a longer one can be made.
+If the tape is full, further events are counted only, so that a longer tape can be made.
 """
 
 import math
@@ -37,15 +37,15 @@ def record_fall(arrivals, n, outcome, state):
 
 
 @internal
-def summarise(summary, count, outcome, leader, struck, toppled, state):
+def summarise(summary, count, outcome, leader, hit_count, toppled, state):
     """Write the summary of a chain of `count` dominoes."""
-    summary.outcome, summary.hit, summary.toppled = outcome, struck, toppled
+    summary.outcome, summary.hit, summary.toppled = outcome, hit_count, toppled
     summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.fraction) / count
     summary.total_time = state.time if outcome == PROPAGATED else np.inf
     summary.estimate = state.worst
     summary.flushes, summary.releases = state.flushes, state.releases
     summary.flush_loss, summary.lowest_margin = state.flush_loss, state.lowest_margin
-    summary.taped = state.taped
+    summary.event_count = state.event_count
 
 
 @always_inline
@@ -56,9 +56,9 @@ def has_tape(tape):
 
 @always_inline
 def next_event(tape, state):
-    """Return the index of the next event, and whether the tape has room for it."""
-    at = state.taped
-    state.taped += 1
+    """Return the index of the next event, and True if the tape has room for it."""
+    at = state.event_count
+    state.event_count += 1
     return at, at < len(tape)
 
 
@@ -75,7 +75,7 @@ def record_interval(tape, state, n, a, h, rule, low, u):
 
 @internal
 def record_hit(tape, state, n):
-    """Record that leader n struck the next domino."""
+    """Record that leader n hit the next domino."""
     at, has_room = next_event(tape, state)
     if has_room:
         event = tape[at]
@@ -106,5 +106,5 @@ def record_switch(tape, ring, state, n, due_contact, low, angle, flushes):
     if has_room:
         event = tape[at]
         event.kind, event.leader, event.low = SWITCH, n, low
-        event.contact, event.flushed, event.flips = due_contact, flushes, flips
+        event.contact, event.is_flush, event.flips = due_contact, flushes, flips
         event.angle, event.u = angle, state.u

@@ -43,9 +43,10 @@ from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
 IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2  # changes of contact that `sweep` detects
 # Margins of a change of contact, relative to 1 - cos θ: a contact is examined from the first before
-# it on; the change was missed, behind an earlier cut, from the second after it on.
+# its change on; the change was missed, behind an earlier cut, from the second after it on.
 DUE_MARGIN, MISSED_MARGIN = 1e-6, 1e-9
 ANGLE_ERROR = 1e-12  # relative error of 1 - cos θ at an angle found by `switch_angle`
+EARLY_SHARE = 1e-3  # of IMPACT_TOLERANCE: a contact farther past its change changes earlier
 HIT_LAG = 1e-12  # [rad] a face impact later than a hit by no more than this precedes it
 NEWTON_TOLERANCE = 1e-10  # relative to the bracket; convergence is quadratic: the next step is none
 MIN_WEIGHT_RATIO = 1e-4  # old weight over new, below which their ratio is not reliable
@@ -58,7 +59,7 @@ C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 @always_inline
 def half_angle(x):
-    """Return sin and cos of x in [0, π/4] by series, which vectorise, unlike libm's."""
+    """Return sin and cos of x in [0, π/4] by series, which vectorise, unlike those of libm."""
     q = x * x
     s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
     c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
@@ -81,7 +82,7 @@ def set_angles(lanes, k, a, h):
 @always_inline
 def add_leader(lanes, count, leader, mu):
     """Start the sums with the leading domino."""
-    inertia, half, slender = leader.inertia, leader.half_weight, leader.slender
+    inertia, half, slenderness = leader.inertia, leader.half_weight, leader.slenderness
     for j in range(count):
         s, v = lanes[SIN + j], lanes[VER + j]
         lanes[WGT + j] = 1.0
@@ -90,9 +91,11 @@ def add_leader(lanes, count, leader, mu):
         lanes[SUM_M + j] = inertia
         lanes[SUM_D + j] = 0.0
         if mu > 0.0:
-            lanes[SUM_G + j] = half * (s - slender * (1.0 - v))
+            lanes[SUM_G + j] = half * (s - slenderness * (1.0 - v))
         else:
-            lanes[SUM_G + j] = half * ((slender * s - v) - (slender * lanes[SIN] - lanes[VER]))
+            lanes[SUM_G + j] = half * (
+                (slenderness * s - v) - (slenderness * lanes[SIN] - lanes[VER])
+            )
     leader.end_weight = 1.0
 
 
@@ -100,7 +103,7 @@ def add_leader(lanes, count, leader, mu):
 def add_with_friction(lanes, count, contact, mu, kind):
     """Add the domino behind a contact of one kind, `tip` or `corner`, each with its own loop."""
     shape, inertia = shape_of(contact), contact.inertia
-    half, slender = contact.half_weight, contact.slender
+    half, slenderness = contact.half_weight, contact.slenderness
     for j in range(count):
         s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
@@ -113,7 +116,7 @@ def add_with_friction(lanes, count, contact, mu, kind):
         lanes[JAC + j] = jac
         lanes[WGT + j] = w
         lanes[SUM_M + j] += w * inertia * jac
-        lanes[SUM_G + j] += w * half * (s - slender * (1.0 - v))
+        lanes[SUM_G + j] += w * half * (s - slenderness * (1.0 - v))
         lanes[SUM_D + j] += w * inertia * drv
 
 
@@ -144,10 +147,10 @@ def add_domino(lanes, count, contact, mu):
     else:
         add_without_friction(lanes, count, contact, corner)
     # the change since the start of the interval, whose small differences stay exact
-    half, slender = contact.half_weight, contact.slender
-    at_start = slender * lanes[SIN] - lanes[VER]
+    half, slenderness = contact.half_weight, contact.slenderness
+    at_start = slenderness * lanes[SIN] - lanes[VER]
     for j in range(count):
-        lanes[SUM_G + j] += half * ((slender * lanes[SIN + j] - lanes[VER + j]) - at_start)
+        lanes[SUM_G + j] += half * ((slenderness * lanes[SIN + j] - lanes[VER + j]) - at_start)
 
 
 @always_inline
@@ -162,7 +165,7 @@ def tail_size(lanes, count, mu, force, h, tail):
 
     tail: bound on their Σ I w, relative to w of the last domino included.
     """
-    worst = 0.0
+    largest = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
         jac = abs(lanes[JAC + j])
@@ -170,11 +173,11 @@ def tail_size(lanes, count, mu, force, h, tail):
             x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
         else:
             x = jac * (force + jac)
-        if x > worst:
-            worst = x
+        if x > largest:
+            largest = x
         if lanes[SUM_M + j] < lightest:
             lightest = lanes[SUM_M + j]
-    return worst * tail / max(lightest, TINY)
+    return largest * tail / max(lightest, TINY)
 
 
 @noinline
@@ -206,7 +209,7 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
             if detect == END_AT_HIT and dv + HIT_LAG * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
             if detect == END_AT_SWITCH:
-                if past_flush(contact, dv) >= 1e-3 * IMPACT_TOLERANCE:
+                if past_flush(contact, dv) >= EARLY_SHARE * IMPACT_TOLERANCE:
                     return i, 0.0, True
                 if past_flush(contact, dv) >= -IMPACT_TOLERANCE:
                     state.last_due = i
@@ -296,7 +299,7 @@ def count_toppled(ring, state, n, s, v):
     """
     mask, mu, fallen, i, back = state.mask, state.mu, 0, n, state.back
     while True:
-        if s > ring[i & mask].slender * (1.0 - v):
+        if s > ring[i & mask].slenderness * (1.0 - v):
             fallen += 1
         if i == back:
             return fallen + i
@@ -327,7 +330,7 @@ def switch(ring, state, n, due_contact, low, angle):
     m_old = ring[n & mask].inertia  # Σ w_old I J⁻ so far
     m_before, m_after = m_old, m_old  # Σ w_new I J⁻, Σ w_new I J⁺
     stop = min(state.last_due, due_contact)
-    flushed = False
+    has_flush = False
     i = n
     while i > stop:
         i -= 1
@@ -342,7 +345,7 @@ def switch(ring, state, n, due_contact, low, angle):
         s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
         w_old *= ratio
         if is_due and can_flush(contact):
-            flushed = True
+            has_flush = True
             flush(contact, state)
             s_i, v_i, _, _, ratio = contact_at(contact, s, v, mu)
         w_new *= ratio
@@ -350,12 +353,12 @@ def switch(ring, state, n, due_contact, low, angle):
         term = contact.inertia * jac
         m_old += w_old * term
         m_before += w_new * term
-        if not flushed:
+        if not has_flush:
             m_after += w_new * term
         s, v = s_i, v_i
         if i == stop and i > low and abs(w_old) < MIN_WEIGHT_RATIO * abs(w_new):
             stop = low  # the common factor is not reliable
-    if not flushed or mu == 0.0:
+    if not has_flush or mu == 0.0:
         return 1.0
     if i > low and ring[i & mask].kind != SEPARATED:
         m_before += (state.m_end - m_old) * (w_new / w_old)

@@ -1,14 +1,14 @@
 """Steps in time: the equation of motion for ODE solvers, explicit Euler and classic Runge-Kutta.
 
-Contacts, hits and changes of contact are those of all kernels. But the leading domino n is followed
-in time, by
+Contacts, hits and changes of contact are those of all kernels. The angle of the leading domino n
+is integrated in time, by
 
     α_n = (Σ w G - ω_n² Σ w I D) / Σ w I J
 
 over all dominoes that lean on it, back … n, and changes of contact are located in time.
 
-Fixed steps are taken as in Chapman's program, by Euler's or the classic Runge-Kutta method (RK4),
-with every event at the end of the step that passes it, which is of order one; or by RK4 with
+Fixed steps are those of Euler's or the classic Runge-Kutta method (RK4) with every event at the end
+of the step that passes it, as in Chapman's program, which is of order one; or those of RK4 with
 located events, which keeps its order four. `domino_env.validation.ode` compares them.
 """
 
@@ -22,13 +22,13 @@ from domino_env.kernels.jit import entry_point, internal
 from domino_env.kernels.stack import switch
 
 EULER, RK4, LOCATED = 0, 1, 2
-UNFINISHED = -1  # result of `react` where the wave goes on
-ITERATIONS = 60  # halvings of a step, to its rounding
+UNFINISHED = -1  # result of `apply_events` if the wave continues
+ITERATIONS = 60  # halvings of a step, down to rounding
 STEP_ROUNDING = 1e-16  # of a step: a smaller correction of its length ends the search
 
 
 @entry_point
-def stand_and_push(layout, mu, gravity, push):
+def push_chain(layout, mu, gravity, push):
     """Return the ring and the state (1,) of a chain whose first domino has just been pushed."""
     count, size = len(layout.thickness), 2
     while size <= count:
@@ -51,7 +51,7 @@ def sums(ring, state, n, angle):
     leader = ring[n]
     w, jac, drv, left, lowest_due = 1.0, 1.0, 0.0, np.inf, n
     sum_m, sum_d = leader.inertia, 0.0
-    sum_g = leader.half_weight * (s - leader.slender * (1.0 - v))
+    sum_g = leader.half_weight * (s - leader.slenderness * (1.0 - v))
     for i in range(n - 1, state.back - 1, -1):
         contact = ring[i]
         left = min(left, contact.v_switch - v)
@@ -62,7 +62,7 @@ def sums(ring, state, n, angle):
         jac *= omega
         w *= ratio
         sum_m += w * contact.inertia * jac
-        sum_g += w * contact.half_weight * (s - contact.slender * (1.0 - v))
+        sum_g += w * contact.half_weight * (s - contact.slenderness * (1.0 - v))
         sum_d += w * contact.inertia * drv
     return sum_m, sum_g, sum_d, left, lowest_due
 
@@ -84,7 +84,7 @@ def right_side(ring, states, n, angle, speed):
 
 
 @entry_point
-def react(layout, ring, states, n, angle, speed, now, arrivals):
+def apply_events(layout, ring, states, n, angle, speed, now, arrivals):
     """Change the contacts that are due at an angle, and hit the next domino at the end of the fall.
 
     Returns the outcome or UNFINISHED; then leader, angle, ω and angle of the end of its fall.
@@ -127,33 +127,33 @@ def rk4_step(ring, state, n, angle, speed, a1, h):
 
 
 @internal
-def locate(ring, state, n, angle, speed, a1, h, end, changes):
+def locate(ring, state, n, angle, speed, a1, h, end, has_change):
     """Return time, angle and ω of the first change of contact in a step of h, or of `end`.
 
-    Newton's method for the angle `end`, bisection for a change of contact, after which it returns.
+    By Newton's method for the angle `end`, by bisection for a change of contact.
     """
     low, high, t = 0.0, h, h
     new, v = angle, speed
     for _ in range(ITERATIONS):
         new, v = rk4_step(ring, state, n, angle, speed, a1, t)
-        # nan, where the step leads too far, is over too
-        over = sums(ring, state, n, min(new, end))[3] <= 0.0 if changes else not new < end
-        low, high = (low, t) if over else (t, high)
+        # nan, if the step goes too far, counts as past
+        is_past = sums(ring, state, n, min(new, end))[3] <= 0.0 if has_change else not new < end
+        low, high = (low, t) if is_past else (t, high)
         closer = t - (new - end) / v
-        if changes or not low < closer < high:
+        if has_change or not low < closer < high:
             closer = 0.5 * (low + high)
         if abs(closer - t) <= STEP_ROUNDING * h:
             break
         t = closer
-    if changes:
+    if has_change:
         t = high
         new, v = rk4_step(ring, state, n, angle, speed, a1, t)
     return t, new, v
 
 
 @entry_point
-def follow(layout, ring, states, h, rule, arrivals):
-    """Follow a chain in steps of h seconds until its wave ends; return its outcome.
+def take_fixed_steps(layout, ring, states, h, rule, arrivals):
+    """Advance a chain in steps of h seconds until its wave ends; return its outcome.
 
     Writes arrival times (N,).  Without located events the next leader starts from its rest: the
     overshoot of the last step is lost, as in Chapman's program.
@@ -177,7 +177,7 @@ def follow(layout, ring, states, h, rule, arrivals):
             return arrays.NO_RIGID_ANSWER if math.isnan(v) else arrays.STALLED
         angle, speed, now = new, v, now + dt
         if due or angle >= end:
-            outcome, n, angle, speed, end = react(
+            outcome, n, angle, speed, end = apply_events(
                 layout, ring, states, n, angle, speed, now, arrivals
             )
             if outcome != UNFINISHED:

@@ -456,10 +456,10 @@ def simulate(
     while True:
         solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
         summary = kernel_arrays.Summary._make(summaries.item())
-        if summary.taped <= len(tape) or not gradient:
+        if summary.event_count <= len(tape) or not gradient:
             break
-        tape = np.empty(summary.taped, kernel_arrays.EVENT)
-    saved = tape[: summary.taped].copy() if gradient else None
+        tape = np.empty(summary.event_count, kernel_arrays.EVENT)
+    saved = tape[: summary.event_count].copy() if gradient else None
     run_time = time.perf_counter() - began
     return _wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
 

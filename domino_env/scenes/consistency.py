@@ -7,14 +7,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from domino_env.core.models import read_model
+from domino_env.physics.footing import REACH
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
-from domino_env.scenes.tables import MOST_PAIRS, RangeTable, SceneFile
+from domino_env.scenes.tables import MAX_PAIRS, RangeTable, SceneFile
 
-TALLEST = 30.0  # power of ten of the largest height [m]: its square is still a number
-LONGEST_GROUND = 100.0  # times the longest layout that a profile may span
+MAX_LOG10_HEIGHT = 30.0  # of heights in metres, whose squares remain finite
+MAX_GROUND_RATIO = 100.0  # of a profile's end to the longest layout
 
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
@@ -34,7 +35,7 @@ EXCLUSIVE = (
 
 
 def check_document(document: dict[str, Any]) -> SceneFile:
-    """Check a scene's document and return its tables.
+    """Check the document of a scene and return its tables.
 
     Parameters
     ----------
@@ -65,10 +66,10 @@ def _violations(tables: SceneFile) -> Iterator[str]:
     yield from _violations_of_objective(tables)
     yield from _violations_of_first(tables)
     pairs = len(tables.spacing.domain()[1] or "1") * len(tables.thickness_domain()[1] or "1")
-    if pairs > MOST_PAIRS:
+    if pairs > MAX_PAIRS:
         yield (
             f"spacing and thickness have {pairs:,} pairs of listed values, and each is tried "
-            f"for the uniform baseline: list at most {MOST_PAIRS:,}"
+            f"for the uniform baseline: list at most {MAX_PAIRS:,}"
         )
     yield from _violations_of_length(tables)
     if tables.ground is not None:
@@ -77,8 +78,8 @@ def _violations(tables: SceneFile) -> Iterator[str]:
 
 def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
     """Yield mixtures of lengths in metres and in heights."""
-    thick = tables.thickness is not None and tables.thickness.of is not None
-    if tables.in_heights != thick and tables.thickness is not None:
+    is_relative = tables.thickness is not None and tables.thickness.of is not None
+    if tables.in_heights != is_relative and tables.thickness is not None:
         here, there = ("spacing", "thickness") if tables.in_heights else ("thickness", "spacing")
         yield f'{here}.of = "height" but {there} is in metres: give both in heights'
     if tables.growth is not None and not tables.in_heights:
@@ -87,19 +88,19 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
         return
     for name in ("row.length", "[stock]", "spacing.largest_change"):
         if tables.value_at(name) is not None:
-            yield f'{name} is in metres: not with of = "height"'
+            yield f'{name} is in metres: leave it out, or leave out of = "height"'
     for name, table in (("spacing", tables.spacing), ("thickness", tables.thickness)):
         if table is not None and table.domain()[1] is not None:
-            yield f'{name}.step or values is in metres: not with of = "height"'
+            yield f'{name} has step or values in metres: leave them out, or leave out of = "height"'
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
-    """Yield bounds within which nothing falls, and so were probably meant in another unit."""
+    """Yield bounds in which no domino falls on the next, probably given in another unit."""
     height, scale = tables.row.height, tables.row.height if tables.in_heights else 1.0
     (low, high), _ = tables.spacing.domain()
-    thin, thick = (0.0, 0.0) if tables.stock else tables.thickness_domain()[0]
-    if (tables.growth is None and scale * low >= height) or scale * thin > MAX_RATIO * height:
-        hint = unit_hint(height, (scale * low, scale * high), (scale * thin, scale * thick))
+    thinnest, thickest = (0.0, 0.0) if tables.stock else tables.thickness_domain()[0]
+    if (tables.growth is None and scale * low >= height) or scale * thinnest > MAX_RATIO * height:
+        hint = unit_hint(height, (scale * low, scale * high), (scale * thinnest, scale * thickest))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
     for name in ("placement.deviation", "robust.deviation"):
         if (tables.value_at(name) or 0.0) > scale * high:
@@ -128,7 +129,7 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_first(tables: SceneFile) -> Iterator[str]:
-    """Yield violations of domino 0 and of the number of dominoes."""
+    """Yield violations by domino 0, by the stock and by the largest height."""
     row, stock = tables.row, tables.stock
     low, high = tables.thickness.domain()[0] if tables.thickness else (0.0, 1.0)
     if row.first_thickness is None and low < high:
@@ -149,7 +150,7 @@ def _violations_of_first(tables: SceneFile) -> Iterator[str]:
             yield f"row.first_thickness = {row.first_thickness}: {error}"
     if tables.growth is not None:
         tallest = math.log10(row.height) + (row.count - 1) * math.log10(tables.growth.max)
-        if tallest > TALLEST:
+        if tallest > MAX_LOG10_HEIGHT:
             yield (
                 f"growth.max = {tables.growth.max}: {row.count} dominoes could grow to "
                 f"10^{tallest:.0f} m; let them grow less, or ask for fewer"
@@ -160,15 +161,15 @@ def _pitches(tables: SceneFile) -> Bounds:
     """Return the least and the largest mean pitch within the bounds [m]."""
     unit = tables.row.height if tables.in_heights else 1.0
     (low, high), _ = tables.spacing.domain()
-    (thin, thick), _ = tables.thickness_domain()
+    (thinnest, thickest), _ = tables.thickness_domain()
     if tables.stock is not None:
-        bodies = tables.stock.without(tables.first_thickness()).dominoes
-        thin = thick = float(bodies.mean())
-    return unit * (low + thin), unit * (high + thick)
+        dominoes = tables.stock.without(tables.first_thickness()).dominoes
+        thinnest = thickest = float(dominoes.mean())
+    return unit * (low + thinnest), unit * (high + thickest)
 
 
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
-    """Yield why no layout meets it; lists: `optimize.constraints.feasible_set`."""
+    """Yield a sentence if no layout within the bounds has the total length; lists are ignored."""
     length, pairs = tables.row.length, tables.row.count - 1
     if length is None:
         return
@@ -181,8 +182,8 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
     fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1
     if hint is None and tables.stock is None and 2 <= fewest <= most:
-        many = f"{fewest} to {most}" if fewest < most else f"{most}"
-        hint = f"row.count = {many} would fit"
+        counts = f"{fewest} to {most}" if fewest < most else f"{most}"
+        hint = f"row.count = {counts} would fit"
     yield (
         f"row.length = {length:g} m cannot be met: {pairs + 1} dominoes within the bounds cover "
         f"{pairs * low:.6g} to {pairs * high:.6g} m{'; ' if hint else ''}{hint or ''}"
@@ -190,72 +191,74 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
-    """Yield why some layouts within the bounds cannot stand on the ground.
+    """Yield the reasons why some layouts within the bounds cannot stand on the ground.
 
-    No design can then be one that does not stand, so that a search or an episode never meets it. It
-    is enough, and nearly necessary, that the ground is nowhere too steep for the thinnest domino
-    and nowhere bends too much for the narrowest gap or for the widest.
+    Without violations every layout within the bounds stands, so a search or an episode never finds
+    one that does not. It is sufficient, and nearly necessary, that the ground is nowhere too steep
+    for the thinnest domino and nowhere too curved for the narrowest or the widest gap.
     """
     height, first = tables.row.height, tables.first_thickness()
     unit = height if tables.in_heights else 1.0
     free = [unit * depth for depth in tables.thickness_domain()[0]]
-    thin, thick = min(first, *free), max(first, *free)
+    thinnest, thickest = min(first, *free), max(first, *free)
     if ground.profile is not None:
         span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
-        if span > LONGEST_GROUND * longest:
+        if span > MAX_GROUND_RATIO * longest:
             yield (
                 f"ground.profile ends at x = {span:g} m, and the longest layout at {longest:.4g} "
                 "m: points are in metres, [300, 20] mm is [0.3, 0.02]"
             )
     place, steepest = ground.steepest
-    if steepest >= thin / height:
-        slope, most = (math.degrees(math.atan(tangent)) for tangent in (steepest, thin / height))
+    if steepest >= thinnest / height:
+        slope, most = (
+            math.degrees(math.atan(tangent)) for tangent in (steepest, thinnest / height)
+        )
         where = "" if ground.is_even else f" near x = {place:.4g} m"
         yield (
-            f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thin:.4g} mm thick "
-            f"and {1e3 * height:.4g} mm high tips over by itself from {most:.4g}° on: make it "
+            f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thinnest:.4g} mm "
+            f"thick and {1e3 * height:.4g} mm high tips over by itself from {most:.4g}° on: make it "
             "flatter, or the dominoes thicker"
         )
     if ground.is_even:
         return
-    if violation := ground.violation(thick):
+    if violation := ground.violation(thickest):
         yield violation
     low, high = (unit * gap for gap in tables.spacing.domain()[0])
-    yield from _violations_of_bends(ground, height, thick, (low, high))
+    yield from _violations_of_bends(ground, height, thickest, (low, high))
 
 
 def _violations_of_bends(
-    ground: Ground, height: float, thick: float, spacing: Bounds
+    ground: Ground, height: float, thickest: float, spacing: Bounds
 ) -> Iterator[str]:
-    """Yield where the ground is too hollow for the narrowest gap, or bends too much for the widest.
+    """Yield places at which the ground is too curved for the narrowest or the widest gap.
 
-    Where the ground bends by at most k, the slopes of two neighbouring chords differ by at most
+    If the curvature is at most k, the slopes of two neighbouring chords differ by at most
     k (s + d), and a pivot lies at most k s (s + d)/2 off the line of the next chord. Dominoes do
     not lean against each other while L k (s + d) < s, and then a tip strikes below the top too, as
-    L - √(L² - s²) > s²/2L. Both are tightest at the narrowest gap; that a pivot is not off by more
-    than the contact height √(L² - s²), or than s, at the widest.
+    L - √(L² - s²) > s²/2L. Both conditions are strictest at the narrowest gap. At the widest gap a
+    pivot must not be off by more than s, nor than the contact height √(L² - s²).
     """
     low, high = spacing
-    for way, name in ((1.0, "hollow"), (-1.0, "crest")):
-        place, bend = ground.curvature(way)
-        if bend == 0.0:
+    for sign, name in ((1.0, "hollow"), (-1.0, "crest")):
+        place, curvature = ground.curvature(sign)
+        if curvature == 0.0:
             continue
-        where = f"the {name} near x = {place:.4g} m, of radius {1.0 / bend:.3g} m"
-        if way > 0.0 and height * _turned(bend, low + thick) >= low:
+        where = f"the {name} near x = {place:.4g} m, of radius {1.0 / curvature:.3g} m"
+        if sign > 0.0 and height * _slope_difference(curvature, low + thickest) >= low:
             yield (
                 f"spacing from {1e3 * low:.4g} mm on is too narrow for {where}: dominoes would "
                 "lean against each other, or strike above the next one's top; make spacing.min "
                 "larger, or the ground less hollow"
             )
-        offset = 0.5 * high * _turned(bend, high + thick)
-        if high >= height or offset > min(high, 0.999 * math.sqrt(height**2 - high**2)):
+        offset = 0.5 * high * _slope_difference(curvature, high + thickest)
+        if high >= height or offset > min(high, REACH * math.sqrt(height**2 - high**2)):
             yield (
                 f"spacing up to {1e3 * high:.4g} mm is too wide for {where}: a tip would miss the "
                 "next domino; make spacing.max smaller, or the ground more even"
             )
 
 
-def _turned(bend: float, reach: float) -> float:
-    """Return by how much slopes differ at most over a distance [m], seen from either end."""
-    turn = bend * reach
+def _slope_difference(curvature: float, reach: float) -> float:
+    """Return a bound on the difference of slopes at two places a distance `reach` apart [m]."""
+    turn = curvature * reach
     return float(turn * (1.0 + turn * turn) ** 1.5)

@@ -13,23 +13,24 @@ from domino_env.core.types import Floats
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
 from domino_env.scenes.io.ranges import COUNT, PUSH, Place, fill_in, has_ranges, read_ranges
-from domino_env.scenes.io.reading import read_named, scene_of_document
+from domino_env.scenes.io.reading import read_named, scene_from_document
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
-COARSE, COARSE_THICK = (48, 1), (24, 6)  # points of the grids of uniform layouts
-MOST_SAMPLED = 1_000  # scenes in which no uniform layout completes, before sampling ends
+# numbers of gaps and thicknesses of the uniform layouts that are tried
+COARSE_GRID, COARSE_GRID_WITH_THICKNESS = (48, 1), (24, 6)
+MAX_SAMPLES = 1_000  # scenes in which no uniform layout completes, before sampling ends
 
 
 class SceneDistribution:
     """Random scenes: a scene's file with ranges where it has numbers.
 
     Numbers are sampled in the order of the file, the bounds called min before all others. A scene
-    whose tables contradict each other, such as a length that its dominoes cannot cover, is sampled
-    anew, and so is one in which no uniform layout completes, as there is no baseline.
+    whose tables contradict each other, such as by a length that its dominoes cannot cover, is
+    sampled again, and so is one in which no uniform layout completes, as it has no baseline.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ class SceneDistribution:
         if not isinstance(rng, np.random.Generator):
             checks.require("rng", rng, 0, whole=True, hint="a seed; or a numpy.random.Generator")
         rng, reason = np.random.default_rng(rng), "no uniform layout completes in any of them"
-        for _ in range(MOST_SAMPLED):
+        for _ in range(MAX_SAMPLES):
             numbers = self._sample_once(rng)
             if digits is not None:
                 ends = np.array([(r.min, r.max) for r in self.ranges.values()]).T
@@ -149,13 +150,13 @@ class SceneDistribution:
             if _some_uniform_completes(scene):
                 return numbers
         raise ValueError(
-            f"{self.file}: of {MOST_SAMPLED:,} sampled scenes none can be used; the last: {reason}"
+            f"{self.file}: of {MAX_SAMPLES:,} sampled scenes none can be used; the last: {reason}"
         )
 
     def _sample_once(self, rng: np.random.Generator) -> Floats:
-        """Sample numbers (V,), of which there may be no scene."""
+        """Sample numbers (V,), whose scene may be invalid."""
         numbers: dict[Place, float] = {}
-        # the least values come first, as others may be bounded by them
+        # bounds called min come first, as others may depend on them
         for place in sorted(self.ranges, key=lambda place: place[1] != "min"):
             sampled = self.ranges[place]
             low, high = sampled.min, sampled.max
@@ -183,7 +184,7 @@ class SceneDistribution:
         Raises
         ------
         ValueError
-            For numbers that no scene has.
+            If the scene of these numbers is not valid.
         """
         numbers = checks.numbers("numbers", numbers, None, (len(self.ranges),), repr(self))
         sampled = dict(zip(self.ranges, numbers.tolist(), strict=True))
@@ -194,10 +195,10 @@ class SceneDistribution:
         )
         values = {place: value * units.get(place, 1.0) for place, value in sampled.items()}
         document = fill_in(self.document, values) | {"name": name, "title": self.title}
-        return scene_of_document(document, name, self.file)
+        return scene_from_document(document, name, self.file)
 
     def _units(self, height: float, gravity: float) -> dict[Place, float]:
-        """Return the SI units of numbers that count in heights."""
+        """Return the SI values of the units of numbers that are given in heights."""
         return {
             place: float(np.sqrt(gravity / height)) if place == PUSH else height
             for place, sampled in self.ranges.items()
@@ -244,8 +245,8 @@ class SceneDistribution:
             kept["row"].pop("first_thickness")  # the thickness of all
         return kept | {"objective": tables["objective"]}
 
-    def scaled(self, numbers: Floats) -> Floats:
-        """Return numbers scaled to the ranges.
+    def scale(self, numbers: Floats) -> Floats:
+        """Scale numbers to the ranges.
 
         Parameters
         ----------
@@ -276,7 +277,7 @@ def _some_uniform_completes(scene: Scene) -> bool:
         layouts = UniformLayouts(scene)
     except ValueError:
         return False
-    numbers = COARSE_THICK if layouts.low[1] < layouts.high[1] else COARSE
+    numbers = COARSE_GRID_WITH_THICKNESS if layouts.low[1] < layouts.high[1] else COARSE_GRID
     return bool(layouts.scores(grid(layouts.axes(numbers, np.geomspace)), 1e-5).max() > 0.0)
 
 
@@ -300,5 +301,5 @@ def load_distribution(name: str | Path) -> SceneDistribution:
 def load_any(name: str | Path) -> Scene | SceneDistribution:
     """Load a scene or a distribution of scenes, by name or path."""
     document, stem, file = read_named(name)
-    read = SceneDistribution if has_ranges(document) else scene_of_document
+    read = SceneDistribution if has_ranges(document) else scene_from_document
     return read(document, stem, file)

@@ -17,12 +17,12 @@ from domino_env.scenes.io.reading import DISTRIBUTIONS
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_point
 
-POOL = 4096  # scenes
-TRAINING = 0  # seed of a scene, with its number
-BEYOND = 100  # scenes beyond the range of each number
-DIGITS = 5  # significant digits of the sampled numbers, so that files can be read
+POOL_SIZE = 4096  # scenes
+TRAINING_SEED = 0  # of the scenes, with the number of each
+BEYOND_SIZE = 100  # scenes beyond the range of each number
+SIGNIFICANT_DIGITS = 5  # of the sampled numbers, for legible files
 
-POINT = ("uniform gap", "uniform thickness")  # [m]
+POINT_NAMES = ("uniform gap", "uniform thickness")  # [m]
 
 
 class ScenePool:
@@ -39,7 +39,7 @@ class ScenePool:
         Number of scenes.
     """
 
-    def __init__(self, distribution: SceneDistribution, size: int = POOL) -> None:
+    def __init__(self, distribution: SceneDistribution, size: int = POOL_SIZE) -> None:
         self.distribution = distribution
         self.numbers = np.full((size, len(distribution.features)), np.nan)
         self.points = np.full((size, 2), np.nan)  # of the uniform baselines
@@ -47,7 +47,7 @@ class ScenePool:
         if table is not None:
             n = min(size, len(table))
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
-        self.features = distribution.scaled(self.numbers)
+        self.features = distribution.scale(self.numbers)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -63,16 +63,16 @@ class ScenePool:
         return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
 
     def _sample(self, i: int) -> None:
-        rng, score = np.random.default_rng([TRAINING, i]), 0.0
+        rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
         while not score > 0.0:
-            self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
+            self.numbers[i] = self.distribution.sample_numbers(rng, SIGNIFICANT_DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             score = self._scene(i).uniform().score
-        self.features[i] = self.distribution.scaled(self.numbers[i])
+        self.features[i] = self.distribution.scale(self.numbers[i])
 
 
 def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
-    """Load the scenes on which policies are tested, sampled independently of the training's.
+    """Load a test set: scenes sampled independently of those of the training.
 
     Parameters
     ----------
@@ -96,12 +96,12 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
     distribution, kind = load_distribution(name), "test"
     table = _table(distribution, "test" if beyond is None else "beyond")
     if table is None:
-        which = "no test set" if beyond is None else "no test set beyond its ranges"
-        raise_with_path(distribution.file, f"{which} ships with it")
+        kind = "no test set" if beyond is None else "no test set beyond its ranges"
+        raise_with_path(distribution.file, f"{kind} ships with it: name a shipped distribution")
     if beyond is not None:
         require_choice("beyond", beyond, distribution.features)
-        first = BEYOND * distribution.features.index(beyond)
-        table, kind = table[first : first + BEYOND], f"beyond-{beyond.replace(' ', '-')}"
+        first = BEYOND_SIZE * distribution.features.index(beyond)
+        table, kind = table[first : first + BEYOND_SIZE], f"beyond-{beyond.replace(' ', '-')}"
     prefix = f"{distribution.name}-{kind}"
     return [
         distribution.scene(numbers[:-2], f"{prefix}-{i}").with_uniform(numbers[-2:])

@@ -1,4 +1,4 @@
-"""Rules of a scene, each with the sentence for a layout that breaks it, and the stock."""
+"""Rules of a scene, each with a sentence for a layout that violates it, and the stock."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from domino_env.physics.layout import Layout
 Bounds = tuple[float, float]
 Values = tuple[float, ...]
 
-ON_GROUND = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
-ON_LIST = 1e-9  # [m] largest difference from a value of the list that is the same value
+GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
+LIST_TOLERANCE = 1e-9  # [m] largest difference of values that count as equal
 
 
-def outside(
+def bounds_violations(
     name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
 ) -> list[str]:
     """Return a sentence for values beyond their bounds by more than `slack` of the upper one.
@@ -28,49 +28,53 @@ def outside(
     `first` is the index of the first value in the array of the layout.
     """
     low, high = bounds
-    over = slack * high
+    excess = slack * high
     allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
-    good = (values >= low - over) & (values <= high + over)
-    return _violations(f"{name}[{{0}}]", values, good, allowed, first, unit)
+    is_allowed = (values >= low - excess) & (values <= high + excess)
+    return _violations(f"{name}[{{0}}]", values, is_allowed, allowed, first, unit)
 
 
-def off_list(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
+def list_violations(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
     """Return a sentence for values that are not on the list; None allows any."""
     if allowed is None:
         return []
-    few = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    return _violations(f"{name}[{{0}}]", values, listed(values, allowed), f"only {few} m", first)
+    shown = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
+    return _violations(
+        f"{name}[{{0}}]", values, is_listed(values, allowed), f"only {shown} m", first
+    )
 
 
-def listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
+def is_listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
     """Return True for each value (…) that is one of the rising values `allowed`."""
-    return np.abs(values - find_nearest(values, np.array(allowed))) <= ON_LIST
+    return np.abs(values - find_nearest(values, np.array(allowed))) <= LIST_TOLERANCE
 
 
-def too_steep(spacing: Floats, largest_change: float | None) -> list[str]:
+def change_violations(spacing: Floats, largest_change: float | None) -> list[str]:
     """Return a sentence for neighbouring gaps that differ by too much; None allows any change."""
     if largest_change is None:
         return []
     change = np.diff(spacing)
     allowed = f"a change of at most {largest_change} m"
-    good = np.abs(change) <= largest_change + 1e-12
-    return _violations("spacing[{1}] - spacing[{0}]", change, good, allowed)
+    is_allowed = np.abs(change) <= largest_change + 1e-12
+    return _violations("spacing[{1}] - spacing[{0}]", change, is_allowed, allowed)
 
 
-def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
-    """Return where rise or tilt of a layout are not those of its gaps on a ground; None is flat."""
+def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
+    """Return a sentence if rise or tilt of a layout are not those of the ground; None is flat."""
     if ground is None:
-        flat = "the layout has uneven ground, and the scene flat ground: rise and tilt must be 0"
+        flat = "the layout has uneven ground, and the scene flat ground: give rise and tilt of 0"
         return [] if layout.is_flat else [flat]
     rise, tilt = ground.rise_and_tilt(layout.spacing, layout.thickness)
     violations = []
-    for name, values, wanted, unit in (
+    for name, values, expected, unit in (
         ("rise", layout.rise, rise, "m"),
         ("tilt", layout.tilt, tilt, "rad"),
     ):
-        good = np.abs(values - wanted) <= ON_GROUND
-        there = f"{wanted[np.argmin(good)]:.9g} {unit} on its ground; use the scene's `layout`"
-        violations += _violations(f"{name}[{{0}}]", values, good, there, unit=unit)
+        is_allowed = np.abs(values - expected) <= GROUND_TOLERANCE
+        ground_value = (
+            f"{expected[np.argmin(is_allowed)]:.9g} {unit} on its ground; use the scene's `layout`"
+        )
+        violations += _violations(f"{name}[{{0}}]", values, is_allowed, ground_value, unit=unit)
     return violations
 
 
@@ -86,28 +90,28 @@ def find_nearest(values: Floats, allowed: Floats) -> Floats:
 def _violations(
     place: str,
     values: Floats,
-    good: NDArray[np.bool_],
+    is_allowed: NDArray[np.bool_],
     allowed: str,
     first: int = 0,
     unit: str = "m",
 ) -> list[str]:
-    """Return a sentence for the first value that is not good, and the number of others."""
-    if good.all():
+    """Return a sentence for the first value that is not allowed, and the number of others."""
+    if is_allowed.all():
         return []
-    bad = np.flatnonzero(~good)
+    bad = np.flatnonzero(~is_allowed)
     i = int(bad[0])
     more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     given = f"{place.format(i + first, i + first + 1)} = {values[i]:.13g} {unit}".strip()
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 
-MOST_DOMINOES = 100_000  # the uniform baseline takes some 3 ms per domino
-MOST_KINDS = 1_000  # of dominoes in a stock
-SAME = 1e-9  # [m] two thicknesses this close are the same domino
+MAX_DOMINOES = 100_000  # the uniform baseline takes some 3 ms per domino
+MAX_KINDS = 1_000  # of dominoes in a stock
+SAME_THICKNESS = 1e-9  # [m] largest difference of thicknesses of one kind
 
 
 class Stock(Value, frozen=True):  # type: ignore[misc]
-    """Box from which all dominoes are taken, the first one included.
+    """Stock from which all dominoes are taken, the first one included.
 
     Parameters
     ----------
@@ -116,8 +120,8 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
     count
         (K,) number of dominoes of each kind.
     hand
-        Number of pieces that the builder of an environment holds, drawn from the box in random
-        order; None where the whole box can be chosen from.
+        Number of pieces that an environment offers at a time, drawn from the stock in random
+        order; None if the whole stock is offered.
 
     Raises
     ------
@@ -127,14 +131,14 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
 
     thickness: Annotated[
         tuple[Size, ...],
-        Meta(min_length=1, max_length=MOST_KINDS, description="thickness of each kind [m]"),
+        Meta(min_length=1, max_length=MAX_KINDS, description="thickness of each kind [m]"),
     ]
     count: Annotated[
-        tuple[Annotated[int, Meta(ge=0, le=MOST_DOMINOES)], ...],
-        Meta(max_length=MOST_KINDS, description="number of dominoes of each kind"),
+        tuple[Annotated[int, Meta(ge=0, le=MAX_DOMINOES)], ...],
+        Meta(max_length=MAX_KINDS, description="number of dominoes of each kind"),
     ]
     hand: Annotated[
-        Annotated[int, Meta(ge=1, le=MOST_DOMINOES)] | None,
+        Annotated[int, Meta(ge=1, le=MAX_DOMINOES)] | None,
         about("pieces held at a time, drawn in random order; without it, the whole box"),
     ] = None
 
@@ -146,7 +150,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
                 "one count for each thickness"
             )
         for i, d in enumerate(self.thickness):
-            if any(abs(d - other) <= SAME for other in self.thickness[:i]):
+            if any(abs(d - other) <= SAME_THICKNESS for other in self.thickness[:i]):
                 raise ValueError(f"thickness[{i}] = {d} m is listed twice: add the counts")
 
     @property
@@ -177,9 +181,9 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         for size in thickness:
             difference = np.abs(np.array(self.thickness) - size)
             kind = int(np.argmin(difference))
-            if difference[kind] > SAME or count[kind] == 0:
+            if difference[kind] > SAME_THICKNESS or count[kind] == 0:
                 raise ValueError(
-                    f"no domino of {size} m is in the stock: {self.in_words()}; "
+                    f"no domino of {size} m is in the stock: {self.describe()}; "
                     "the first domino is taken from it"
                 )
             count[kind] -= 1
@@ -196,29 +200,29 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         Returns
         -------
         list of str
-            A sentence for each kind of which it has too many; empty if none.
+            A sentence for each kind of which the layout has too many; empty if there is none.
         """
         kinds = np.array(self.thickness)
         rising = np.argsort(kinds)
         nearest = find_nearest(thickness, kinds[rising])
         near = rising[np.searchsorted(kinds[rising], nearest)]
-        unknown = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
+        unknown = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME_THICKNESS)
         if len(unknown):
             i = int(unknown[0])
-            return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.in_words()}"]
+            return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.describe()}"]
         used = np.bincount(near, minlength=len(kinds))
         return [
             f"{used[k]} dominoes are {self.thickness[k]} m thick: the stock has {self.count[k]}"
             for k in np.flatnonzero(used > np.array(self.count))
         ]
 
-    def in_words(self) -> str:
-        """Return the stock in words.
+    def describe(self) -> str:
+        """Describe the stock.
 
         Returns
         -------
         str
-            As in "16 of 0.005 m, 14 of 0.0075 m".
+            Such as "16 of 0.005 m, 14 of 0.0075 m".
         """
         pairs = zip(self.count, self.thickness, strict=True)
         return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

@@ -17,7 +17,7 @@ from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import format_toml
-from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, gain_in_words
+from domino_env.scenes.uniform import UniformBaseline, best_uniform, format_gain, gain
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 SCORE_RTOL = 1e-10  # of reported scores; searches may be less exact
@@ -168,7 +168,7 @@ class Scene(Specification):
         Returns
         -------
         Evaluation
-            Scores, reaches, numbers of falls, and derivatives if wanted.
+            Scores, reaches, numbers of falls, and derivatives if requested.
         """
         require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
         return self.criterion.evaluate(batch, gradient)
@@ -192,26 +192,26 @@ class Scene(Specification):
         """
         require_type("waves", waves, Sequence, "a list of waves")
         criterion = self.criterion
-        evaluation = criterion.score(Waves.of_waves(waves, self.count))
+        evaluation = criterion.score(Waves.from_waves(waves, self.count))
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
         if complete and criterion.simulates_anew:
-            gaps, thick, tall = (
+            gaps, thicknesses, heights = (
                 np.array([getattr(waves[b].layout, name) for b in complete])
                 for name in ("spacing", "thickness", "height")
             )
-            batch = self.batch(gaps, thick[:, 1:], tall[:, 1:], waves[0].rtol)
+            batch = self.batch(gaps, thicknesses[:, 1:], heights[:, 1:], waves[0].rtol)
             simulated = criterion.evaluate(batch)
             for name in ("score", "reach", "falls"):
                 getattr(evaluation, name)[complete] = getattr(simulated, name)
         return evaluation
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
-        """Return the scores of a layout with placement noise, and with pieces as they come.
+        """Return the scores of a layout with sampled placement noise and orders of pieces.
 
         Parameters
         ----------
         layout
-            The layout without errors. Where pieces are drawn in random order, they replace its own.
+            The layout without errors. If pieces are drawn in random order, they replace its own.
         seeds
             One seed for each draw; an environment reset with the same seed makes the same errors
             and draws the same pieces.
@@ -227,13 +227,13 @@ class Scene(Specification):
             For a layout that breaks the scene's rules.
         """
         self._require(layout)
-        require("seeds", numbered := np.atleast_1d(seeds), 0, whole=True, array=True)
-        generators = [np.random.default_rng(seed) for seed in numbered]
+        require("seeds", seed_array := np.atleast_1d(seeds), 0, whole=True, array=True)
+        generators = [np.random.default_rng(seed) for seed in seed_array]
         errors = [self.placement_errors(generator) for generator in generators]
         gaps = add_errors(layout.spacing, np.array(errors))
         ones = np.ones((len(gaps), 1))
-        thick = self.orders(generators) if self.hand else ones * layout.thickness[1:]
-        batch = self.batch(gaps, thick, ones * layout.height[1:], SCORE_RTOL)
+        thicknesses = self.orders(generators) if self.hand else ones * layout.thickness[1:]
+        batch = self.batch(gaps, thicknesses, ones * layout.height[1:], SCORE_RTOL)
         return self.as_placed.evaluate(batch).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
@@ -253,8 +253,8 @@ class Scene(Specification):
             return np.zeros(self.count - 1)
         return self.placement_deviation * generator.standard_normal(self.count - 1)
 
-    def in_words(self, score: float, wave: Wave) -> str:
-        """Return a score in words and units.
+    def format_score(self, score: float, wave: Wave) -> str:
+        """Format a score with its unit.
 
         Parameters
         ----------
@@ -266,15 +266,15 @@ class Scene(Specification):
         Returns
         -------
         str
-            As in "0.828550 m/s", or why there is no success.
+            Such as "0.828550 m/s", or the reason why there is no success.
         """
         if score > 0.0:
-            return self.criterion.in_words(score, wave)
-        broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
-        return "breaks a limit of the scene" if broken else self.criterion.failure
+            return self.criterion.format_score(score, wave)
+        breaks_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
+        return "breaks a limit of the scene" if breaks_limit else self.criterion.failure
 
     def against_uniform(self, score: float, wave: Wave) -> str:
-        """Return a score in words, and its gain over the uniform baseline if there is one.
+        """Format a score with its unit and, if there is one, its gain over the uniform baseline.
 
         Parameters
         ----------
@@ -286,20 +286,20 @@ class Scene(Specification):
         Returns
         -------
         str
-            As in "0.828550 m/s, 3.18% over uniform".
+            Such as "0.828550 m/s, 3.18% over uniform".
         """
         relative = gain(score, self.uniform().score)
-        words = "" if relative is None else f", {gain_in_words(relative)} uniform"
-        return self.in_words(score, wave) + words
+        suffix = "" if relative is None else f", {format_gain(relative)} uniform"
+        return self.format_score(score, wave) + suffix
 
     def uniform(self, seconds: float | None = None) -> UniformBaseline:
-        """Return the best layout with equal gaps, found once for equal scenes.
+        """Return the best layout with equal gaps, computed once for equal scenes.
 
         Parameters
         ----------
         seconds
-            Time for its search on a floor [s], after which the best so far is this scene's baseline
-            from then on; None for no limit. Without a floor there is no limit.
+            Time limit of its search on a floor [s]; the best layout found until then is the
+            baseline from then on. None for no limit. Without a floor there is no limit.
 
         Returns
         -------

@@ -21,15 +21,21 @@ from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.pool import BEYOND, DIGITS, POINT, ScenePool, make_stamp
+from domino_env.scenes.pool import (
+    BEYOND_SIZE,
+    POINT_NAMES,
+    SIGNIFICANT_DIGITS,
+    ScenePool,
+    make_stamp,
+)
 from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent
 SCHEMA = HERE / "shipped" / "scene.schema.json"
-TEST, TESTED = 1, 200  # seed and number of the scenes of a test set
+TEST_SEED, TEST_SIZE = 1, 200  # seed and number of the scenes of a test set
 
 
-SAMPLED = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
+RANGE_TABLES = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
 """Tables in which a number may be a range."""
 
 
@@ -43,17 +49,17 @@ def scene_schema() -> dict[str, Any]:
     }
     for schema in definitions.values():  # the first paragraph of the docstring
         schema["description"] = schema["description"].partition("\n\n")[0]
-    for name in SAMPLED:
+    for name in RANGE_TABLES:
         for key, field in definitions[name]["properties"].items():
             if field.get("type") in ("number", "integer"):
-                definitions[name]["properties"][key] = _or_range(field)
+                definitions[name]["properties"][key] = _number_or_range(field)
     definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return head | scene | {"$defs": definitions}
 
 
-def _or_range(field: dict[str, Any]) -> dict[str, Any]:
+def _number_or_range(field: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a number, or of the range from which it is sampled."""
     about = {key: field[key] for key in ("description", "default") if key in field}
     number = {key: value for key, value in field.items() if key not in about}
@@ -66,10 +72,12 @@ def _without_null(schema: Any) -> Any:
         return [_without_null(entry) for entry in schema if entry != {"type": "null"}]
     if not isinstance(schema, dict):
         return schema
-    kept = {key: _without_null(value) for key, value in schema.items() if value is not None}
-    if len(kept.get("anyOf", ())) == 1:
-        kept = kept.pop("anyOf")[0] | kept
-    return kept
+    schema_without_null = {
+        key: _without_null(value) for key, value in schema.items() if value is not None
+    }
+    if len(schema_without_null.get("anyOf", ())) == 1:
+        schema_without_null = schema_without_null.pop("anyOf")[0] | schema_without_null
+    return schema_without_null
 
 
 def write_scenes() -> None:
@@ -86,16 +94,16 @@ def write_scenes() -> None:
 def write_distribution(name: str) -> None:
     """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
-    columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
-    entries_of = {"test": (columns, _test_scenes(distribution, TESTED))}
+    columns, pool = (*distribution.features, *POINT_NAMES), ScenePool(distribution)
+    entries_of = {"test": (columns, _test_scenes(distribution, TEST_SIZE))}
     if name == "varied":
-        beyond = [_beyond(distribution, place) for place in distribution.ranges]
-        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND)])
+        beyond = [_with_wider_range(distribution, place) for place in distribution.ranges]
+        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND_SIZE)])
     if name != "varied-beyond":
         bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
         scores = [pool.scene(i).uniform().score for i in bar]
         table = np.column_stack([pool.numbers, pool.points, scores])
-        entries_of["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
+        entries_of["pool"] = ((*distribution.features, *POINT_NAMES, "score"), table.tolist())
     for kind, (columns, entries) in entries_of.items():
         lines = [make_stamp(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
@@ -106,12 +114,14 @@ def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[floa
     """Sample scenes of a test set: their numbers and the points of their uniform baselines."""
     scenes = []
     for i in progress_bar(None, iterable=range(number), total=number, unit=" test scenes"):
-        numbers = distribution.sample_numbers(np.random.default_rng([TEST, i]), DIGITS)
+        numbers = distribution.sample_numbers(
+            np.random.default_rng([TEST_SEED, i]), SIGNIFICANT_DIGITS
+        )
         scenes.append([*numbers, *best_point(distribution.scene(numbers))])
     return scenes
 
 
-def _beyond(distribution: SceneDistribution, place: Place) -> SceneDistribution:
+def _with_wider_range(distribution: SceneDistribution, place: Place) -> SceneDistribution:
     """Return the distribution with one range taken from "varied-beyond"."""
     table, key = place
     wider = load_distribution("varied-beyond").document[table][key]

@@ -21,7 +21,14 @@ from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import MeanOverDraws
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import Bounds, Stock, off_list, on_other_ground, outside, too_steep
+from domino_env.scenes.rules import (
+    Bounds,
+    Stock,
+    bounds_violations,
+    change_violations,
+    ground_violations,
+    list_violations,
+)
 from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
 
@@ -65,7 +72,7 @@ class Specification:
             raise ValueError(f"scene '{self.name}': {error}") from None
 
     @classmethod
-    def of_document(cls, document: dict[str, Any]) -> Self:
+    def from_document(cls, document: dict[str, Any]) -> Self:
         """Return the scene of a file's document, which has a name.
 
         Raises
@@ -108,7 +115,7 @@ class Specification:
 
     @cached_property
     def as_placed(self) -> Self:
-        """The scene that scores a layout as it was placed, not the mean over draws."""
+        """Scene that scores a layout as placed, not by the mean over draws of placement noise."""
         return self.replace(placement_draws=0) if self.placement_draws else self
 
     @property
@@ -140,7 +147,9 @@ class Specification:
             For a scene without a stock.
         """
         if self.stock is None:
-            raise ValueError(f"scene '{self.name}' has no stock to draw from")
+            raise ValueError(
+                f"scene '{self.name}' has no stock to draw from: give a scene with [stock]"
+            )
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn)[:, : self.count - 1]
@@ -194,17 +203,17 @@ class Specification:
         Raises
         ------
         ValueError
-            If the thickness or the heights are missing, or a size is no size.
+            If the thickness or the heights are missing, and for sizes that are not positive.
         """
         if thickness is None and self.free_thickness:
             raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
         pairs = self.count - 1
         gaps = full_array("spacing", spacing, pairs)[None]
-        thick, tall = (
+        thicknesses, heights = (
             None if part is None else full_array(name, part, pairs)[None]
             for name, part in (("thickness", thickness), ("height", height))
         )
-        return self.batch(gaps, thick, tall).layout(0)
+        return self.batch(gaps, thicknesses, heights).layout(0)
 
     def batch(
         self,
@@ -240,18 +249,18 @@ class Specification:
             raise ValueError(f"height is missing: scene '{self.name}' leaves it free")
         spacing = numbers("spacing", spacing, None, ("B", "N-1"))
         full = (len(spacing), spacing.shape[1] + 1)
-        tall = np.full((1, full[1]) if height is None else full, self.height)
+        heights = np.full((1, full[1]) if height is None else full, self.height)
         if height is not None:
-            tall[:, 1:] = height
+            heights[:, 1:] = height
         if thickness is None:
-            thickness = self.thickness[0] * (tall[:, 1:] if self.in_heights else np.ones(1))
-        thick = np.full(full, self.first_thickness)
-        thick[:, 1:] = thickness
-        sizes = spacing, thick, tall, self.width, self.density
+            thickness = self.thickness[0] * (heights[:, 1:] if self.in_heights else np.ones(1))
+        thicknesses = np.full(full, self.first_thickness)
+        thicknesses[:, 1:] = thickness
+        sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
 
     def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
-        """Return the rules of the scene that a layout breaks, a sentence each; empty if none.
+        """Return one sentence for each rule of the scene that a layout violates; empty if none.
 
         Limits on the wave are not among them: they enter the score.
 
@@ -260,7 +269,7 @@ class Specification:
         layout
             The layout.
         complete
-            True where it has all dominoes; otherwise it is the beginning of a layout.
+            True for a layout of all dominoes; False for the first dominoes of a layout.
 
         Returns
         -------
@@ -269,30 +278,34 @@ class Specification:
         """
         require_layout(layout)
         if complete and layout.count != self.count:
-            return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
-        violations = on_other_ground(layout, self.ground)
-        tall = layout.height if self.growth is None else layout.height[:1]
-        for name, values, wanted, measure in (
+            return [
+                f"the layout has {layout.count} dominoes, and the scene {self.count}: give as many"
+            ]
+        violations = ground_violations(layout, self.ground)
+        heights = layout.height if self.growth is None else layout.height[:1]
+        for name, values, expected, measure in (
             ("thickness", layout.thickness[:1], self.first_thickness, "m"),
-            ("height", tall, self.height, "m"),
+            ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
-            violations += outside(name, values, (wanted, wanted), 0, measure, slack=1e-9)
+            violations += bounds_violations(
+                name, values, (expected, expected), 0, measure, slack=1e-9
+            )
         if self.growth is not None:
             ratios = layout.height[1:] / layout.height[:-1]
-            violations += outside("growth", ratios, self.growth, 1, "")
-        gaps, thick, unit = layout.spacing, layout.thickness[1:], "m"
+            violations += bounds_violations("growth", ratios, self.growth, 1, "")
+        gaps, thicknesses, unit = layout.spacing, layout.thickness[1:], "m"
         if self.in_heights:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
-            thick, unit = thick / layout.height[1:], "heights"
-        violations += outside("spacing", gaps, self.spacing, 0, unit)
-        violations += off_list("spacing", gaps, self.spacing_values, 0)
-        violations += too_steep(gaps, self.largest_change)
+            thicknesses, unit = thicknesses / layout.height[1:], "heights"
+        violations += bounds_violations("spacing", gaps, self.spacing, 0, unit)
+        violations += list_violations("spacing", gaps, self.spacing_values, 0)
+        violations += change_violations(gaps, self.largest_change)
         if self.stock is not None:
             violations += self.stock.violations(layout.thickness)
         else:
-            violations += outside("thickness", thick, self.thickness, 1, unit)
-            violations += off_list("thickness", thick, self.thickness_values, 1)
+            violations += bounds_violations("thickness", thicknesses, self.thickness, 1, unit)
+            violations += list_violations("thickness", thicknesses, self.thickness_values, 1)
         if complete and self.length is not None:
             error = layout.length - self.length
             if abs(error) > LENGTH_TOLERANCE:

@@ -23,9 +23,9 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import LARGEST_DRAWS
-from domino_env.scenes.rules import MOST_DOMINOES, Bounds, Stock, Values
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 
-MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
+MAX_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
 RESOLUTION = 1e-8  # [m] least distance of two values
 SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")  # of files and scenes
 
@@ -42,7 +42,7 @@ else:
 class ChainTable(Table):
     """Dominoes of the chain."""
 
-    count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
+    count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
     height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
     width: Annotated[Size, about("size across the fall; it changes no time [m]")] = WIDTH
     density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
@@ -87,8 +87,8 @@ class RangeTable(Table):
         low, high = self.min or 0.0, self.max or 0.0
         if low > high:
             raise ValueError(f"min = {low} m is more than max = {high} m")
-        if self.step is not None and (high - low) / self.step >= MOST_PAIRS:
-            raise ValueError(f"step = {self.step} m: {MOST_PAIRS:,} values or more; enlarge it")
+        if self.step is not None and (high - low) / self.step >= MAX_PAIRS:
+            raise ValueError(f"step = {self.step} m: {MAX_PAIRS:,} values or more; enlarge it")
 
     @classmethod
     def from_bounds(

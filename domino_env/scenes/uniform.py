@@ -29,18 +29,20 @@ Scorer = Callable[[Floats, float], Floats]
 """Function from points (P, 2) and the size of their cells [m] to scores (P,)."""
 
 SHIPPED = "uniform.json"
-LONG = 1000  # dominoes from which on this takes long
-LARGEST_GRID = 1_100_000  # dominoes of a first grid up to which whole layouts are simulated
-COARSELY, FINELY = 1e-8, 1e-12  # relative change of the velocity that counts as steady
-CLOSE = 1e-5  # [m] cells from which on `FINELY` is used
-SAME = 1e-9  # largest relative difference of a score by the first dominoes and that of the whole
+LONG_COUNT = 1000  # dominoes from which on the search takes seconds, and is announced
+MAX_GRID = 1_100_000  # dominoes of a first grid up to which whole layouts are simulated
+COARSE_CHANGE, FINE_CHANGE = 1e-8, 1e-12  # relative change of the velocity that counts as steady
+FINE_CELL = 1e-5  # [m] cells from which on `FINE_CHANGE` is used
+SAME_SCORE = (
+    1e-9  # largest relative difference of a score by the first dominoes and that of the whole
+)
 
 
 class Fineness(NamedTuple):
-    """Numbers of a search by grids: `line` and `plane` points per axis where one or both are free.
+    """Settings of a search by grids: `line` and `plane` points per axis if one or both are free.
 
-    Then around the best `keep` places (first, later) `around` points per axis, in cells that shrink
-    by a factor until they are at most `finest` [m].
+    Later grids have `around` points per axis about each of the best `keep` points (first, later
+    grids), in cells that shrink by the factor `shrink` until they are at most `finest` [m].
     """
 
     line: int
@@ -54,9 +56,11 @@ class Fineness(NamedTuple):
 
 FULL = Fineness(1024, 96, (6, 6), 9, 4.0, 1e-9, 1e-11)
 BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))
-DRAWN = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)  # the draws allow no closer search
+RANDOM = Fineness(
+    128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8
+)  # a mean over draws is too noisy for a finer search
 QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)  # the score errs by the square of the gap
-STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)  # scores are known to some 3e-4
+FREE_STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)  # scores are known to some 3e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +84,8 @@ class UniformBaseline:
     __repr__ = dataclass_repr
 
 
-def gain_in_words(value: float, digits: int = 2) -> str:
-    """Return a gain in words, as in "3.18% over", "0.29% below" and "level with"."""
+def format_gain(value: float, digits: int = 2) -> str:
+    """Format a gain as "3.18% over", "0.29% below" or "level with"."""
     if abs(value) < 0.5 * 0.1 ** (digits + 2):
         return "level with"
     return f"{abs(value):.{digits}%} {'over' if value >= 0.0 else 'below'}"
@@ -98,7 +102,7 @@ def gain(score: float, reference: float) -> float | None:
     Returns
     -------
     float or None
-        score / reference - 1; None where one of the waves stops, as its score is no speed.
+        score / reference - 1; None if one of the waves stops, as its score is no speed.
     """
     return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
 
@@ -108,12 +112,12 @@ def best_uniform(
 ) -> tuple[Layout, float | None]:
     """Return the best layout of one pitch and one thickness within the scene's rules.
 
-    The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
-    given at one pitch, pivot to pivot, or at one gap where the rules allow no such pitch. Where
-    they are drawn in random order, they stand at one gap as they come, and the score is the mean
-    over the orders of seeds 0 to 63; the layout has the first of these orders. Where
-    heights grow, gaps have one ratio to the heights, and heights to those before. Where lists of
-    allowed values do not meet a length, the baseline is the uniform baseline without the lists.
+    The first domino has the scene's thickness. The dominoes of a stock stand in the order given at
+    one pitch, or at one gap if the rules allow no such pitch. If they are drawn in random order,
+    they stand at one gap in the order of drawing, and the score is the mean over the orders of
+    seeds 0 to 63; the layout has the first of these orders. If heights grow, gaps have one ratio to
+    the heights, and heights to those before. If lists of allowed values do not meet a length, the
+    baseline is that without the lists.
 
     Baselines of the shipped scenes come with the package.
 
@@ -132,8 +136,8 @@ def best_uniform(
     layout : Layout
         The layout.
     score : float or None
-        Its score where it is a mean over orders, or where its search has found it on a floor; None
-        where it has to be computed.
+        Its score if it is a mean over orders, or known from the search on a floor; None if it has
+        to be computed.
 
     Raises
     ------
@@ -142,14 +146,14 @@ def best_uniform(
     """
     layouts, score = uniform_layouts(scene), None
     point = known or _shipped_points().get(stamp(scene))
-    if point is None and scene.count >= LONG:
+    if point is None and scene.count >= LONG_COUNT:
         notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
     if point is not None or scene.floor_friction is None:
         best = best_point(scene) if point is None else np.array(point)
         if scene.hand:
             score = float(layouts.scores(best[None], FULL.rtol)[0])
     else:
-        best, score = _best_standing(layouts, math.inf if seconds is None else seconds)
+        best, score = _best_free_standing(layouts, math.inf if seconds is None else seconds)
     return layouts.layout(best), score
 
 
@@ -161,8 +165,8 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     scene
         The scene.
     quick
-        Simulate some hundred layouts instead of thousands: the gap has an error of 1 µm, and of
-        two peaks of nearly the same height the lower one may be found.
+        Simulate some hundred layouts instead of thousands: the gap has an error of 1 µm, and the
+        lower of two peaks of nearly the same height may be returned.
 
     Raises
     ------
@@ -171,10 +175,10 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
 
     Notes
     -----
-    A grid over both numbers is followed by finer grids around the best places, as the speed has
-    several peaks, and steps where a wave stops. If no layout is a success, the result is the best
-    of the failures. Long layouts are scored by their first dominoes, and the best of them is
-    simulated whole; if its score is another one then, all are simulated whole.
+    The speed has several peaks, and steps at the edge of stopping waves. Therefore a grid over both
+    numbers is followed by finer grids around the best points. If no layout is a success, the result
+    is the best of the failures. Long layouts are scored by their first dominoes, and the best of them is
+    simulated whole; if its score then differs, all are simulated whole.
 
     Free-standing layouts take long to simulate: the first grid is that of the analytic model, and
     its best places, some distance apart, are the first that are simulated on the floor. The gap
@@ -182,59 +186,61 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     """
     layouts = uniform_layouts(scene)
     if scene.floor_friction is not None:
-        return _best_standing(layouts, math.inf)[0]
-    drawn = scene.criterion.simulates_anew or scene.hand > 0
-    fineness = QUICK if quick else DRAWN if drawn else FULL
+        return _best_free_standing(layouts, math.inf)[0]
+    is_random = scene.criterion.simulates_anew or scene.hand > 0
+    fineness = QUICK if quick else RANDOM if is_random else FULL
     points = grid(_axes(layouts, fineness))
-    if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
+    if layouts.steady and not quick and scene.count * len(points) > MAX_GRID:
 
         def by_prefix(points: Floats, cell: float) -> Floats:
-            return layouts.scores_by_prefix(points, COARSELY if cell > CLOSE else FINELY)
+            return layouts.scores_by_prefix(
+                points, COARSE_CHANGE if cell > FINE_CELL else FINE_CHANGE
+            )
 
         point = _search(layouts, BY_PREFIX, by_prefix)
         extended = by_prefix(point[None], 0.0)[0]
         whole = layouts.scores(point[None], FULL.rtol)[0]
-        if abs(extended - whole) <= SAME * abs(whole):
+        if abs(extended - whole) <= SAME_SCORE * abs(whole):
             return point
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
 
 def uniform_layouts(scene: Specification) -> UniformLayouts:
-    """Return those that keep the rules; where none does, those that keep all but the lists."""
+    """Return the uniform layouts within the rules; if there are none, those without the lists."""
     try:
         return UniformLayouts(scene)
     except ValueError:
         return UniformLayouts(scene.replace(spacing_values=None, thickness_values=None))
 
 
-def _best_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, float]:
+def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, float]:
     """Return the best point (2,) on a floor and its score; after `seconds`, the best so far."""
-    began, tried = time.perf_counter(), list[tuple[float, Floats]]()
+    began, evaluated = time.perf_counter(), list[tuple[float, Floats]]()
 
     def is_late() -> bool:
-        return bool(tried) and time.perf_counter() > began + seconds
+        return bool(evaluated) and time.perf_counter() > began + seconds
 
     def score(points: Floats, _: float) -> Floats:
         for piece in np.array_split(points, -(-len(points) // allowed_threads())):
-            scores = layouts.scores(piece, STANDING.rtol, is_late)
-            tried.extend(zip(scores.tolist(), piece, strict=True))
-        return np.array([value for value, _ in tried[-len(points) :]])
+            scores = layouts.scores(piece, FREE_STANDING.rtol, is_late)
+            evaluated.extend(zip(scores.tolist(), piece, strict=True))
+        return np.array([value for value, _ in evaluated[-len(points) :]])
 
     analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
     points = grid(_axes(analytic, FULL))
-    cell = (layouts.high - layouts.low) / STANDING.line
-    chosen = _distant(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
+    cell = (layouts.high - layouts.low) / FREE_STANDING.line
+    chosen = _separate_points(points, analytic.scores(points, FULL.rtol), cell, FREE_STANDING.line)
     try:
-        point = _search(layouts, STANDING, score, points[chosen])
-        return point, next(value for value, at in tried if np.array_equal(at, point))
+        point = _search(layouts, FREE_STANDING, score, points[chosen])
+        return point, next(value for value, at in evaluated if np.array_equal(at, point))
     except StoppedError:
         notice("the uniform baseline on the floor is approximate: its search reached its limit")
-        best, point = max(tried, key=lambda one: one[0])
+        best, point = max(evaluated, key=lambda entry: entry[0])
         return point, best
 
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:
-    """Return for each of the two numbers the values of the first grid."""
+    """Return the values of the first grid for each of the two numbers."""
     one_is_fixed = float(np.min(layouts.high - layouts.low)) == 0.0
     return layouts.axes((fineness.line if one_is_fixed else fineness.plane,) * 2)
 
@@ -247,12 +253,12 @@ def grid(axes: list[Floats]) -> Floats:
 def _search(
     layouts: UniformLayouts, fineness: Fineness, score: Scorer, start: Floats | None = None
 ) -> Floats:
-    """Return the point (2,) of the highest score by ever finer grids around the best points.
+    """Find the point (2,) of the highest score by finer and finer grids around the best points.
 
-    The first points are `start`, or a grid.
+    The first points are `start` (P, 2), or a grid.
     """
     axes = _axes(layouts, fineness)
-    # distance of the first points; nothing is refined along an axis whose values are on a list
+    # distance of the first points; an axis whose values are on a list is not refined
     cell = np.array([
         axis[1] - axis[0] if len(axis) > 1 and values is None else 0.0
         for axis, values in zip(axes, layouts.allowed, strict=True)
@@ -262,11 +268,11 @@ def _search(
     keep = fineness.keep[0]
     offsets = grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
     while cell.max() > fineness.finest:
-        best = points[_distant(points, scores, 2.0 * cell, keep)]
+        best = points[_separate_points(points, scores, 2.0 * cell, keep)]
         steps = unique_points(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets
-        fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
-        # the places themselves are among the fresh ones, so the best is never lost
-        points = unique_points(np.clip(fresh, layouts.low, layouts.high))
+        new_points = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
+        # the best points are among the new ones, so they are not lost
+        points = unique_points(np.clip(new_points, layouts.low, layouts.high))
         scores = score(points, float(cell.max()))
         cell, keep = cell / fineness.shrink, fineness.keep[1]
     equal = np.flatnonzero(first_scores >= scores.max())
@@ -275,8 +281,8 @@ def _search(
     return np.asarray(points[int(np.argmax(scores))])
 
 
-def _distant(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
-    """Return the indices of the `keep` best points that are no neighbours of a better one."""
+def _separate_points(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
+    """Return the indices of the `keep` best points that are not within `distance` of a better."""
     chosen: list[int] = []
     for i in np.argsort(-scores, kind="stable"):
         gap = np.abs(points[chosen] - points[i])
@@ -302,8 +308,8 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     Returns
     -------
     Layout
-        As many dominoes as the baseline has; the baseline itself where the scene scores no speed
-        or has a length that fewer dominoes do not meet, or where pieces are drawn as they come.
+        As many dominoes as the baseline has; the baseline itself if the scene scores no speed, if
+        it has a length that fewer dominoes do not meet, and if pieces are drawn in random order.
     """
     whole = baseline.count == scene.count
     no_other = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not whole)
@@ -316,7 +322,7 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
 
 
 def stamp(scene: Specification) -> str:
-    """Return a digest of all on which the baseline may depend: all but name and title."""
+    """Return a digest of all fields on which the baseline may depend: all but name and title."""
     tables = scene.document() | {"name": None, "title": None}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
@@ -325,4 +331,6 @@ def stamp(scene: Specification) -> str:
 def _shipped_points() -> dict[str, tuple[float, float]]:
     """Return the best points of the shipped scenes, by their digests."""
     file = resources.files("domino_env.scenes") / "shipped" / SHIPPED
-    return {kept["stamp"]: kept["point"] for kept in json.loads(file.read_text("utf-8")).values()}
+    return {
+        entry["stamp"]: entry["point"] for entry in json.loads(file.read_text("utf-8")).values()
+    }

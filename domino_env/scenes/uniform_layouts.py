@@ -1,8 +1,8 @@
 """Uniform layouts of a scene by two numbers, and their scores.
 
-What stands further on changes nothing that happened before, so the first dominoes of a long layout
-fall as those of a short one do. Where the fall times of the short one have stopped changing, the
-rest of the long one is known.
+Later dominoes do not change earlier motion, so the first dominoes of a long layout fall as those of
+a short one. If the intervals between hits of the short one have become constant, the wave of the
+long one is extrapolated.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
-from domino_env.scenes.rules import listed
+from domino_env.scenes.rules import is_listed
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 PREFIX_RTOL = 1e-11
-LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
-SHORTEST = 64  # dominoes of the first prefixes; those that are not steady are doubled
-PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, to plan for
-WINDOW = 4  # the last 1/4 of a prefix has to be steady
+MAX_BATCH = 4_000_000  # dominoes at once, some 200 MB
+FIRST_PREFIX = 64  # dominoes of the first prefixes; prefixes that are not steady are doubled
+PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, over which scores are means
+WINDOW = 4  # one part in four of a prefix, the last, has to be steady
 
 
-def _extended(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, NDArray[np.bool_]]:
+def _extend_waves(
+    prefix: LayoutBatch, count: int, steady: float
+) -> tuple[Waves, NDArray[np.bool_]]:
     """Simulate the first dominoes of B uniform layouts and extend their waves to `count` dominoes.
 
     Parameters
@@ -36,18 +38,18 @@ def _extended(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, ND
     count
         Number N of dominoes of the whole layouts.
     steady
-        Largest relative change of the velocity at release that still counts as none.
+        Largest relative change of the velocity at release that counts as steady.
 
     Returns
     -------
     waves : Waves
-        Of the whole layouts, without arrival times where they are extended.
+        Waves of the whole layouts, without arrival times if they are extended.
     settled : NDArray
-        (B,) True where the prefix was long enough: the wave was steady, or stopped.
+        (B,) True if the prefix was long enough: the wave was steady, or stopped.
     """
     n, more = prefix.count, count - prefix.count
     batch = prefix.simulate(record=True)
-    waves = Waves.of_batch(batch, prefix)
+    waves = Waves.from_batch(batch, prefix)
     if more == 0:
         return waves, np.ones(len(prefix), np.bool_)
     window = n // WINDOW
@@ -73,13 +75,19 @@ def _extended(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, ND
 class UniformLayouts:
     """Uniform layouts of a scene by two numbers: gap and thickness.
 
-    In place of the gap the pitch, or gap over height; in place of the thickness the growth.
-    `low`, `high`: (2,) their bounds; `allowed`: for each, the values that are tried, None for any.
+    The first may be the pitch or the gap over the height instead, the second the growth.
+
+    Attributes
+    ----------
+    low, high
+        (2,) bounds of the two numbers.
+    allowed
+        Values of each that are evaluated; None for any.
 
     Raises
     ------
     ValueError
-        Where the rules of the scene leave no uniform layout.
+        If the rules of the scene leave no uniform layout.
     """
 
     def __init__(self, scene: Specification) -> None:
@@ -87,22 +95,22 @@ class UniformLayouts:
         pairs = scene.count - 1
         self.allowed = [scene.spacing_values, scene.thickness_values]
         first, second = scene.spacing, scene.thickness
-        self.bodies, self.one_pitch = np.zeros(0), False
+        self.thicknesses, self.one_pitch = np.zeros(0), False
         self.orders = np.zeros((1, pairs))
         if scene.hand:
             self.orders = scene.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])
         if scene.growth is not None:
             second = scene.growth
         if scene.stock is not None:
-            self.bodies = scene.stock.without(scene.first_thickness).dominoes[:pairs]
+            self.thicknesses = scene.stock.without(scene.first_thickness).dominoes[:pairs]
             second, self.allowed[1] = (0.0, 0.0), None
-            pitch = first[0] + self.bodies.max(), first[1] + self.bodies.min()
-            wanted = pitch[0] if scene.length is None else scene.length / pairs
-            self.one_pitch = scene.spacing_values is None and pitch[0] <= wanted <= pitch[1]
-            if scene.hand:  # pieces as they come, whose gap has no reason to depend on them
-                self.bodies, self.one_pitch = self.orders[0], False
+            pitch = first[0] + self.thicknesses.max(), first[1] + self.thicknesses.min()
+            mean = pitch[0] if scene.length is None else scene.length / pairs
+            self.one_pitch = scene.spacing_values is None and pitch[0] <= mean <= pitch[1]
+            if scene.hand:  # in the order of drawing, which the gap does not depend on
+                self.thicknesses, self.one_pitch = self.orders[0], False
             if scene.largest_change is not None and pairs > 1:
-                largest = float(np.abs(np.diff(self.bodies)).max())
+                largest = float(np.abs(np.diff(self.thicknesses)).max())
                 self.one_pitch = self.one_pitch and largest <= scene.largest_change
             if self.one_pitch:  # the gaps follow from the thicknesses
                 first = pitch
@@ -121,8 +129,8 @@ class UniformLayouts:
         scene, gaps = self.scene, self.allowed[0]
         self.allowed[0] = None
         if scene.stock is not None:
-            exact = pitch if self.one_pitch else pitch - float(self.bodies.mean())
-            possible = gaps is None or bool(listed(np.array([exact]), gaps).all())
+            exact = pitch if self.one_pitch else pitch - float(self.thicknesses.mean())
+            possible = gaps is None or bool(is_listed(np.array([exact]), gaps).all())
             self.low[0] = max(self.low[0], exact) if possible else np.inf
             self.high[0] = min(self.high[0], exact)
             return
@@ -134,7 +142,7 @@ class UniformLayouts:
         if values is not None:
             values = tuple(
                 float(d) for d in values if self.low[1] - 1e-12 <= d <= self.high[1] + 1e-12
-                and (gaps is None or listed(np.array([pitch - d]), gaps).all())
+                and (gaps is None or is_listed(np.array([pitch - d]), gaps).all())
             )  # fmt: skip
             self.allowed[1] = values
             self.low[1], self.high[1] = (values[0], values[-1]) if values else (1.0, 0.0)
@@ -144,45 +152,57 @@ class UniformLayouts:
     def axes(
         self, numbers: tuple[int, int], spread: Callable[..., Floats] = np.linspace
     ) -> list[Floats]:
-        """Return for each of the two numbers the values of a grid: those allowed, or `numbers`."""
+        """Return the values of a grid for both numbers: the allowed ones, or as many as given."""
         bounds = zip(self.low, self.high, self.allowed, numbers, strict=True)
         return [
             spread(low, high, 1 if low == high else number) if values is None else np.array(values)
             for low, high, values, number in bounds
         ]
 
-    def at(self, points: Floats, pairs: int | None = None) -> tuple[Floats, Floats, Floats | None]:
-        """Return gaps, thicknesses and, where they grow, heights of dominoes 1 … N-1, (B, N-1) [m].
+    def sizes_at(
+        self, points: Floats, pairs: int | None = None
+    ) -> tuple[Floats, Floats, Floats | None]:
+        """Return gaps, thicknesses and, if they grow, heights of dominoes 1 … N-1.
 
-        pairs: number of gaps, where the layouts are `steady`; None for all.
+        Parameters
+        ----------
+        points
+            (B, 2) points.
+        pairs
+            Number of gaps N - 1 of the first dominoes, if the layouts are `steady`; None for all.
+
+        Returns
+        -------
+        tuple
+            Three arrays (B, N-1) [m]; None for equal heights.
         """
         scene = self.scene
         ones = np.ones(pairs or scene.count - 1)
         first, second = points[:, :1], points[:, 1:]
         if scene.growth is not None:
-            tall: Floats = np.asarray(scene.height * np.cumprod(second * ones, axis=1))
-            before = np.concatenate([np.full_like(first, scene.height), tall[:, :-1]], axis=1)
+            heights: Floats = np.asarray(scene.height * np.cumprod(second * ones, axis=1))
+            before = np.concatenate([np.full_like(first, scene.height), heights[:, :-1]], axis=1)
             gaps: Floats = first * before
-            return gaps, scene.thickness[0] * tall, tall
+            return gaps, scene.thickness[0] * heights, heights
         if scene.in_heights:
             scale = scene.height * ones
             return first * scale, second * scale, None
         if scene.stock is not None:
-            thick = np.broadcast_to(self.bodies, (len(points), scene.count - 1))
+            thicknesses = np.broadcast_to(self.thicknesses, (len(points), scene.count - 1))
             if self.one_pitch:
-                return np.clip(first - thick, *scene.spacing), thick, None
-            return first * ones, thick, None
+                return np.clip(first - thicknesses, *scene.spacing), thicknesses, None
+            return first * ones, thicknesses, None
         if scene.length is not None:
             first = scene.length / (scene.count - 1) - second
         return first * ones, second * ones, None
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""
-        return self.scene.batch(*self.at(point[None])).layout(0)
+        return self.scene.batch(*self.sizes_at(point[None])).layout(0)
 
     @property
     def steady(self) -> bool:
-        """True where the first dominoes tell the score: all dominoes but the first are alike."""
+        """True if the score follows from the first dominoes: all but the first are alike."""
         criterion = self.scene.criterion
         needs_all = criterion.simulates_anew or criterion.needs_arrivals
         return self.scene.is_homogeneous and not needs_all
@@ -190,13 +210,13 @@ class UniformLayouts:
     def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
         """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`.
 
-        Where pieces come in random order, the score is the mean over `orders`.
+        If pieces are drawn in random order, the score is the mean over `orders`.
         """
         scene, orders = self.scene, len(self.orders)
         simulations = scene.criterion.simulations_per_score * orders
-        piece, scores = max(1, LARGEST_BATCH // (scene.count * simulations)), []
+        piece, scores = max(1, MAX_BATCH // (scene.count * simulations)), []
         for i in range(0, len(points), piece):
-            spacing, thickness, height = self.at(points[i : i + piece])
+            spacing, thickness, height = self.sizes_at(points[i : i + piece])
             if scene.hand:
                 thickness = np.tile(self.orders, (len(spacing), 1))
                 spacing = np.repeat(spacing, orders, axis=0)
@@ -205,22 +225,22 @@ class UniformLayouts:
         return np.concatenate(scores)
 
     def scores_by_prefix(self, points: Floats, steady: float) -> Floats:
-        """Return (B,) scores with a relative error of about `steady`, where layouts are `steady`.
+        """Return (B,) scores of `steady` layouts, with a relative error of about `steady`.
 
-        Prefixes are as short as their waves allow.
+        Only the first dominoes are simulated, as many as their waves need to become steady.
         """
         scene = self.scene
-        gaps, thick, _ = self.at(points, 1)
+        gaps, thicknesses, _ = self.sizes_at(points, 1)
         scores = np.empty(len(points))
-        left, n = np.arange(len(points)), SHORTEST
+        left, n = np.arange(len(points)), FIRST_PREFIX
         while len(left):
             n = min(n, scene.count)
-            size = max(1, LARGEST_BATCH // n)
+            size = max(1, MAX_BATCH // n)
             ones, unsettled = np.ones(n - 1), []
             for i in range(0, len(left), size):
                 part = left[i : i + size]
-                prefix = scene.batch(gaps[part] * ones, thick[part] * ones, rtol=PREFIX_RTOL)
-                waves, settled = _extended(prefix, scene.count, steady)
+                prefix = scene.batch(gaps[part] * ones, thicknesses[part] * ones, rtol=PREFIX_RTOL)
+                waves, settled = _extend_waves(prefix, scene.count, steady)
                 scores[part] = scene.criterion.score(waves).score
                 unsettled.append(part[~settled])
             left, n = np.concatenate(unsettled), 2 * n

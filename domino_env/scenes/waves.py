@@ -23,7 +23,7 @@ from domino_env.physics.wave import Outcome, Wave, WaveBatch, require_wave, simu
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 
 FREE_STANDING_RTOL = 1e-3  # for any requested tolerance, as their error is some 2e-4
-FREE_STANDING_COST = 10_000  # analytic waves that take as long as one free-standing layout
+FREE_STANDING_COST = 10_000  # run time of a free-standing layout, in analytic waves
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class LayoutBatch:
     ground
         Ground on which they stand; None for flat ground.
     stop
-        End of the motion of free-standing dominoes, see `simulate_standing`; else None.
+        Function that ends a simulation on a floor, see `simulate_standing`; None for none.
     """
 
     spacing: Floats
@@ -73,15 +73,15 @@ class LayoutBatch:
         return int(self.thickness.shape[1])
 
     def __getitem__(self, part: slice) -> LayoutBatch:
-        tall = self.height if len(self.height) == 1 else self.height[part]
+        heights = self.height if len(self.height) == 1 else self.height[part]
         return replace(
-            self, spacing=self.spacing[part], thickness=self.thickness[part], height=tall
+            self, spacing=self.spacing[part], thickness=self.thickness[part], height=heights
         )
 
     def layout(self, b: int) -> Layout:
         """Return layout b."""
-        tall = self.height[b % len(self.height)]
-        sizes = self.spacing[b], self.thickness[b], tall, self.width, self.density
+        heights = self.height[b % len(self.height)]
+        sizes = self.spacing[b], self.thickness[b], heights, self.width, self.density
         return Layout(*sizes) if self.ground is None else Layout(*sizes, self.rise[b], self.tilt[b])
 
     @property
@@ -131,11 +131,11 @@ class Waves:
     Attributes
     ----------
     propagated
-        (B,) True where the wave completes.
+        (B,) True if the wave completes.
     reach, mean_speed, toppled, lowest_stall_margin, largest_flush_loss
         (B,) as of `WaveBatch`.
     arrival_times
-        (B, N) arrival times [s], or (B, 0) without.
+        (B, N) arrival times [s]; (B, 0) if they are not recorded.
     last_height
         (B,) height of the last domino [m].
     count
@@ -156,7 +156,7 @@ class Waves:
     rtol: float
 
     @classmethod
-    def of_batch(cls, batch: WaveBatch, layouts: LayoutBatch) -> Self:
+    def from_batch(cls, batch: WaveBatch, layouts: LayoutBatch) -> Self:
         """Return the results of the waves of a batch of layouts."""
         return cls(
             batch.outcome == Outcome.PROPAGATED, batch.reach, batch.mean_speed,
@@ -166,7 +166,7 @@ class Waves:
         )  # fmt: skip
 
     @classmethod
-    def of_waves(cls, waves: Sequence[Wave], count: int) -> Self:
+    def from_waves(cls, waves: Sequence[Wave], count: int) -> Self:
         """Return the results of single waves, also of layouts not yet complete.
 
         Parameters
@@ -201,8 +201,8 @@ class Waves:
 def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
     """Simulate free-standing layouts, by all threads.
 
-    A layout completes if all its dominoes topple; else its reach is the part of the dominoes that
-    topple from the first on.
+    A layout completes if all its dominoes topple; else its reach is the fraction of the dominoes
+    that topple from the first on.
 
     Raises
     ------
@@ -219,10 +219,10 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
             )
 
     share_pieces(simulate, len(batch), FREE_STANDING_COST * batch.count)
-    whole = np.array([wave.propagated for wave in waves], np.bool_)
+    propagated = np.array([wave.propagated for wave in waves], np.bool_)
     return Waves(
-        propagated=whole,
-        reach=np.where(whole, 1.0, [_reach(wave) for wave in waves]),
+        propagated=propagated,
+        reach=np.where(propagated, 1.0, [_reach(wave) for wave in waves]),
         mean_speed=np.array([wave.mean_speed for wave in waves]),
         toppled=np.array([float(wave.toppled) for wave in waves]),
         arrival_times=np.array([wave.arrival_times for wave in waves]),
@@ -235,9 +235,9 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
 
 def _reach(wave: RigidWave) -> float:
-    """Return the part of the dominoes that topple from the first on, and of the next lean; < 1."""
+    """Return the fraction of dominoes that topple from the first on, with the next's lean; < 1."""
     count = wave.layout.count
-    if wave.topples.all():  # all lie, but the last was never struck
+    if wave.topples.all():  # all topple, but the last is not hit
         return 1.0 - 0.5 / count
     k = int(np.argmin(wave.topples))
     tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))

@@ -31,7 +31,7 @@ def text(validation: Validation) -> list[str]:
     """Return the lines of a source for a terminal."""
     source, main = validation.source, validation.main
     spread = main.setting.x_uncertainty
-    spacings = f"known to {main.setting.in_words(spread)}" if spread else "taken as exact"
+    spacings = f"known to {main.setting.format_x(spread)}" if spread else "taken as exact"
     verdict = "explained" if validation.explained else "not explained"
     if validation.reasons:
         verdict += f": {', '.join(validation.reasons)}"
@@ -78,7 +78,7 @@ def _chains(comparison: Comparison) -> list[tuple[str, ...]]:
     for chain, model, sigma, deviation, predicted in zip(comparison.chains, *numbers, strict=True):
         completes, error = 0.0 < model < math.inf, predicted / chain.value - 1.0
         lines.append((
-            comparison.setting.in_words(chain.x) + (f", {chain.floor}" if chain.floor else ""),
+            comparison.setting.format_x(chain.x) + (f", {chain.floor}" if chain.floor else ""),
             f"{chain.value:.4g} ± {sigma:.2g}",
             f"{model:.4g}" if completes else "no wave",
             f"{model / chain.value - 1.0:+.1%}" if completes else "",

@@ -50,11 +50,11 @@ def integrate(
         Outcome, and arrival times (N,) [s]: inf for dominoes that are not hit.
     """
     arrays = arrays_from(layout)
-    chain = stepping.stand_and_push(arrays, physics.friction, physics.gravity, physics.push)
+    chain = stepping.push_chain(arrays, physics.friction, physics.gravity, physics.push)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
     if method in FIXED:
-        code = stepping.follow(arrays, *chain, setting, FIXED[method], arrivals)
+        code = stepping.take_fixed_steps(arrays, *chain, setting, FIXED[method], arrivals)
     else:
         code = _adaptive(arrays, chain, physics, method, setting, arrivals)
     return Outcome(code), arrivals
@@ -87,7 +87,7 @@ def _adaptive(
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
     while True:
-        outcome, n, angle, speed, end = stepping.react(
+        outcome, n, angle, speed, end = stepping.apply_events(
             arrays, *chain, n, angle, speed, now, arrivals
         )
         if outcome != stepping.UNFINISHED:

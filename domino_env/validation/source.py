@@ -66,7 +66,7 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
         """The unit of x [m]."""
         return 1.0 if self.x_unit == "m" else float(getattr(self, self.x_unit))
 
-    def in_words(self, x: float) -> str:
+    def format_x(self, x: float) -> str:
         """Return an x with its unit."""
         return f"{1e3 * x if self.x_unit == 'm' else x:.4g} {UNITS[self.x_unit]}"
 

@@ -94,8 +94,8 @@ def _lost_in_flushes(motion: Motion) -> Floats:
     tape: Any = simulate(motion.layout, motion.physics, gradient=True).tape
     tape = tape[tape["kind"] != FLIP]
     samples = motion.samples[: motion.layout.count - 1]
-    flushed = (tape["kind"][:-1] == SWITCH) & tape["flushed"][:-1]
-    impact = np.flatnonzero(flushed & (tape["leader"][:-1] < len(samples)))
+    is_flush = (tape["kind"][:-1] == SWITCH) & tape["is_flush"][:-1]
+    impact = np.flatnonzero(is_flush & (tape["leader"][:-1] < len(samples)))
     leader, angle = tape["leader"][impact], tape["angle"][impact]
     # the angle is known to some 1e-12; an impact is a jump of the rates
     near, far = 0.5 * STEP, 2.0 * STEP

@@ -159,7 +159,7 @@ def read_compared(
 def _with_score(entry: ComparedLayout, scene: Scene, score: float | None = None) -> ComparedLayout:
     """Return a compared layout with its score in the scene."""
     score = scene.score(entry.wave) if score is None else score
-    text = scene.in_words(score, entry.wave)
+    text = scene.format_score(score, entry.wave)
     return replace(entry, score=score, score_text=text, unit=scene.unit)
 
 

@@ -70,7 +70,7 @@ def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]
     lines = []
     for name, record in records.items():
         scene = scenes[name]
-        score = scene.in_words(record.score, scene.simulate(record.layout))
+        score = scene.format_score(record.score, scene.simulate(record.layout))
         verified = known_verification(record.layout, scene.physics)
         difference = "not verified"
         if verified is not None:

@@ -82,7 +82,7 @@ def _uniform(scene: Scene) -> str:
     """Describe the uniform baseline."""
     uniform = scene.uniform()
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
-    score, outcome = scene.in_words(uniform.score, uniform.wave), uniform.wave.outcome.name
+    score, outcome = scene.format_score(uniform.score, uniform.wave), uniform.wave.outcome.name
     return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
 
 
@@ -93,7 +93,7 @@ def _best_known(result: SearchResult) -> str:
     scene, record = result.scene, best_known().get(result.scene.name)
     if record is None:
         return "none so far"
-    score = scene.in_words(record.score, scene.simulate(record.layout))
+    score = scene.format_score(record.score, scene.simulate(record.layout))
     shortfall = (record.score - closest_score(scene, result.layout)) / abs(record.score)
     if shortfall < -MIN_GAIN:
         return f"{score}: this search is better; --update-best keeps its layout"
@@ -103,7 +103,7 @@ def _best_known(result: SearchResult) -> str:
 
 def _best(result: SearchResult) -> str:
     """Describe the best layout of a search."""
-    wave, score = result.wave, result.scene.in_words(result.score, result.wave)
+    wave, score = result.wave, result.scene.format_score(result.score, result.wave)
     # the ratio of scores without a unit has no meaning
     gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"
     ended = "interrupted after " if result.interrupted else ""

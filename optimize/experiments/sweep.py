@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.checks import require
-from domino_env.scenes.io.reading import read_named, scene_of_document
+from domino_env.scenes.io.reading import read_named, scene_from_document
 from domino_env.scenes.scene import Scene
 from optimize.experiments.compare import as_list, plan_tasks, require_distinct
 from optimize.experiments.experiment import Experiment
@@ -136,7 +136,7 @@ def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> S
             for name_of_range in replaced:
                 table.pop(name_of_range, None)
         table[last] = copy.deepcopy(value)
-    scene = scene_of_document(document, name, where)
+    scene = scene_from_document(document, name, where)
     try:
         Problem(scene)
     except ValueError as error:

@@ -109,7 +109,7 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         else:
             rigid_wave = replace(wave, arrival_times=rigid.arrival_times)
             placed = scene.as_placed  # the layout as simulated, without further placement errors
-            score = placed.in_words(placed.score(rigid_wave), rigid_wave)
+            score = placed.format_score(placed.score(rigid_wave), rigid_wave)
         # a layout of which a domino does not topple has no gain
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None

@@ -209,7 +209,7 @@ class Design:
         """Return the numbers of the layout by name, in words and units."""
         wave, score, scene = self.wave, self.score, self.scene
         speed = scene.unit == "m/s"
-        words = COMPUTING if score is None else scene.in_words(score, wave)
+        words = COMPUTING if score is None else scene.format_score(score, wave)
         numbers = {"mean speed" if speed else "result": words}
         if speed:
             numbers[GAIN] = COMPUTING

@@ -13,8 +13,8 @@ from domino_env.kernels.adjoint.contact import (
     PARAM_INERTIA,
     PARAM_PITCH,
     PARAM_RISE,
-    PARAM_SLENDER,
-    PARAM_THICK,
+    PARAM_SLENDERNESS,
+    PARAM_THICKNESS,
     PARAM_TURN,
     PARAMS,
     Reverse,
@@ -74,7 +74,7 @@ def backward(tape, reverse, arrival_bar, table):
             u_bar, m_bar = hit_back(reverse, event, u_bar)
             edge, edge_bar, edge_event = AT_HIT, 0.0, at
         elif kind == arrays.SWITCH:
-            if event.flushed and reverse.mu > 0.0:
+            if event.is_flush and reverse.mu > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = FLUSHING
                 u_bar, x_bar = flush_back(reverse, event, u_bar)
@@ -112,15 +112,17 @@ def tilt_back(layout, ring, param_bars, bar, tilt):
     count = len(tilt)
     bar.tilt[:] = 0.0
     for i in range(count):
-        slender, domino = layout.thickness[i] / layout.height[i], ring[i]
+        slenderness, domino = layout.thickness[i] / layout.height[i], ring[i]
         s, c = math.sin(tilt[i]), math.cos(tilt[i])
-        half_bar, slender_bar = param_bars[i, PARAM_HALF], param_bars[i, PARAM_SLENDER]
+        half_bar, slenderness_bar = param_bars[i, PARAM_HALF], param_bars[i, PARAM_SLENDERNESS]
         half = 0.5 * layout.density[i] * layout.height[i] * layout.height[i] * layout.thickness[i]
-        turned = 1.0 + domino.slender * domino.slender  # of tan(φ - α)
-        bar.tilt[i] += half * (slender * c - s) * half_bar - turned * slender_bar
-        param_bars[i, PARAM_HALF] = (c + slender * s) * half_bar
-        param_bars[i, PARAM_SLENDER] = turned / (1.0 + slender * slender) * slender_bar
-        param_bars[i, PARAM_SLENDER] += half * s * half_bar
+        rate = 1.0 + domino.slenderness * domino.slenderness  # derivative of tan(φ - α)
+        bar.tilt[i] += half * (slenderness * c - s) * half_bar - rate * slenderness_bar
+        param_bars[i, PARAM_HALF] = (c + slenderness * s) * half_bar
+        param_bars[i, PARAM_SLENDERNESS] = (
+            rate / (1.0 + slenderness * slenderness) * slenderness_bar
+        )
+        param_bars[i, PARAM_SLENDERNESS] += half * s * half_bar
         if i + 1 < count:
             bar.tilt[i] += param_bars[i, PARAM_TURN]
     for i in range(count - 1):
@@ -142,23 +144,23 @@ def layout_back(layout, ring, param_bars, bar):
     for i in range(count):
         length, d, rho = layout.height[i], layout.thickness[i], layout.density[i]
         inertia_bar, half_bar = param_bars[i, PARAM_INERTIA], param_bars[i, PARAM_HALF]
-        slender_bar = param_bars[i, PARAM_SLENDER]
+        slenderness_bar = param_bars[i, PARAM_SLENDERNESS]
         square = (length * length + d * d) / 3.0
         bar.thickness[i] += (
             rho * length * (square + 2.0 * d * d / 3.0) * inertia_bar
             + 0.5 * rho * length * length * half_bar
-            + slender_bar / length
+            + slenderness_bar / length
         )
         bar.height[i] += (
             rho * d * (square + 2.0 * length * length / 3.0) * inertia_bar
             + rho * length * d * half_bar
-            - d / (length * length) * slender_bar
+            - d / (length * length) * slenderness_bar
         )
         bar.density[i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:
             contact = ring[i]
             p_bar, s_bar = param_bars[i, PARAM_PITCH], param_bars[i, PARAM_GAP]
-            d_bar = param_bars[i, PARAM_THICK]
+            d_bar = param_bars[i, PARAM_THICKNESS]
             bar.spacing[i] = (p_bar + s_bar) / length
             bar.thickness[i + 1] += (p_bar + d_bar) / length
             bar.height[i] -= (
@@ -240,16 +242,18 @@ def vjp_batch(
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
-            outcome, leader, struck, toppled = solve(
+            outcome, leader, hit_count, toppled = solve(
                 layout, lanes, ring, state, push, unrecorded, tape
             )
-            if state.taped <= len(tape):
+            if state.event_count <= len(tape):
                 break
-            tape = np.empty(int(1.5 * state.taped), arrays.EVENT)  # the same run writes as many
-        summarise(summaries[b], count, outcome, leader, struck, toppled, state)
+            tape = np.empty(
+                int(1.5 * state.event_count), arrays.EVENT
+            )  # the same run writes as many
+        summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
         if outcome == arrays.PROPAGATED:
             arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]
-            events = tape[: state.taped]
+            events = tape[: state.event_count]
             chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
         else:
             clear(bar, bar.tilt)

@@ -22,14 +22,14 @@ from domino_env.kernels.jit import always_inline, internal, leaf
 # friction; and of the parameters of one domino and its contact, in the order of the next table.
 B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
 SEED_M, SEED_G, SEED_D, B_MU = 5 * PITCH, 6 * PITCH, 7 * PITCH, 8 * PITCH
-B_PITCH, B_GAP, B_THICK = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d
-B_INERTIA, B_HALF, B_SLENDER = 12 * PITCH, 13 * PITCH, 14 * PITCH
+B_PITCH, B_GAP, B_THICKNESS = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d
+B_INERTIA, B_HALF, B_SLENDERNESS = 12 * PITCH, 13 * PITCH, 14 * PITCH
 B_RISE, B_TURN = 15 * PITCH, 16 * PITCH  # of e and β, on uneven ground
 BARS = 17 * PITCH
 
 # Parameters of each domino: p, s, d of its contact (in L_i), its inertia, half weight and
 # slenderness; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.
-PARAM_PITCH, PARAM_GAP, PARAM_THICK, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDER = range(6)
+PARAM_PITCH, PARAM_GAP, PARAM_THICKNESS, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDERNESS = range(6)
 PARAM_RISE, PARAM_TURN = 6, 7
 PARAMS = 8  # on flat ground two are unused
 
@@ -39,7 +39,7 @@ class ShapeBar(NamedTuple):
 
     pitch: float
     gap: float
-    thick: float
+    thickness: float
     rise: float
     turn: float
 
@@ -197,7 +197,7 @@ def add_shape(param_bars, shape_bar):
     """Add the bars of a shape to those of the parameters."""
     param_bars[PARAM_PITCH] += shape_bar.pitch
     param_bars[PARAM_GAP] += shape_bar.gap
-    param_bars[PARAM_THICK] += shape_bar.thick
+    param_bars[PARAM_THICKNESS] += shape_bar.thickness
     param_bars[PARAM_RISE] += shape_bar.rise
     param_bars[PARAM_TURN] += shape_bar.turn
 
@@ -214,7 +214,7 @@ def due_back(contact, flushed, due_bar, param_bars):
         else:  # (1 - s²) / 2pd
             param_bars[PARAM_GAP] -= due_bar * contact.s_l / (p * d)
             param_bars[PARAM_PITCH] -= due_bar * v / p
-            param_bars[PARAM_THICK] -= due_bar * v / d
+            param_bars[PARAM_THICKNESS] -= due_bar * v / d
     if not is_uneven(contact):
         return
     s = math.sqrt(v * (2.0 - v))
@@ -230,7 +230,7 @@ def due_back(contact, flushed, due_bar, param_bars):
         if e != 0.0:
             param_bars[PARAM_GAP] -= contact.s_l * x
             param_bars[PARAM_PITCH] -= d * v * x
-            param_bars[PARAM_THICK] -= (p * v + e * s) * x
+            param_bars[PARAM_THICKNESS] -= (p * v + e * s) * x
         param_bars[PARAM_RISE] -= (e + d * s) * x
 
 
@@ -246,21 +246,21 @@ def hit_back(reverse, event, u_bar):
     """Return bars of u before a hit and of M."""
     ring, mu, param_bars = reverse.ring, reverse.mu, reverse.param_bars
     n, u, m_end = event.leader, event.u, event.m
-    leader, struck = ring[n], ring[n + 1].inertia
+    leader, next_inertia = ring[n], ring[n + 1].inertia
     s_l, d_l, e = leader.s_l, leader.d_l, rise_of(leader)
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     up, down = cd - e - mu * d_l, cd + mu * s_l
     f = up / down
     m = m_end * f
-    total = m * (1.0 - e / cd) + struck
+    total = m * (1.0 - e / cd) + next_inertia
     keep = m / total
     keep_bar = 2.0 * keep * u * u_bar
-    m_bar = keep_bar * struck / (total * total)
+    m_bar = keep_bar * next_inertia / (total * total)
     param_bars[n + 1, PARAM_INERTIA] -= keep_bar * m / (total * total)
     omega_bar = -keep_bar * m * m / (total * total)
     up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
     cd_bar = up_bar + down_bar + omega_bar * e / (cd * cd)
-    param_bars[n, PARAM_THICK] -= mu * up_bar
+    param_bars[n, PARAM_THICKNESS] -= mu * up_bar
     if is_uneven(leader):
         param_bars[n, PARAM_RISE] -= up_bar + omega_bar / cd
     param_bars[n, PARAM_GAP] += mu * down_bar - s_l / cd * cd_bar
@@ -276,7 +276,7 @@ def flush_back(reverse, event, u_bar):
     s, v = sin_versine(event.angle)
     w, jac = 1.0, 1.0
     saved[0, SIN], saved[0, VER], saved[0, WGT], saved[0, JAC] = s, v, w, jac
-    before, after, first = ring[n].inertia, ring[n].inertia, low
+    m_before, m_after, first = ring[n].inertia, ring[n].inertia, low
     for i in range(n - 1, low - 1, -1):
         contact, here = ring[i], saved[n - i]
         s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
@@ -285,17 +285,17 @@ def flush_back(reverse, event, u_bar):
             first = max(first, i + 1)
         s, v, w, jac = s_i, v_i, w * ratio, jac * omega
         here[SIN], here[VER], here[WGT], here[JAC] = s, v, w, jac
-        before += w * contact.inertia * jac
+        m_before += w * contact.inertia * jac
         if i >= first:
-            after += w * contact.inertia * jac
-    keep = before / after
+            m_after += w * contact.inertia * jac
+    keep = m_before / m_after
     keep_bar = 2.0 * keep * u * u_bar
-    before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
+    m_before_bar, m_after_bar = keep_bar / m_after, -keep_bar * keep / m_after
     s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
     sums = saved[n - low + 1, :PARAMS]  # of one contact; `saved` is one longer than the stack
     for i in range(low, n):
         contact, here, above = ring[i], saved[n - i], saved[n - i - 1]
-        seed = before_bar + (after_bar if i >= first else 0.0)
+        seed = m_before_bar + (m_after_bar if i >= first else 0.0)
         w, jac = here[WGT], here[JAC]
         param_bars[i, PARAM_INERTIA] += seed * w * jac
         w_bar += seed * contact.inertia * jac
@@ -318,7 +318,7 @@ def flush_back(reverse, event, u_bar):
         for c in range(PARAMS):
             param_bars[i, c] += sums[c]
         reverse.physics_bar.friction += mu_bar
-    param_bars[n, PARAM_INERTIA] += before_bar + after_bar
+    param_bars[n, PARAM_INERTIA] += m_before_bar + m_after_bar
     return keep * keep * u_bar, (1.0 - saved[0, VER]) * s_bar + saved[0, SIN] * v_bar
 
 
@@ -338,7 +338,7 @@ def switch_back(reverse, event, x_bar):
     if abs(rate) < TINY:
         return  # the contact is at rest: its angle is not determined
     due_bar = x_bar / rate
-    due_back(ring[due_contact], event.flushed, due_bar, param_bars[due_contact])
+    due_back(ring[due_contact], event.is_flush, due_bar, param_bars[due_contact])
     s_bar, v_bar = 0.0, -due_bar
     for i in range(due_contact + 1, n):
         above = saved[n - i - 1]

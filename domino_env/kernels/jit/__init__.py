@@ -17,8 +17,8 @@ machine code for flat ground contains no terms of uneven ground.
 
 Only Python calls entry points, and it can call nothing else.
 
-This depends on parts of Numba that are not public (`internals`).  Where Numba is newer than
-`NEWEST_TESTED`, or lacks one of them, functions are compiled as usual (`plain`).
+This depends on parts of Numba that are not public (`internals`).  If Numba is newer than
+`NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).
 """
 
 from collections.abc import Callable
@@ -34,18 +34,18 @@ NEWEST_TESTED = (0, 68)  # version of Numba
 
 
 def _internals() -> Any:
-    """Import the fast compilation; None, with a notice, where this Numba may lack it."""
-    why = f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested"
+    """Import the fast compilation; return None, with advice, if this Numba may not support it."""
+    reason = f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested"
     if tuple(numba.version_info[:2]) <= NEWEST_TESTED:
         try:
             from domino_env.kernels.jit import internals
         except Exception as error:  # whatever a changed Numba raises
-            why = f"not as expected ({type(error).__name__}: {error})"
+            reason = f"not as expected ({type(error).__name__}: {error})"
         else:
             return internals
     advise(
-        f"Numba {numba.__version__} is {why}: the simulator is compiled the plain way; results are "
-        "the same, first calls take longer"
+        f"Numba {numba.__version__} is {reason}: the simulator is compiled by its public "
+        "functions; results are the same, first calls take longer"
     )
     return None
 
@@ -55,12 +55,12 @@ _FAST = _internals()
 
 def entry_point(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls."""
-    return _compiled(function, "EntryPoint")
+    return _compile(function, "EntryPoint")
 
 
 def internal(function: Callable[..., Any]) -> Any:
     """Compile a function into its callers, inlined where the compiler thinks best."""
-    return _compiled(function, "Internal")
+    return _compile(function, "Internal")
 
 
 def always_inline(function: Callable[..., Any]) -> Any:
@@ -68,7 +68,7 @@ def always_inline(function: Callable[..., Any]) -> Any:
 
     Passing a dozen arrays costs more than a small function itself.
     """
-    return _compiled(function, "Internal", forceinline=True)
+    return _compile(function, "Internal", forceinline=True)
 
 
 def leaf(function: Callable[..., Any]) -> Any:
@@ -77,7 +77,7 @@ def leaf(function: Callable[..., Any]) -> Any:
     0.0 times x is 0.0, and x plus 0.0 is x, at compile time: it must not rely on NaN or on the sign
     of zero.
     """
-    return _compiled(function, "Internal", fastmath={"nnan", "nsz"})
+    return _compile(function, "Internal", fastmath={"nnan", "nsz"})
 
 
 def noinline(function: Callable[..., Any]) -> Any:
@@ -85,7 +85,7 @@ def noinline(function: Callable[..., Any]) -> Any:
 
     Its first statement should `borrow` its arrays, which its callers keep alive.
     """
-    return _compiled(function, "NoInline")
+    return _compile(function, "NoInline")
 
 
 def compile_alone(function: Callable[..., Any]) -> Any:
@@ -93,7 +93,7 @@ def compile_alone(function: Callable[..., Any]) -> Any:
     return compile_plainly(function, cache=True)
 
 
-def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any:
+def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
     if _FAST is None:
         return compile_plainly(function, cache=library == "EntryPoint", **options)
     return _FAST.compile_fast(function, getattr(_FAST, library), **options)
@@ -103,7 +103,7 @@ def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any
 def borrow(_: Any, value: Any) -> Any:
     """Return an array or tuple of arrays without reference counts; the owners must outlive it.
 
-    Atomic counting took an eighth of the time of a step, and 5 % of that of a simulation.
+    Atomic counting takes an eighth of the time of a step, and 5 % of that of a simulation.
     """
 
     def without_owner(context: Any, builder: Any, kind: Any, held: Any) -> Any:
@@ -142,7 +142,7 @@ def optional_field(name: str) -> Any:
 
 
 def has_field(name: str) -> Any:
-    """Return a function for whether a record has a field, at compile time."""
+    """Return a function that tests at compile time whether a record has a field."""
 
     @numba.extending.intrinsic
     def has(_: Any, record: Any) -> Any:

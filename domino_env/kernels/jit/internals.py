@@ -25,8 +25,8 @@ _BY_NAME: dict[str, Any] = {}  # functions that are not inlined
 _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
 
 
-_ADVISED: list[str] = []  # folders that cannot be written, for a single warning
-_NOTICED: list[str] = []
+_WARNED_FOLDERS: list[str] = []  # folders that cannot be written, for a single warning
+_NOTICED_FOLDERS: list[str] = []
 
 
 def register_noinline(dispatcher: Any) -> None:
@@ -42,7 +42,7 @@ def register_noinline(dispatcher: Any) -> None:
     _BY_NAME[name] = dispatcher
 
 
-def _provide(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
+def _define_symbol(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
     """Define the symbol by which cached callers call a function that is not inlined.
 
     The function has another symbol if it was compiled anew since.
@@ -57,7 +57,7 @@ def _provide(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
     _BY_SYMBOL[symbol] = name, arguments
 
 
-class _Stamped:
+class _FolderStamp:
     """Mixin for Numba's locators: the stamp of the folder instead of that of a file."""
 
     def get_source_stamp(self) -> bytes:
@@ -65,15 +65,15 @@ class _Stamped:
 
 
 _LOCATORS: Any = [
-    type(f"Stamped{locator.__name__}", (_Stamped, locator), {})
+    type(f"Stamped{locator.__name__}", (_FolderStamp, locator), {})
     for locator in caching.CompileResultCacheImpl._locator_classes
 ]
 
 
 class _ReadOnly(next(c for c in _LOCATORS if "InTree" in c.__name__)):  # type: ignore[misc]
-    """The folder of the source where it cannot be written: its machine code is used.
+    """Locator of a read-only folder of the source, whose machine code is used.
 
-    This happens in a container whose image another user built.
+    Such a folder is that of a container whose image another user built.
     """
 
     @classmethod
@@ -87,22 +87,22 @@ class _Implementation(caching.CompileResultCacheImpl):
     _locator_classes: Any = [*_LOCATORS, _ReadOnly]  # noqa: RUF012 - Numba's own attribute
 
     def reduce(self, data: Any) -> Any:
-        needs = [
+        callees = [
             (function.name, *_BY_SYMBOL[function.name])
             for function in data.library._final_module.functions
             if function.is_declaration and function.name in _BY_SYMBOL
         ]
-        return needs, super().reduce(data)
+        return callees, super().reduce(data)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        needs, payload = payload
-        for symbol, name, arguments in needs:
-            _provide(symbol, name, arguments)
+        callees, payload = payload
+        for symbol, name, arguments in callees:
+            _define_symbol(symbol, name, arguments)
         return super().rebuild(target_context, payload)
 
 
 class _Cache(caching.FunctionCache):
-    """Cache of machine code; where no folder can be written, it warns and code is not cached."""
+    """Cache of machine code; if no folder can be written, it warns and does not cache."""
 
     _impl_class = _Implementation
 
@@ -115,8 +115,8 @@ class _Cache(caching.FunctionCache):
             result = None
             with contextlib.suppress(OSError):
                 self._cache_file.flush()
-        if result is None and not _NOTICED:
-            _NOTICED.append(self.cache_path)
+        if result is None and not _NOTICED_FOLDERS:
+            _NOTICED_FOLDERS.append(self.cache_path)
             notice("compiling the simulator, once: some ten seconds ...")
         return result
 
@@ -125,8 +125,8 @@ class _Cache(caching.FunctionCache):
             super().save_overload(sig, data)
         except OSError as error:  # this process uses its machine code in memory
             self.disable()
-            if not _ADVISED:
-                _ADVISED.append(self.cache_path)
+            if not _WARNED_FOLDERS:
+                _WARNED_FOLDERS.append(self.cache_path)
                 warnings.warn(
                     f"compiled code cannot be kept in {self.cache_path} ({error.strerror}), so "
                     "every process compiles it anew, which takes a while: set NUMBA_CACHE_DIR to a "
@@ -183,7 +183,7 @@ class EntryPoint(Library):
         super().finalize()
 
     def _optimize_final_module(self) -> None:
-        for function in self._final_module.functions:  # with all callers in view more is inlined
+        for function in self._final_module.functions:  # internal linkage permits more inlining
             if not function.is_declaration and function.name not in self._own:
                 function.linkage = "internal"
         super()._optimize_final_module()
@@ -233,16 +233,16 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
         tuple(types.unliteral(argument) for argument in arguments), names
     )
     if library is not EntryPoint:
-        _refuse_python(dispatcher)
+        _forbid_python(dispatcher)
     if library is NoInline:
         register_noinline(dispatcher)
     return dispatcher
 
 
-def _refuse_python(dispatcher: Any) -> None:
+def _forbid_python(dispatcher: Any) -> None:
     """Make a function without a wrapper for Python raise when Python calls it."""
 
-    def refuse(*arguments: Any, **named: Any) -> None:
+    def raise_error(*arguments: Any, **options: Any) -> None:
         raise TypeError(
             f"{dispatcher.py_func.__qualname__} is called by compiled code only: call an entry "
             "point of domino_env.kernels, or compile one around it"
@@ -251,5 +251,5 @@ def _refuse_python(dispatcher: Any) -> None:
     def add_overload(result: Any) -> None:  # for compiled callers only
         dispatcher.overloads[tuple(result.signature.args)] = result
 
-    dispatcher._compile_for_args = refuse
+    dispatcher._compile_for_args = raise_error
     dispatcher.add_overload = add_overload

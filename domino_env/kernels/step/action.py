@@ -10,7 +10,7 @@ from domino_env.kernels.jit import always_inline, internal
 
 
 @always_inline
-def between(action, low, high):
+def scale_action(action, low, high):
     """Return the value of an action, scaled from [-1, 1] to [low, high] and clipped."""
     value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
@@ -25,8 +25,8 @@ def action_for(value, low, high):
 
 
 @always_inline
-def reachable(low, high, least, most):
-    """Return [low, high] narrowed to [least, most]; a single value where rounding leaves none."""
+def narrow_bounds(low, high, least, most):
+    """Return [low, high] narrowed to [least, most]; a single value if rounding leaves none."""
     new_low, new_high = max(low, least), min(high, most)
     if new_low > new_high:
         middle = min(max(0.5 * (least + most), low), high)
@@ -36,30 +36,30 @@ def reachable(low, high, least, most):
 
 @always_inline
 def pitch_bounds(rules, pairs_left, distance):
-    """Return the pitches of this pair from which the course length can still be met."""
-    low = rules.gap_low + rules.thick_low
-    high = rules.gap_high + rules.thick_high
+    """Return the bounds of this pitch within which the total length can still be met."""
+    low = rules.gap_low + rules.thickness_low
+    high = rules.gap_high + rules.thickness_high
     left, after = rules.length - distance, pairs_left - 1
     return left - after * high, left - after * low
 
 
 @always_inline
 def thickness_bounds(rules, pairs_left, distance):
-    """Return the bounds of the next domino's thickness: some gap must still fit its pitch."""
-    low, high = rules.thick_low, rules.thick_high
+    """Return the bounds of the next thickness within which some gap gives a possible pitch."""
+    low, high = rules.thickness_low, rules.thickness_high
     if rules.length > 0.0:
         least, most = pitch_bounds(rules, pairs_left, distance)
-        return reachable(low, high, least - rules.gap_high, most - rules.gap_low)
+        return narrow_bounds(low, high, least - rules.gap_high, most - rules.gap_low)
     return low, high
 
 
 @always_inline
 def gap_bounds(rules, spacing, n, distance, thickness):
-    """Return the bounds of gap n, once the thickness of the domino behind it is chosen."""
+    """Return the bounds of gap n for a given thickness of the domino ahead of it."""
     low, high = rules.gap_low, rules.gap_high
     if rules.length > 0.0:
         least, most = pitch_bounds(rules, len(spacing) - n, distance)
-        low, high = reachable(low, high, least - thickness, most - thickness)
+        low, high = narrow_bounds(low, high, least - thickness, most - thickness)
     if rules.largest_change > 0.0 and n > 0:
         before, change = spacing[n - 1], rules.largest_change
         low, high = max(low, before - change), min(high, before + change)
@@ -69,16 +69,16 @@ def gap_bounds(rules, spacing, n, distance, thickness):
 @internal
 def nearest_left(kinds, left, thickness):
     """Return the index of the nearest thickness that is still in stock."""
-    best, away = 0, np.inf
+    best, least = 0, np.inf
     for k in range(len(kinds)):
-        if left[k] > 0.0 and abs(kinds[k] - thickness) < away:
-            best, away = k, abs(kinds[k] - thickness)
+        if left[k] > 0.0 and abs(kinds[k] - thickness) < least:
+            best, least = k, abs(kinds[k] - thickness)
     return best
 
 
 @always_inline
 def pieces_of(rules, batch, b):
-    """Return how many pieces of each kind can be placed next: those in hand, or all left."""
+    """Return the numbers of pieces of each kind that can be placed next: in hand, or all left."""
     return batch.hand[b] if rules.hand > 0 else batch.left[b]
 
 
@@ -101,10 +101,10 @@ def draw(batch, b, first, last):
 @internal
 def nearest_within(values, low, high, gap):
     """Return the value of a list in [low, high] that is nearest to a gap."""
-    best, away = gap, np.inf
+    best, least = gap, np.inf
     for value in values:
-        if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < away:
-            best, away = value, abs(value - gap)
+        if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < least:
+            best, least = value, abs(value - gap)
     return best
 
 
@@ -112,7 +112,7 @@ def nearest_within(values, low, high, gap):
 def decode(action, rules, batch, b, n, distance, layout):
     """Write gap n, thickness (and height) of domino n+1 from an action into layout b.
 
-    The batch has the only gaps and thicknesses allowed, if any, and what is left of a stock.
+    The batch has the lists of allowed gaps and thicknesses, if any, and the rest of a stock.
     """
     spacing, height = layout.spacing, layout.height
     column = len(action) - 1
@@ -120,30 +120,30 @@ def decode(action, rules, batch, b, n, distance, layout):
     if rules.grows:
         growth = rules.growth_low
         if rules.growth_low < rules.growth_high:
-            growth = between(action[column], rules.growth_low, rules.growth_high)
+            growth = scale_action(action[column], rules.growth_low, rules.growth_high)
             column -= 1
         height[n + 1] = behind * growth
     ahead = height[n + 1]
-    thick = rules.thick_low
-    if rules.thick_low < rules.thick_high:
+    thickness = rules.thickness_low
+    if rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
-        thick = between(action[column], low, high)
+        thickness = scale_action(action[column], low, high)
         if batch.kinds.shape[1] > 0:
             pieces = pieces_of(rules, batch, b)
-            k = nearest_left(batch.kinds[0], pieces, thick)
+            k = nearest_left(batch.kinds[0], pieces, thickness)
             pieces[k] -= 1.0
             draw(batch, b, n + rules.hand, n + rules.hand + 1)
-            thick = batch.kinds[0, k]
+            thickness = batch.kinds[0, k]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, thick)
-        gap = between(action[0], low, high)
+        low, high = gap_bounds(rules, spacing, n, distance, thickness)
+        gap = scale_action(action[0], low, high)
         if len(batch.gap_values) > 0:
             gap = nearest_within(batch.gap_values, low, high, gap)
     if rules.in_heights:
-        thick *= ahead
+        thickness *= ahead
         gap *= min(behind, ahead)
-    spacing[n], layout.thickness[n + 1] = gap, thick
+    spacing[n], layout.thickness[n + 1] = gap, thickness
 
 
 @always_inline
@@ -159,88 +159,88 @@ def encode(rules, spacing, n, distance, target, action):
 
     target: gap, thickness, and the heights of the domino before and of this one [m].
     """
-    gap, thick, behind, ahead = target[0], target[1], target[2], target[3]
+    gap, thickness, behind, ahead = target[0], target[1], target[2], target[3]
     if rules.in_heights:
-        gap, thick = gap / min(behind, ahead), thick / ahead
+        gap, thickness = gap / min(behind, ahead), thickness / ahead
     column = len(action) - 1
     if rules.growth_low < rules.growth_high:
         action[column] = action_for(ahead / behind, rules.growth_low, rules.growth_high)
         column -= 1
     low, high = thickness_bounds(rules, len(spacing) - n, distance)
-    if rules.thick_low < rules.thick_high:
-        action[column] = action_for(thick, low, high)
+    if rules.thickness_low < rules.thickness_high:
+        action[column] = action_for(thickness, low, high)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, min(max(thick, low), high))
+        low, high = gap_bounds(rules, spacing, n, distance, min(max(thickness, low), high))
         action[0] = action_for(gap, low, high)
 
 
 @always_inline
-def between_back(action, low, high, bar):
-    """Return the derivatives of `between` by action, low and high, times a bar."""
-    part = 0.5 * (min(max(action, -1.0), 1.0) + 1.0)
-    return 0.5 * (high - low) * bar, (1.0 - part) * bar, part * bar
+def scale_action_back(action, low, high, bar):
+    """Return the derivatives of `scale_action` by action, low and high, times a bar."""
+    fraction = 0.5 * (min(max(action, -1.0), 1.0) + 1.0)
+    return 0.5 * (high - low) * bar, (1.0 - fraction) * bar, fraction * bar
 
 
 @always_inline
-def reachable_back(low, high, least, most, low_bar, high_bar):
-    """Return the derivative of `reachable` by a shift of least and most together, times bars."""
+def narrow_bounds_back(low, high, least, most, low_bar, high_bar):
+    """Return the derivative of `narrow_bounds` by a shift of least and most, times bars."""
     if max(low, least) > min(high, most):
         return low_bar + high_bar if low < 0.5 * (least + most) < high else 0.0
     return (low_bar if least > low else 0.0) + (high_bar if most < high else 0.0)
 
 
 @internal
-def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
+def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar):
     """Write the derivatives by an action from those by gap n and domino n+1.
 
     bars: direct derivatives by gap, thickness and height.
-    carried: derivatives, through later dominoes, by the distance so far, by gap n and by the height
-    of domino n+1; replaced by those by the distance, gap n-1 and the height of domino n.
+    later_bars: derivatives through later dominoes by the distance so far, gap n and the height of
+    domino n+1; replaced by those by the distance, gap n-1 and the height of domino n.
     Beyond [-1, 1] the derivatives are those at the nearer end.  Lists and stocks have none.
     """
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]
-    gap, thick = spacing[n], layout.thickness[n + 1]
-    distance_bar, height_bar = carried[0], bars[2] + carried[2]
-    gap_bar, thick_bar = bars[0] + distance_bar + carried[1], bars[1] + distance_bar
+    gap, thickness = spacing[n], layout.thickness[n + 1]
+    distance_bar, height_bar = later_bars[0], bars[2] + later_bars[2]
+    gap_bar, thickness_bar = bars[0] + distance_bar + later_bars[1], bars[1] + distance_bar
     before_bar, behind_bar = 0.0, 0.0
     if rules.in_heights:
         least = min(behind, ahead)
-        gap, thick = gap / least, thick / ahead
+        gap, thickness = gap / least, thickness / ahead
         if behind <= ahead:
             behind_bar += gap * gap_bar
         else:
             height_bar += gap * gap_bar
-        height_bar += thick * thick_bar
-        gap_bar, thick_bar = least * gap_bar, ahead * thick_bar
+        height_bar += thickness * thickness_bar
+        gap_bar, thickness_bar = least * gap_bar, ahead * thickness_bar
     pitch_low, pitch_high = pitch_bounds(rules, len(spacing) - n, distance)
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, thick)
-        action_bar[0], low_bar, high_bar = between_back(action[0], low, high, gap_bar)
+        low, high = gap_bounds(rules, spacing, n, distance, thickness)
+        action_bar[0], low_bar, high_bar = scale_action_back(action[0], low, high, gap_bar)
         if rules.length > 0.0:
-            moved = reachable_back(
-                rules.gap_low, rules.gap_high, pitch_low - thick, pitch_high - thick,
+            shift_bar = narrow_bounds_back(
+                rules.gap_low, rules.gap_high, pitch_low - thickness, pitch_high - thickness,
                 low_bar, high_bar,
             )  # fmt: skip
-            distance_bar -= moved
-            thick_bar -= moved
+            distance_bar -= shift_bar
+            thickness_bar -= shift_bar
         if rules.largest_change > 0.0 and n > 0:
             before_bar += low_bar if low > rules.gap_low else 0.0
             before_bar += high_bar if high < rules.gap_high else 0.0
-    if rules.thick_low < rules.thick_high:
+    if rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
-        action_bar[k], low_bar, high_bar = between_back(action[k], low, high, thick_bar)
+        action_bar[k], low_bar, high_bar = scale_action_back(action[k], low, high, thickness_bar)
         if rules.length > 0.0:
-            distance_bar -= reachable_back(
-                rules.thick_low, rules.thick_high,
+            distance_bar -= narrow_bounds_back(
+                rules.thickness_low, rules.thickness_high,
                 pitch_low - rules.gap_high, pitch_high - rules.gap_low, low_bar, high_bar,
             )  # fmt: skip
     if rules.grows:
         behind_bar += ahead / behind * height_bar
         if free_growth:
-            action_bar[column], _, _ = between_back(
+            action_bar[column], _, _ = scale_action_back(
                 action[column], rules.growth_low, rules.growth_high, behind * height_bar
             )
-    carried[0], carried[1], carried[2] = distance_bar, before_bar, behind_bar
+    later_bars[0], later_bars[1], later_bars[2] = distance_bar, before_bar, behind_bar

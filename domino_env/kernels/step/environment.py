@@ -62,7 +62,7 @@ def stand_on_ground(batch, curve, b, layout, n):
 
 @always_inline
 def fall_onto_next(rules, batch, b, lanes, layout, tape):
-    """Let the leader fall onto the domino just written in the layout."""
+    """Simulate the fall of the leader onto the domino just written in the layout."""
     ring, state, episode = batch.rings[b], batch.states[b], batch.episodes[b]
     count, first = len(layout.thickness), episode.placed
     episode.placed = first + 1
@@ -92,10 +92,10 @@ def expected_gain(rules, uniform_left, state, episode):
 
 @always_inline
 def gain_in_tempo(rules, episode):
-    """Return the gain [%] if the rest of the hits were on schedule, less a part for each of them.
+    """Return the gain [%] if the remaining hits were on schedule, less a share for each of them.
 
-    It is 0 with nothing placed, where a layout without errors would gain 1 / score_unit - 1, and
-    the gain of the layout with everything placed.
+    It is 0 with nothing placed, as 1 / score_unit - 1 is subtracted, the gain without errors, and
+    it is the gain of the layout with everything placed.
     """
     pairs = rules.count - 1
     score = 1.0 / (1.0 + math.sqrt(episode.lateness / pairs) / rules.tolerance)
@@ -110,11 +110,11 @@ def step_reward(rules, batch, b):
     if rules.tolerance > 0.0:
         late = batch.states[b].time - schedule_of(batch, b)[episode.placed, 0]
         episode.lateness += late * late
-        return gain_in_tempo(rules, episode) - episode.rewarded
+        return gain_in_tempo(rules, episode) - episode.reward_sum
     if not rules.rewards_steps:
         return 0.0
     left = batch.uniform_left[b if len(batch.uniform_left) > 1 else 0]
-    return expected_gain(rules, left, batch.states[b], episode) - episode.rewarded
+    return expected_gain(rules, left, batch.states[b], episode) - episode.reward_sum
 
 
 @entry_point
@@ -132,7 +132,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         ring, state = batch.rings[b], batch.states[b]
         configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
         start_chain(layout, rules.push, ring, state)
-        episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
+        episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
         episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         action.restock(batch, b)
@@ -143,7 +143,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
             fall_onto_next(rules, batch, b, lanes, layout, tape)
             if episode.phase == OVER:
                 break
-            episode.rewarded += step_reward(rules, batch, b)
+            episode.reward_sum += step_reward(rules, batch, b)
         action.draw(batch, b, given[b], given[b] + rules.hand)
         observe(batch, b, layout, observations[b])
 
@@ -173,7 +173,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
             ended[b] = True
         else:
             rewards[b] = step_reward(rules, view, b)
-            episode.rewarded += rewards[b]
+            episode.reward_sum += rewards[b]
         observe(view, b, layout, observations[b])
     keep_alive(own_lanes)
     keep_alive(own_tape)
@@ -203,17 +203,17 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
 
     bars: (B, N-1, 3) by each gap, and by thickness and height of the domino after it.
     """
-    view, actions, carried = borrow(batch), borrow(actions), np.zeros(3)
+    view, actions, later_bars = borrow(batch), borrow(actions), np.zeros(3)
     distances = np.zeros(actions.shape[1] + 1)
     for b in range(first, last):
         rules, layout = rules_of(view, b), layout_in(view, b)
         pairs = len(layout.spacing)
         for n in range(pairs):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
-        carried[:] = 0.0
+        later_bars[:] = 0.0
         for n in range(pairs - 1, -1, -1):
             taken, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
-            action.decode_back(taken, rules, n, distances[n], layout, bar, carried, action_bar)
+            action.decode_back(taken, rules, n, distances[n], layout, bar, later_bars, action_bar)
 
 
 @entry_point
@@ -234,6 +234,6 @@ def next_bounds(batch, b):
     """Return the bounds of the next gap, for the middle thickness, and of the next thickness."""
     rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
     n, distance = episode.placed, episode.distance
-    thin, thick = action.thickness_bounds(rules, len(spacing) - n, distance)
-    low, high = action.gap_bounds(rules, spacing, n, distance, 0.5 * (thin + thick))
-    return low, high, thin, thick
+    thinnest, thickest = action.thickness_bounds(rules, len(spacing) - n, distance)
+    low, high = action.gap_bounds(rules, spacing, n, distance, 0.5 * (thinnest + thickest))
+    return low, high, thinnest, thickest

@@ -10,6 +10,7 @@ from domino_env.kernels.step.batch import OVER, rules_of, schedule_of
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # clipped there
 LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
+LATENESS_UNIT = 3.0  # tolerances per unit of the entry `lateness`
 ENTRIES = (
     "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
     "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
@@ -40,8 +41,8 @@ def observe_front(rules, state, episode, start, observation):
 
 @always_inline
 def observe_tempo(rules, schedule, state, placed, start, observation):
-    """Write how late the leader was hit, over three tolerances, and the intervals that come."""
-    late = (state.time - schedule[placed, 0]) / (3.0 * rules.tolerance)
+    """Write the delay of the last hit from the schedule, and the next intervals of the schedule."""
+    late = (state.time - schedule[placed, 0]) / (LATENESS_UNIT * rules.tolerance)
     observation[start.lateness] = min(max(late, -1.0), 1.0)
     for j in range(start.window):
         i = placed + 1 + j
@@ -52,8 +53,8 @@ def observe_tempo(rules, schedule, state, placed, start, observation):
 def observe_course(rules, distance, pairs, start, observation):
     """Write the remaining length of the course, and the mean pitch that meets it."""
     rest = max(rules.length - distance, 0.0)
-    least = rules.gap_low + rules.thick_low
-    most = rules.gap_high + rules.thick_high
+    least = rules.gap_low + rules.thickness_low
+    most = rules.gap_high + rules.thickness_high
     mean = 2.0 * (rest / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
     observation[start.length_left] = min(rest / rules.length, 1.0)
     observation[start.pitch_left] = min(max(mean, -1.0), 1.0)
@@ -75,7 +76,7 @@ def observe_window(rules, layout, placed, start, observation):
             x = 0.0
             if i > 0:
                 unit = height[i] if rules.in_heights else 1.0
-                x = scaled(thickness[i] / unit, rules.thick_low, rules.thick_high)
+                x = scaled(thickness[i] / unit, rules.thickness_low, rules.thickness_high)
             observation[start.thicknesses + j] = x
         if start.growths >= 0:
             x = 0.0
@@ -95,8 +96,10 @@ def observe_ground(batch, curve, b, observation):
         return
     rules, start = rules_of(batch, b), batch.entries[0]
     unit = rules.unit if rules.in_heights else 1.0
-    pitch = 0.5 * unit * (rules.gap_low + rules.gap_high + rules.thick_low + rules.thick_high)
-    steepest = unit * rules.thick_low / rules.unit
+    pitch = (
+        0.5 * unit * (rules.gap_low + rules.gap_high + rules.thickness_low + rules.thickness_high)
+    )
+    steepest = unit * rules.thickness_low / rules.unit
     x = batch.places[b, batch.episodes[b].placed]
     k = piece_at(curve, x, 0)
     here, _ = ground_at(curve, x, k)

@@ -66,7 +66,7 @@ def load_scene(name: str | Path) -> Scene:
     >>> de.load_scene("sprint").count
     40
     """
-    return scene_of_document(*read_named(name))
+    return scene_from_document(*read_named(name))
 
 
 def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
@@ -75,7 +75,7 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     Returns
     -------
     tuple
-        The document, its name unless it holds one, and the name of the file in messages.
+        The document, the name of the scene if the document has none, and the file for messages.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     path, text = Path(name), str(name)
     if text in known:
         file = f"{name}.toml"
-        return document_of_text((known[text] / file).read_text("utf-8"), file), text, file
+        return parse_document((known[text] / file).read_text("utf-8"), file), text, file
     if path.suffix.lower() in (".csv", ".json"):
         raise_with_path(path, "a scene is a .toml file or a name; domino simulate reads layouts")
     if path.is_dir() and not (path / SCENE).is_file():
@@ -104,12 +104,12 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
             f"{', '.join(known)}; or give the path of a .toml file"
         )
     if not path.is_file():
-        raise_with_path(path, "there is no such scene file")
+        raise_with_path(path, "there is no such file: name a scene or a .toml file")
     try:
         content = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise_with_path(path, "not UTF-8 text; save the file as UTF-8")
-    return document_of_text(content, str(path)), path.stem, str(path)
+        raise_with_path(path, "not UTF-8 text: save the file as UTF-8")
+    return parse_document(content, str(path)), path.stem, str(path)
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
@@ -129,10 +129,10 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     ValueError
         With file, key, value and accepted range.
     """
-    return scene_of_document(document_of_text(text, file), name, file)
+    return scene_from_document(parse_document(text, file), name, file)
 
 
-def document_of_text(text: str, file: str) -> dict[str, Any]:
+def parse_document(text: str, file: str) -> dict[str, Any]:
     """Return the document of a text in TOML; ValueError with the file's name for other text."""
     with errors_with_path(file):
         try:
@@ -143,22 +143,22 @@ def document_of_text(text: str, file: str) -> dict[str, Any]:
             raise ValueError(f"not TOML: {error}") from None
 
 
-def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
+def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """Return the scene of a document that `tomllib` has read; see `parse_scene`."""
     with errors_with_path(file):
         if has_ranges(document):
             raise ValueError(
-                "it gives ranges where a scene has numbers: load it by load_distribution, and draw "
-                "scenes by its sample()"
+                "it gives ranges where a scene has numbers: load it by load_distribution, and "
+                "sample scenes by its sample()"
             )
-        scene = Scene.of_document({"name": name} | document)
+        scene = Scene.from_document({"name": name} | document)
     if not scene.in_heights:
         advise_on_units(file, scene.height, scene.spacing, scene.thickness)
     return scene
 
 
 def scene_beside(path: str | Path) -> Scene | None:
-    """Load the scene of a layout: row.scene.toml or scene.toml beside row.csv; None without.
+    """Load the scene beside a layout: row.scene.toml or scene.toml beside row.csv, or None.
 
     Parameters
     ----------
@@ -196,14 +196,14 @@ def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
     beside = path.with_suffix(f".{SCENE}")
     write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
     if write is None:
-        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
+        raise ValueError(f"{path}: name a .csv or .json file for the layout")
     write(path)
     write_text(beside, scene.to_toml())
     return beside
 
 
 def common_scene(paths: Sequence[str | Path]) -> Scene | None:
-    """Load the scene of layouts that are shown together; those without a scene take it too.
+    """Load the common scene of layouts that are shown together, some perhaps without a scene.
 
     Parameters
     ----------
@@ -220,8 +220,8 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     if common is None:
         return None
     if alone := ", ".join(path for path, scene in scenes.items() if scene is None):
-        words = f"no scene beside it: shown in scene '{common.name}' of the other layouts"
-        notice(f"{one_line(alone)}: {words}")
+        reason = f"no scene beside it: shown in scene '{common.name}' of the other layouts"
+        notice(f"{one_line(alone)}: {reason}")
     for path, scene in scenes.items():
         if scene is not None and scene != common:
             files = [one_line(file, 160, keep_end=True) for file in (first, path)]
@@ -233,7 +233,7 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
 
 
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
-    """Read a layout; width and ground are the scene's where its file does not have them."""
+    """Read a layout, with width and ground of the scene if its file does not give them."""
     layout = Layout.read(path, WIDTH if scene is None else scene.width)
     if scene is None or scene.ground is None or not layout.is_flat:
         return layout

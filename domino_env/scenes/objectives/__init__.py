@@ -1,6 +1,6 @@
 """Objectives of scenes, one class each.
 
-All modules of this folder are searched for them, so that a new objective is one file.
+They are found in all modules of this folder, so a new objective takes one file.
 """
 
 from importlib import import_module
@@ -11,16 +11,16 @@ from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradie
 __all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient"]
 
 
-def _found() -> dict[str, type[Objective]]:
+def _find_objectives() -> dict[str, type[Objective]]:
     modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
     classes = [value for module in modules for value in vars(module).values()]
-    named = {
+    by_name = {
         kind.name: kind
         for kind in classes
         if isinstance(kind, type) and issubclass(kind, Objective) and hasattr(kind, "name")
     }
-    return dict(sorted(named.items()))
+    return dict(sorted(by_name.items()))
 
 
-OBJECTIVES = _found()
+OBJECTIVES = _find_objectives()
 """All objectives, by name."""

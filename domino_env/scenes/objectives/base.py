@@ -26,14 +26,14 @@ from domino_env.scenes.waves import FREE_STANDING_COST, LayoutBatch, Waves, simu
 
 
 class ScoreGradient(NamedTuple):
-    """Derivatives of B scores, (B, N-1) each, by one quantity with the others fixed [score/m].
+    """Partial derivatives of B scores, (B, N-1) each [score/m].
 
     Attributes
     ----------
     spacing
-        By the gaps.
+        With respect to the gaps.
     thickness, height
-        By those of dominoes 1 … N-1.
+        With respect to the thicknesses and heights of dominoes 1 … N-1.
     """
 
     spacing: Floats
@@ -46,12 +46,12 @@ class ScoreGradient(NamedTuple):
         return cls(*(np.zeros(batch.spacing.shape) for _ in range(3)))
 
     @classmethod
-    def of(cls, gradient: Gradient) -> ScoreGradient:
-        """Select the derivatives by the design variables."""
+    def from_gradient(cls, gradient: Gradient) -> ScoreGradient:
+        """Return the derivatives with respect to the design variables, from those of B scores."""
         return cls(gradient.spacing, gradient.thickness[:, 1:], gradient.height[:, 1:])
 
-    def scaled(self, factor: NDArray[Any]) -> ScoreGradient:
-        """Multiply the derivatives of each layout by a factor (B,)."""
+    def scale(self, factor: NDArray[Any]) -> ScoreGradient:
+        """Return the derivatives of each layout times a factor (B,)."""
         return ScoreGradient(*(factor[:, None] * part for part in self))
 
 
@@ -64,8 +64,8 @@ class Evaluation:
     score
         (B,) higher is better.
     reach
-        (B,) `reach` of the waves; 1 where they complete. Where a score takes many simulations: 1
-        where enough of them complete, else their mean.
+        (B,) `reach` of the waves; 1 if they complete. If a score takes many simulations: 1 if
+        enough of them complete, else their mean.
     falls
         (B,) number of simulated falls.
     gradient
@@ -92,13 +92,13 @@ class Evaluation:
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
         """Add the derivatives, set to zero where a layout is no success."""
-        return replace(self, gradient=gradient.scaled(self.score > 0.0))
+        return replace(self, gradient=gradient.scale(self.score > 0.0))
 
 
-# Rounding decides whether a layout at a limit keeps it. Simulations at most this inexact allow some
-# excess; those of a search, which are less exact, do not, so that its results are accepted.
+# Rounding decides whether a layout at a limit keeps it. Therefore simulations of at most this rtol
+# allow some excess. The less exact simulations of a search do not, so its results are accepted.
 FINAL_RTOL = 1e-9
-ALLOWED_EXCESS = 1e-6
+ALLOWED_EXCESS = 1e-6  # of a stall margin or a loss
 
 
 Margin = Annotated[float, Meta(ge=0, lt=1)]
@@ -129,10 +129,10 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stall_margin is None and self.flush_loss is None:
-            raise ValueError("the table is empty; it holds stall_margin, flush_loss")
+            raise ValueError("the table is empty: give stall_margin, flush_loss or both")
 
-    def lower(self, scores: Floats, waves: Waves) -> Floats:
-        """Return scores, lowered where a wave breaks a limit or stops.
+    def apply(self, scores: Floats, waves: Waves) -> Floats:
+        """Return scores that are lower if a wave breaks a limit or stops.
 
         Parameters
         ----------
@@ -152,21 +152,21 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         if self.flush_loss is not None:
             excess += np.maximum(waves.largest_flush_loss - self.flush_loss, 0.0)
         allowed = ALLOWED_EXCESS if waves.rtol <= FINAL_RTOL else 0.0
-        broken = -0.5 * excess / (1.0 + excess)
-        lowered = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)
-        return np.where((scores > 0.0) & (excess > allowed), broken, lowered)
+        failures = -0.5 * excess / (1.0 + excess)
+        others = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)
+        return np.where((scores > 0.0) & (excess > allowed), failures, others)
 
 
 @dataclass(frozen=True)
 class Objective(ABC):
     """Scoring rule of a scene.
 
-    Each is a class in a module of its own in this folder.
+    Each rule is a class in a module of this folder.
 
     Parameters
     ----------
     settings
-        The table of its name in a scene's file; None where it has none.
+        Table with the name of the rule in a scene's file; None without one.
     limits
         Limits that the wave must keep; None for none.
     ground
@@ -187,29 +187,29 @@ class Objective(ABC):
     table: ClassVar[type[Value] | None] = None
     """Type of `settings`; None where the objective has no table."""
     failure: ClassVar[str] = "no success"
-    """Result of a wave that stops, in words."""
+    """Text for the score of a wave that stops."""
     rewards_speed: ClassVar[bool] = False
-    """A wave that is ahead of another on the way is likely to score more."""
+    """True if a wave that is ahead of another on the way is likely to score more."""
     needs_arrivals: ClassVar[bool] = False
-    """Scores depend on the arrival time of each domino."""
+    """True if scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False
-    """`derivatives` takes waves with the gradient of their time."""
+    """True if `derivatives` needs waves with the gradient of their time."""
     draws_errors: ClassVar[bool] = False
-    """A score takes layouts with sampled placement errors."""
+    """True if a score is that of layouts with sampled placement errors."""
 
     @property
     def simulates_anew(self) -> bool:
-        """True where a score takes other simulations than the analytic wave of the layout."""
+        """True if a score needs other simulations than the analytic wave of the layout."""
         return self.draws_errors or self.floor_friction is not None
 
     @property
     def is_mean_speed(self) -> bool:
-        """True where a success scores the mean speed of its analytic wave."""
+        """True if a success scores the mean speed of its analytic wave."""
         return self.rewards_speed and not self.simulates_anew
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of analytic waves that take as long as one score."""
+        """Number of analytic waves whose run time is that of one score."""
         return 1 if self.floor_friction is None else FREE_STANDING_COST
 
     @abstractmethod
@@ -222,7 +222,7 @@ class Objective(ABC):
         if waves.propagated.any():
             score = np.where(waves.propagated, self.success(waves), score)
         if self.limits is not None:
-            score = self.limits.lower(score, waves)
+            score = self.limits.apply(score, waves)
         return Evaluation(score, waves.reach, waves.falls)
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
@@ -233,9 +233,8 @@ class Objective(ABC):
         batch
             The layouts.
         gradient
-            Compute the derivatives of the successes' scores too. Those of free-standing layouts
-            are the derivatives of the analytic model, scaled by the ratio of the scores: near
-            enough for a local search, but not exact.
+            Compute the derivatives of the scores too. Those of free-standing layouts are
+            approximate: the derivatives of the analytic model times the ratio of the scores.
         """
         if self.floor_friction is not None:
             evaluation = self.score(simulate_free_standing(batch, self.floor_friction))
@@ -245,10 +244,10 @@ class Objective(ABC):
             assert analytic.gradient is not None
             both = (evaluation.score > 0.0) & (analytic.score > 0.0)
             ratio = np.where(both, evaluation.score / np.where(both, analytic.score, 1.0), 0.0)
-            return evaluation.with_gradient(analytic.gradient.scaled(ratio))
+            return evaluation.with_gradient(analytic.gradient.scale(ratio))
         record = self.needs_arrivals or self.limits is not None
         waves = batch.simulate(record=record, gradient=gradient and self.differentiates_waves)
-        evaluation = self.score(Waves.of_batch(waves, batch))
+        evaluation = self.score(Waves.from_batch(waves, batch))
         if gradient:
             return evaluation.with_gradient(self.derivatives(waves, batch))
         return evaluation
@@ -258,8 +257,8 @@ class Objective(ABC):
         return ScoreGradient.zero(batch)
 
     @abstractmethod
-    def in_words(self, score: float, wave: Wave) -> str:
-        """Return the score of a success in words and units."""
+    def format_score(self, score: float, wave: Wave) -> str:
+        """Return the score of a success as text with its unit."""
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:

@@ -176,8 +176,8 @@ class Robust(Speed):
         reach = np.where(quantile > 0.0, 1.0, mean)
         falls = evaluations.falls.reshape(-1, draws).sum(axis=1)
         if self.limits is not None:  # of the layout without errors
-            waves = Waves.of_batch(batch.simulate(record=True), batch)
-            score, falls = self.limits.lower(score, waves), falls + waves.falls
+            waves = Waves.from_batch(batch.simulate(record=True), batch)
+            score, falls = self.limits.apply(score, waves), falls + waves.falls
         evaluation = Evaluation(score, reach, falls)
         if not gradient:
             return evaluation
@@ -188,10 +188,12 @@ class Robust(Speed):
         assert derivatives is not None
         return evaluation.with_gradient(derivatives._replace(spacing=is_free * derivatives.spacing))
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Describe the speed, and the share of the draws that reach it."""
         share = 100.0 * (1.0 - self.settings.quantile)
-        return f"{super().in_words(score, wave)} reached by {share:.4g} % of the layouts as placed"
+        return (
+            f"{super().format_score(score, wave)} reached by {share:.4g} % of the layouts as placed"
+        )
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
@@ -265,7 +267,7 @@ class MeanOverDraws(Objective):
         parts = is_free * spacing, *others
         return mean.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Describe the mean score, its unit and the number of draws."""
         unit = f" {self.unit}" if self.unit else ""
         return f"mean score {score:.6f}{unit} over {self.draws} draws of placement noise"

@@ -36,16 +36,18 @@ class Speed(Objective):
         speed = waves.mean_speed[:, None]
         if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
-            fallen = {name: -speed / time * getattr(time_gradient, name) for name in names}
-            gradient = with_length_gradient(replace(time_gradient, **fallen), batch, 1.0 / time)
-            return ScoreGradient.of(batch.along_ground(gradient))
+            through_time = {name: -speed / time * getattr(time_gradient, name) for name in names}
+            gradient = with_length_gradient(
+                replace(time_gradient, **through_time), batch, 1.0 / time
+            )
+            return ScoreGradient.from_gradient(batch.along_ground(gradient))
         return ScoreGradient(
             (1.0 - speed * time_gradient.spacing) / time,
             (1.0 - speed * time_gradient.thickness[:, 1:]) / time,
             -speed * time_gradient.height[:, 1:] / time,
         )
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Return the speed and, for free-standing layouts, the floor."""
         if self.floor_friction is None:
             return f"{score:.6f} m/s"

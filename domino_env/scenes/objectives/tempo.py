@@ -164,9 +164,9 @@ class InTempo(Objective):
         propagated = (waves.outcome == Outcome.PROPAGATED)[:, None]
         times = np.where(propagated, waves.arrival_times, 0.0)
         gradient = waves.pullback(propagated * self.settings.gradient(times))
-        return ScoreGradient.of(batch.along_ground(gradient))
+        return ScoreGradient.from_gradient(batch.along_ground(gradient))
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Return the root-mean-square error of the hits; less than 1 ns is rounding."""
         error = float(self.settings.error(wave.arrival_times[None])[0])
         return "RMS error below 1 ns" if error < 1e-9 else f"RMS error {1e3 * error:.6g} ms"

@@ -30,7 +30,7 @@ class Toppled(Objective):
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Evaluation(score, waves.reach, waves.falls)
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Return the number of dominoes that topple, and of all."""
         return f"{wave.toppled} of {wave.layout.count} toppled"
 
@@ -59,7 +59,7 @@ class Magnify(Objective):
         gradient.height[:, -1] = 1.0
         return gradient
 
-    def in_words(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave) -> str:
         """Return the height of the last domino."""
         return f"last domino {score:.6f} m high"
 

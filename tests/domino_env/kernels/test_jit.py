@@ -154,7 +154,7 @@ def test_plain_compilation_gives_the_same_results(tmp_path):
         )  # fmt: skip
         results[way], fast = json.loads(done.stdout)
         assert fast == (way == "fast")
-        assert ("is compiled the plain way" in done.stderr) == (way == "plain")
+        assert ("is compiled by its public functions" in done.stderr) == (way == "plain")
     np.testing.assert_allclose(results["plain"], results["fast"], rtol=1e-12)
 
 

@@ -20,7 +20,7 @@ NAMES = de.distribution_names()
 
 def out_of_range(distribution, scene):
     """Return how many numbers of a scene are out of their ranges."""
-    scaled = distribution.scaled(distribution.numbers(scene))
+    scaled = distribution.scale(distribution.numbers(scene))
     return int(np.sum(np.abs(scaled) > 1.0 + 1e-6))
 
 
@@ -60,9 +60,9 @@ def test_one_number_of_the_sets_beyond_is_out_of_range():
         assert len(set(scenes)) == 100
         for scene in scenes:
             numbers = varied.numbers(scene)
-            outside = np.abs(varied.scaled(numbers)) > 1.0 + 1e-6
+            outside = np.abs(varied.scale(numbers)) > 1.0 + 1e-6
             assert outside.sum() - outside[v] == 0
-            assert np.abs(beyond.scaled(numbers)[v]) <= 1.0 + 1e-6
+            assert np.abs(beyond.scale(numbers)[v]) <= 1.0 + 1e-6
         assert scenes[0].uniform().score > 0.0
     with pytest.raises(ValueError, match="beyond = 'frction': did you mean 'friction'"):
         de.load_test_set("varied", beyond="frction")
@@ -89,8 +89,8 @@ def test_numbers_of_a_scene_are_those_it_was_made_of():
         assert (numbers <= high * (1.0 + 1e-12)).all()
         again = small.scene(numbers)
         np.testing.assert_allclose(small.numbers(again), numbers, rtol=1e-12)
-        assert np.abs(small.scaled(numbers)).max() <= 1.0 + 1e-9
-    np.testing.assert_allclose(np.abs(small.scaled(np.array([low, high]))), 1.0)
+        assert np.abs(small.scale(numbers)).max() <= 1.0 + 1e-9
+    np.testing.assert_allclose(np.abs(small.scale(np.array([low, high]))), 1.0)
     assert small == small_scenes()
     far = scene.replace(physics=scene.physics.replace(friction=0.7))
     assert out_of_range(small, far) == 1

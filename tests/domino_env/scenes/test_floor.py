@@ -19,7 +19,9 @@ def test_the_score_is_the_speed_of_the_free_standing_layout():
     assert SMALL.score(layout) == free_standing.mean_speed == together
     fixed = SMALL.replace(floor_friction=None).score(layout)
     assert 1e-4 < abs(free_standing.mean_speed / fixed - 1.0) < 0.05
-    assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(layout), SMALL.simulate(layout))
+    assert "floor of friction 0.3" in SMALL.format_score(
+        SMALL.score(layout), SMALL.simulate(layout)
+    )
 
 
 def test_a_failure_scores_by_how_far_it_topples():
@@ -41,7 +43,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     assert np.all(np.isfinite(evaluation.gradient.spacing))
     assert evaluation.gradient.spacing.any()
     assert scene.criterion.simulations_per_score == 4 * SMALL.criterion.simulations_per_score
-    words = scene.in_words(evaluation.score[0], scene.simulate(scene.layout(GAPS[0])))
+    words = scene.format_score(evaluation.score[0], scene.simulate(scene.layout(GAPS[0])))
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 

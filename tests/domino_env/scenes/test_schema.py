@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 import domino_env as de
-from domino_env.scenes.io.reading import scene_of_document
+from domino_env.scenes.io.reading import scene_from_document
 from domino_env.scenes.shipping import SCHEMA, scene_schema
 
 SCENES = sorted(SCHEMA.parent.glob("*.toml"))
@@ -51,4 +51,4 @@ def sprint(**tables: Any) -> dict[str, Any]:
 def test_the_reader_rejects_what_the_schema_rejects(document):
     assert not VALIDATOR.is_valid(document)
     with pytest.raises(ValueError, match=r"bad\.toml: "):
-        scene_of_document(document, "bad", "bad.toml")
+        scene_from_document(document, "bad", "bad.toml")
