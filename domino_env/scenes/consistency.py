@@ -216,8 +216,8 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
         where = "" if ground.is_even else f" near x = {place:.4g} m"
         yield (
             f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thinnest:.4g} mm "
-            f"thick and {1e3 * height:.4g} mm high tips over by itself from {most:.4g}° on: make it "
-            "flatter, or the dominoes thicker"
+            f"thick and {1e3 * height:.4g} mm high tips over by itself from {most:.4g}° on: make "
+            "it flatter, or the dominoes thicker"
         )
     if ground.is_even:
         return

@@ -177,8 +177,8 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     -----
     The speed has several peaks, and steps at the edge of stopping waves. Therefore a grid over both
     numbers is followed by finer grids around the best points. If no layout is a success, the result
-    is the best of the failures. Long layouts are scored by their first dominoes, and the best of them is
-    simulated whole; if its score then differs, all are simulated whole.
+    is the best of the failures. Long layouts are scored by their first dominoes, and the
+    best of them is simulated whole; if its score then differs, all are simulated whole.
 
     Free-standing layouts take long to simulate: the first grid is that of the analytic model, and
     its best places, some distance apart, are the first that are simulated on the floor. The gap

@@ -61,9 +61,9 @@ def test_long_layouts_have_the_same_baseline_by_their_first_dominoes_as_whole(ch
     for name in ("FULL", "BY_PREFIX"):
         monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
     scene = de.load_scene("marathon").replace(count=160, **changes)
-    monkeypatch.setattr(uniform, "LARGEST_GRID", np.inf)
+    monkeypatch.setattr(uniform, "MAX_GRID", np.inf)
     whole = best_point(scene)
-    monkeypatch.setattr(uniform, "LARGEST_GRID", 0)
+    monkeypatch.setattr(uniform, "MAX_GRID", 0)
     monkeypatch.setattr(UniformLayouts, "scores", _once(UniformLayouts.scores))
     by_prefix = best_point(scene)
     assert by_prefix == pytest.approx(whole, abs=2e-8)
