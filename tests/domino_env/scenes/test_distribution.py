@@ -131,6 +131,6 @@ def test_scenes_and_distributions_are_distinguished(tmp_path, monkeypatch):
     file.write_text(TEXT)
     assert de.DominoChain(file).distribution == de.load_distribution(file)
     assert de.load_distribution(file).name == "mine"
-    monkeypatch.setattr(distribution, "MOST_SAMPLED", 5)
+    monkeypatch.setattr(distribution, "MAX_SAMPLES", 5)
     with pytest.raises(ValueError, match="of 5 sampled scenes none can be used; the last: "):
         de.SceneDistribution(tomllib.loads(TEXT.replace("0.007", "1e-12")), "none")

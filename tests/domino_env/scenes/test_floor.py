@@ -48,7 +48,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
 
 
 def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
-    monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
+    monkeypatch.setattr(uniform, "FREE_STANDING", uniform.FREE_STANDING._replace(line=4))
     baseline = SMALL.uniform()
     assert baseline.score == SMALL.score(baseline.layout)
     gaps = np.linspace(*SMALL.spacing, 16)[:, None] * np.ones(SMALL.count - 1)
@@ -56,7 +56,9 @@ def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
 
 
 def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
-    monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=3, finest=1e-3))
+    monkeypatch.setattr(
+        uniform, "FREE_STANDING", uniform.FREE_STANDING._replace(line=3, finest=1e-3)
+    )
     scene = SMALL.replace(physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0

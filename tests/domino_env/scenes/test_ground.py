@@ -144,4 +144,4 @@ def test_layouts_of_files_stand_on_the_ground_of_the_scene(tmp_path):
         assert read_layout(tmp_path / name, FREE) == layout
     assert FREE.violations(layout) == []
     assert "on its ground; use the scene's" in FREE.violations(flat)[0]
-    assert "must be 0" in FREE.replace(ground=None).violations(layout)[0]
+    assert "rise and tilt of 0" in FREE.replace(ground=None).violations(layout)[0]
