@@ -158,7 +158,7 @@ class _Interruption:
 
     def __init__(self) -> None:
         self.signal: int = 0
-        self._before: dict[int, Any] = {}
+        self._previous_handlers: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():
             self._catch(signal.SIGTERM)
             # a process that ignores Ctrl-C, such as a background job, goes on ignoring it
@@ -171,14 +171,14 @@ class _Interruption:
         return 143 if self.signal == signal.SIGTERM else 130
 
     def _catch(self, number: int) -> None:
-        self._before[number] = signal.signal(number, self._interrupt)
+        self._previous_handlers[number] = signal.signal(number, self._interrupt)
 
     def _interrupt(self, number: int, _: object) -> None:
         self.signal = number
         raise KeyboardInterrupt
 
     def undo(self) -> None:
-        for number, before in self._before.items():
+        for number, before in self._previous_handlers.items():
             signal.signal(number, before)
 
 

@@ -34,7 +34,7 @@ COMMENTS = {
     "seed": "of these layouts",
 }
 SUMMARY = "write a scene file for your own dominoes"
-LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps without --gaps
+MIN_GAP, MAX_GAP = 2.0, 0.8  # [mm], [heights] bounds of the gaps without --gaps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,40 +75,42 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.objectives.robust import Placement
     from domino_env.scenes.scene import Scene
 
-    box = arguments
-    low, high = box.gaps or (LEAST_GAP, FREE_GAP * box.height)
-    require("--thickness", box.thickness, below=box.height, unit="mm", hint="the height")
-    require("--gaps", high, below=box.height, unit="mm", hint="the height")
+    low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
+    require(
+        "--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="the height"
+    )
+    require("--gaps", high, below=arguments.height, unit="mm", hint="the height")
     objective, settings = "mean_speed", None
-    if box.deviation is not None:
-        options.require_deviation(box.deviation, high)
-        draws = 256 if box.floor is None else 8
-        objective, settings = "robust", Placement(_metres(box.deviation), draws=draws)
+    if arguments.deviation is not None:
+        options.require_deviation(arguments.deviation, high)
+        draws = 256 if arguments.floor is None else 8
+        objective, settings = "robust", Placement(_metres(arguments.deviation), draws=draws)
+    sizes = f"{arguments.thickness:g} x {arguments.width:g} x {arguments.height:g}"
     scene = Scene(
-        name=Path(box.out).stem if box.out else "mine",
-        title=f"{box.count} dominoes of {box.thickness:g} x {box.width:g} x {box.height:g} mm",
+        name=Path(arguments.out).stem if arguments.out else "mine",
+        title=f"{arguments.count} dominoes of {sizes} mm",
         objective=objective,
         settings=settings,
-        count=box.count,
-        height=_metres(box.height),
-        width=_metres(box.width),
-        length=None if box.length is None else _metres(box.length),
+        count=arguments.count,
+        height=_metres(arguments.height),
+        width=_metres(arguments.width),
+        length=None if arguments.length is None else _metres(arguments.length),
         spacing=(_metres(low), _metres(high)),
-        thickness=(_metres(box.thickness), _metres(box.thickness)),
-        physics=Physics(box.friction, push=box.push),
-        floor_friction=box.floor,
-        ground=None if box.slope is None else Ground(slope=box.slope),
+        thickness=(_metres(arguments.thickness), _metres(arguments.thickness)),
+        physics=Physics(arguments.friction, push=arguments.push),
+        floor_friction=arguments.floor,
+        ground=None if arguments.slope is None else Ground(slope=arguments.slope),
     )
-    text = HEAD + "".join(map(_commented, scene.to_toml().splitlines()))
-    if box.out is None:
+    text = HEAD + "".join(map(_add_comment, scene.to_toml().splitlines()))
+    if arguments.out is None:
         print(text, end="")
         return 0
-    write_text(Path(box.out), text)
-    print(f"written to {box.out}: domino optimize {box.out} searches its best layout")
+    write_text(Path(arguments.out), text)
+    print(f"written to {arguments.out}: domino optimize {arguments.out} searches its best layout")
     return 0
 
 
-def _commented(line: str) -> str:
+def _add_comment(line: str) -> str:
     """Return a line of a scene file with the comment on its key."""
     comment = COMMENTS.get(line.partition(" =")[0])
     return f"{line:<26} # {comment}\n" if comment else f"{line}\n"

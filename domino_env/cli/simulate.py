@@ -26,7 +26,7 @@ RIGID = (
     "floor_friction mean_speed hit toppled error_estimate converged arrival_times slid opened "
     "opened_at"
 )
-MOST_LINES = 60  # of a table that is printed whole
+MAX_LINES = 60  # of a table that is printed whole
 ENDS = 10  # lines at each end of a longer one
 
 
@@ -99,7 +99,7 @@ def _table(wave: Wave) -> list[str]:
         ],
     }  # fmt: skip
     lines = text_table([*columns], zip(*columns.values(), strict=False), right=columns)
-    if wave.hit > MOST_LINES:
+    if wave.hit > MAX_LINES:
         lines[1 + ENDS : -ENDS] = [f"   ...  {wave.hit - 2 * ENDS:,} lines left out: see --json"]
     return lines
 
@@ -147,14 +147,14 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     if "score" not in result:
         return [f"no score on '{name}': these are not the friction, gravity and push of the scene"]
     uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
-    against = f"below zero for a wave that stops; {uniform}"
+    comparison = f"below zero for a wave that stops; {uniform}"
     if "gain" in result:
-        against = f"{result['gain']:+z.2%} against {uniform}"
-    return [f"score {result['score']:.6f} on '{name}', {against}"]
+        comparison = f"{result['gain']:+z.2%} against {uniform}"
+    return [f"score {result['score']:.6f} on '{name}', {comparison}"]
 
 
 def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:
-    """Return how many draws complete, and the spread of their times [s]."""
+    """Return the fraction of draws that complete, and the spread of their times [s]."""
     import numpy as np
 
     from domino_env.scenes.objectives.robust import Placement, simulate_draws
@@ -190,15 +190,15 @@ def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
     count = rigid.layout.count
     lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]
     if rigid.mean_speed > 0.0:
-        against = ""
+        comparison = ""
         if wave.mean_speed > 0.0:
-            against = f", {rigid.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
+            comparison = f", {rigid.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
         lines.append(
-            f"mean speed {rigid.mean_speed:.5f} m/s{against}, last domino hit after "
+            f"mean speed {rigid.mean_speed:.5f} m/s{comparison}, last domino hit after "
             f"{rigid.arrival_times[-1]:.5f} s"
         )
     else:
         lines.append(f"the wave stops after {rigid.hit} of {count} dominoes were hit")
     lines.append(f"{rigid.toppled} of {count} toppled")
-    unmet = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
-    return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{unmet}"]
+    suffix = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
+    return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{suffix}"]

@@ -13,9 +13,9 @@ from domino_env.core.checks import require
 from domino_env.core.files import as_text
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.episodes import objects
+from domino_env.envs.episodes import object_array
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import choices
+from domino_env.envs.spaces import entries_per_domino
 from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
@@ -23,7 +23,7 @@ from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-SHARE = 128  # least number of environments per thread, as long as it takes to start a thread
+SHARE = 128  # environments per thread at least, whose steps take as long as starting a thread
 
 
 class DominoChain(DominoEnv):
@@ -313,7 +313,7 @@ class DominoChainVector(DominoVectorEnv):
         self._load_scenes(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
-        self._set_spaces(choices(self.source.first), self.observation_layout.space)
+        self._set_spaces(entries_per_domino(self.source.first), self.observation_layout.space)
 
     @property
     def reference_speed(self) -> float | Floats:
@@ -337,9 +337,9 @@ class DominoChainVector(DominoVectorEnv):
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
         envs, previous = np.flatnonzero(mask), self._scene_indices.copy()
-        layouts = self._one_each("layout", options.get("layout"), Layout)
+        layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
-            scenes, source = self._one_each("scene", options.get("scene"), Scene), self.source
+            scenes, source = self._value_per_env("scene", options.get("scene"), Scene), self.source
             self._scene_indices[envs] = [
                 source.sample(generators(b)) if scenes[b] is None else source.add(b, scenes[b])
                 for b in envs.tolist()
@@ -364,9 +364,9 @@ class DominoChainVector(DominoVectorEnv):
         self._waves[mask] = None
         if self.distribution is None:
             return {}
-        return {"scene": objects(self._scene(b) for b in envs.tolist())}
+        return {"scene": object_array(self._scene(b) for b in envs.tolist())}
 
-    def _one_each(self, name: str, value: Any, kind: type) -> list[Any]:
+    def _value_per_env(self, name: str, value: Any, kind: type) -> list[Any]:
         """Return a list of one value per environment from a shared value, a sequence or None."""
         values = list(value) if np.iterable(value) else [value] * self.num_envs
         known = all(entry is None or isinstance(entry, kind) for entry in values)
@@ -378,7 +378,7 @@ class DominoChainVector(DominoVectorEnv):
         return values
 
     def _load_scenes(self, envs: Indices) -> None:
-        """Copy the data of the scenes of environments into the batch."""
+        """Copy the rules, features and baselines of the scenes of environments into the batch."""
         batch, source, indices = self._batch, self.source, self._scene_indices[envs]
         if self.distribution is None:
             return
@@ -420,8 +420,8 @@ class DominoChainVector(DominoVectorEnv):
             Bounds, see `DominoChain.bounds_ahead`.
         """
         require("env", env, 0, self.num_envs - 1, whole=True)
-        low, high, thin, thick = kernels.next_bounds(self._batch, env)
-        return {"spacing": (low, high), "thickness": (thin, thick)}
+        low, high, thinnest, thickest = kernels.next_bounds(self._batch, env)
+        return {"spacing": (low, high), "thickness": (thinnest, thickest)}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
         """Return actions that place the next domino of every environment as in a layout.
@@ -441,14 +441,14 @@ class DominoChainVector(DominoVectorEnv):
         ValueError
             If the number of layouts is not that of the environments.
         """
-        layouts = self._one_each("layout", layout, Layout)
-        wanted = np.zeros((self.num_envs, 4))
+        layouts = self._value_per_env("layout", layout, Layout)
+        targets = np.zeros((self.num_envs, 4))
         for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
             if target is not None and n < target.count - 1:
                 sizes = target.spacing[n], target.thickness[n + 1]
-                wanted[b] = *sizes, *target.height[n : n + 2]
+                targets[b] = *sizes, *target.height[n : n + 2]
         actions = np.zeros(self.action_space.shape or ())
-        kernels.encode_batch(0, self.num_envs, self._batch, wanted, actions)
+        kernels.encode_batch(0, self.num_envs, self._batch, targets, actions)
         return actions
 
     def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:

@@ -66,29 +66,29 @@ class EpisodeResults:
     score: Floats
     _waves: dict[int, Wave] = field(default_factory=dict)
 
-    def simulate(self, which: Iterable[int]) -> None:
+    def simulate(self, episodes: Iterable[int]) -> None:
         """Simulate the layouts of some episodes as a whole, and score their waves.
 
-        Outcome and reach of a wave that stopped before all dominoes were placed are kept: its
-        layout ends where nothing is placed yet.
+        A wave that stopped before all dominoes were placed keeps its outcome and reach, as its
+        layout is incomplete.
         """
-        alike: dict[tuple[int, int], list[int]] = {}
-        for i in which:
-            alike.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
-        for (_, placed), episodes in alike.items():
-            scene = self.scenes[episodes[0]]
-            waves = self._simulated(scene, placed, episodes)
+        groups: dict[tuple[int, int], list[int]] = {}
+        for i in episodes:
+            groups.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
+        for (_, placed), group in groups.items():
+            scene = self.scenes[group[0]]
+            waves = self._simulate_group(scene, placed, group)
             if placed == scene.count - 1:
-                self.outcome[episodes] = [wave.outcome for wave in waves]
-                self.reach[episodes] = [wave.reach for wave in waves]
+                self.outcome[group] = [wave.outcome for wave in waves]
+                self.reach[group] = [wave.reach for wave in waves]
             else:
-                reaches = self.reach[episodes].tolist()
+                reaches = self.reach[group].tolist()
                 waves = [replace(w, reach=r) for w, r in zip(waves, reaches, strict=True)]
-            self._waves |= zip(episodes, waves, strict=True)
-            self.score[episodes] = scene.as_placed.evaluate_waves(waves).score
+            self._waves |= zip(group, waves, strict=True)
+            self.score[group] = scene.as_placed.evaluate_waves(waves).score
 
-    def _simulated(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
-        """Return the waves of episodes of one scene with equally many dominoes placed."""
+    def _simulate_group(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
+        """Return the waves of episodes of one scene and one number of placed dominoes."""
         if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
             return [simulate(self.layout(episodes[0]), scene.physics, rtol=self.rtol)]
         heights = self.height if len(self.height) == 1 else self.height[episodes]
@@ -113,8 +113,8 @@ class EpisodeResults:
             "score": self.score.copy(),
             "gain": self.returns / 100.0,
             "outcome": _OUTCOMES[self.outcome],
-            "layout": objects(LazyLayout.of(self, i) for i in episodes),
-            "wave": objects(LazyWave.of(self, i) for i in episodes),
+            "layout": object_array(LazyLayout.from_episode(self, i) for i in episodes),
+            "wave": object_array(LazyWave.from_episode(self, i) for i in episodes),
         }
 
     def layout(self, i: int) -> Layout:
@@ -141,8 +141,8 @@ class _Lazy:
     _compute: ClassVar[str]
 
     @classmethod
-    def of(cls, results: EpisodeResults, i: int) -> Self:
-        """Return the result of episode i, not yet computed."""
+    def from_episode(cls, results: EpisodeResults, i: int) -> Self:
+        """Return the result of episode i, to be computed later."""
         self = object.__new__(cls)
         self.__dict__["_lazy"] = (results, i)
         return self
@@ -189,10 +189,10 @@ def placed_layout(
     return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
 
 
-def objects(values: Iterable[Any]) -> NDArray[Any]:
+def object_array(values: Iterable[Any]) -> NDArray[Any]:
     """Return an array of objects of any type."""
     listed = list(values)
     array = np.empty(len(listed), object)
-    for i, value in enumerate(listed):  # a slice would ask every object whether it is an array
+    for i, value in enumerate(listed):  # NumPy would convert a list of arrays to one array
         array[i] = value
     return array

@@ -12,13 +12,13 @@ from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import choices
+from domino_env.envs.spaces import entries_per_domino
 from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
 from domino_env.kernels.step.batch import EPISODE, RUNNING
 from domino_env.kernels.step.environment import place_batch
 from domino_env.scenes.scene import Scene
 
-SHARE = 16  # least number of environments of a thread
+SHARE = 16  # environments per thread at least
 
 
 class DominoLayout(DominoEnv):
@@ -30,11 +30,10 @@ class DominoLayout(DominoEnv):
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
-    them free; -1 stands for the smallest, 1 for the largest value, beyond them it is clipped.
-    Where the scene has a total length, the layout is the nearest one (in metres) that has it;
-    other rules narrow the entries from the first domino to the last, as in `DominoChain-v1`. Where
-    pieces are drawn in random order, an action is a plan: each wished thickness is replaced by the
-    nearest in hand.
+    them free. -1 is the smallest and 1 the largest value; other actions are clipped. If the scene
+    has a total length, the layout is the nearest one (in metres) that has it. Other rules narrow
+    the bounds from the first domino to the last, as in `DominoChain-v1`. If pieces are drawn in
+    random order, each thickness of the action is replaced by the nearest in hand.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
@@ -103,7 +102,9 @@ class DominoLayoutVector(DominoVectorEnv):
             )
         first = self.source.first
         self._batch.rules["length"] = 0.0  # a projection of the whole layout meets it
-        self._set_spaces(choices(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32))
+        self._set_spaces(
+            entries_per_domino(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32)
+        )
 
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
@@ -125,7 +126,7 @@ class DominoLayoutVector(DominoVectorEnv):
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}
-        parts = actions.reshape(self.num_envs, choices(scene), -1).transpose(0, 2, 1)
+        parts = actions.reshape(self.num_envs, entries_per_domino(scene), -1).transpose(0, 2, 1)
         parts = np.ascontiguousarray(parts)
         share_evenly(place_batch, self.num_envs, SHARE, self._batch, ended, parts)
         if scene.length is not None:
@@ -142,6 +143,6 @@ class DominoLayoutVector(DominoVectorEnv):
         fixed += scene.thickness[0] * (not scene.free_thickness)
         parts = [part for part, _ in free]
         low, high = np.repeat([bounds for _, bounds in free], pairs, axis=0).T
-        met = nearest_with_sum(np.hstack(parts), low, high, length - pairs * fixed)
-        for part, values in zip(parts, np.split(met, len(parts), axis=1), strict=True):
+        projected = nearest_with_sum(np.hstack(parts), low, high, length - pairs * fixed)
+        for part, values in zip(parts, np.split(projected, len(parts), axis=1), strict=True):
             part[:] = values

@@ -29,13 +29,13 @@ TEXT_WIDTH = 100  # [characters]
 def _window_works() -> bool:
     """Return True if pygame is installed and, on Linux, there is a display for a window."""
     displays = "DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"
-    displayed = not sys.platform.startswith("linux") or any(map(os.environ.get, displays))
-    return displayed and find_spec("pygame") is not None
+    has_display = not sys.platform.startswith("linux") or any(map(os.environ.get, displays))
+    return has_display and find_spec("pygame") is not None
 
 
 VECTOR_MODES = ("rgb_array", "ansi")
 MODES = (*VECTOR_MODES, "human")
-OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # checkers try all modes offered
+OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries all
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +96,13 @@ class Renderer:
         Raises
         ------
         ImportError
-            Where a window needs pygame-ce; the message names what to install.
+            If a window needs pygame-ce; the message has the command that installs it.
         """
         layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
         leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
-            return _text(snapshot, leader, leans)
-        from domino_env.view.drawing import Scale, show_hand, strip
+            return _draw_text(snapshot, leader, leans)
+        from domino_env.view.drawing import Scale, draw_hand, draw_strip
         from domino_env.view.ground import relief
 
         if self._scaled_to is not scene:
@@ -111,9 +111,11 @@ class Renderer:
             tallest = float(uniform.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
-        image = strip(layout, leans, leader, self._scale, _line(snapshot), ground=scene.ground)
+        image = draw_strip(
+            layout, leans, leader, self._scale, _status_line(snapshot), ground=scene.ground
+        )
         if len(snapshot.hand):
-            show_hand(image, snapshot.hand, scene.height, self._scale)
+            draw_hand(image, snapshot.hand, scene.height, self._scale)
         if self.mode != "human":
             return np.array(image)
         if self._window is None:
@@ -131,17 +133,17 @@ class Renderer:
         return self.__dict__ | {"_window": None}  # a copy opens a window of its own
 
 
-def _text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
-    """Return the chain to scale in characters, at least one per domino, and `_line`."""
+def _draw_text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
+    """Return the chain to scale in characters, at least one per domino, and a status line."""
     cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH
     chain = ""
     for i, x in enumerate(snapshot.layout.positions):
         sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
         chain = chain.ljust(int(x / cell)) + sign
-    return f"{chain}\n{_line(snapshot)}\n"
+    return f"{chain}\n{_status_line(snapshot)}\n"
 
 
-def _line(snapshot: Snapshot) -> str:
+def _status_line(snapshot: Snapshot) -> str:
     """Return time, place and speed, compared with the uniform baseline."""
     layout = snapshot.layout
     line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} hit"

@@ -11,7 +11,7 @@ import numpy as np
 
 from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
-from domino_env.envs.spaces import FEATURE_LIMIT, choices
+from domino_env.envs.spaces import FEATURE_LIMIT, entries_per_domino
 from domino_env.kernels.step.batch import RULES
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
 from domino_env.scenes.distribution import SceneDistribution, load_any
@@ -76,8 +76,8 @@ class SceneSource:
     Raises
     ------
     ValueError
-        Where the scene leaves nothing free or has rules that cannot be kept domino by domino, and
-        for a tolerance out of the simulator's range.
+        If the scene leaves nothing free or has rules that need the whole layout, and for a
+        tolerance out of the simulator's range.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]
     for name in hidden:
         if not features:
             raise ValueError(
-                f"hide = '{name}': the scene is fixed, none of its numbers is observed"
+                f"hide = '{name}': the scene is fixed and has no features; leave hide out"
             )
         require_choice("hide", name, features)
     return [i for i, name in enumerate(features) if name not in hidden]
@@ -203,7 +203,7 @@ def _sampled_indices(sampled: int, num_scenes: int | None, first_scene: int) -> 
 
 
 def free_fall_speed(scene: Scene) -> float:
-    """Return √(g h), the speed with which a scene is compared where its baseline stops [m/s]."""
+    """Return √(g h), the reference speed of a scene whose baseline stops [m/s]."""
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
@@ -240,8 +240,8 @@ def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[A
 
 
 def _require_choice(scene: Scene) -> None:
-    """Reject a scene that leaves nothing free, or with rules that cannot be kept one by one."""
-    if not choices(scene):
+    """Raise a ValueError for a scene without free sizes, or whose rules need the whole layout."""
+    if not entries_per_domino(scene):
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free to choose: give spacing or thickness a min "
             "and a max"
@@ -256,12 +256,12 @@ def _require_choice(scene: Scene) -> None:
 
 
 def _require_shared(distribution: SceneDistribution) -> None:
-    """Reject ground, and lists and a stock that differ, as environments share them."""
+    """Raise a ValueError for ground and for differing lists or stocks, which environments share."""
     first, sampled = distribution.first, distribution.ranges
     if first.ground is not None:
         raise ValueError(
-            f"'{distribution.name}' has uneven ground, which environments take of a fixed scene "
-            "only: leave out [ground], or the ranges"
+            f"'{distribution.name}' has uneven ground, which only a fixed scene may have: "
+            "leave out [ground], or the ranges"
         )
     gaps = "spacing.min", "spacing.max"
     thicknesses = "thickness.min", "thickness.max", "row.first_thickness"

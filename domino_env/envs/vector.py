@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.episodes import EpisodeResults, objects, placed_layout
+from domino_env.envs.episodes import EpisodeResults, object_array, placed_layout
 from domino_env.envs.rendering import (
     FRAMES_PER_SECOND,
     MODES,
@@ -39,7 +39,7 @@ Infos = dict[str, NDArray[Any]]
 
 RTOL = 1e-6
 WINDOW = 8
-LARGEST_RING = 1024  # dominoes kept behind the leader; some thirty influence the wave
+MAX_RING = 1024  # dominoes stored behind the leader; some thirty influence the wave
 
 
 class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
@@ -54,7 +54,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     render_mode
         None, "rgb_array" or "ansi".
     autoreset_mode
-        Beginning of the episode after an ended one, as of `DominoChainVector`.
+        Step on which an environment resets, as for `DominoChainVector`.
 
     Attributes
     ----------
@@ -152,15 +152,15 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             For unknown options, for a mask or seeds of another shape, for a layout that breaks the
             scene's rules or whose wave stops, and for a scene that the distribution does not cover.
         """
-        start = self.checked_options(options, "reset_mask")
-        mask = self._checked_mask(start.pop("reset_mask", None))
-        for i, value in enumerate(self._checked_seeds(seed)):
+        start = self.check_options(options, "reset_mask")
+        mask = self._check_mask(start.pop("reset_mask", None))
+        for i, value in enumerate(self._check_seeds(seed)):
             if mask[i] and value is not None:
                 self._seeds[i], self._generators[i] = value, None
-        begun = self.begin(mask, self._observations, self._generator, **start)
+        infos = self.begin(mask, self._observations, self._generator, **start)
         self._over &= ~mask
         self._begun |= mask
-        return self._observations.copy(), self._spread({}, begun, mask)
+        return self._observations.copy(), self._spread({}, infos, mask)
 
     @abstractmethod
     def begin(
@@ -187,13 +187,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Raises
         ------
         ValueError
-            For options that no episode can begin with; every environment is then left as it was.
+            For options from which no episode can begin; all environments are then unchanged.
         """
 
     def _randomise(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
         """Sample placement errors and the order of the pieces, where the scene has them.
 
-        starts: dominoes that stand at the start, by environment.
+        starts: layouts that episodes start from, by environment.
         """
         errors, order = self._batch.errors, self._batch.order
         for env in envs.tolist() if len(errors) or order.shape[1] else ():
@@ -205,12 +205,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
 
     def _remaining(self, taken: Floats) -> NDArray[np.int16]:
-        """Return the kinds of the pieces that remain in the box of all scenes."""
+        """Return the kinds of the pieces that remain in the stock of all scenes."""
         stock, kinds = self.source.first.stock, self._batch.kinds[0]
         left = np.empty(0) if stock is None else stock.without(*taken).dominoes
         return np.searchsorted(kinds, left).astype(np.int16)
 
-    def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
+    def check_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
         """Return the options of a reset; raise ValueError for an unknown one."""
         require_type("options", options, dict | None, "a dictionary of options, or None")
         known = (*self.options, *("scene",) * (self.distribution is not None), *more)
@@ -220,7 +220,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 raise ValueError(f"unknown reset option '{key}': choose from {allowed}")
         return {**(options or {})}
 
-    def _checked_mask(self, mask: ArrayLike | None) -> Bools:
+    def _check_mask(self, mask: ArrayLike | None) -> Bools:
         flags = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
         if flags.dtype != np.bool_ or flags.shape != (self.num_envs,) or not flags.any():
             raise ValueError(
@@ -229,7 +229,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             )
         return flags
 
-    def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None or isinstance(seed, int | np.integer):
             seed = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         seeds = list(seed) if np.iterable(seed) else [seed] * self.num_envs
@@ -286,32 +286,32 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         ResetNeeded
             Before `reset`, and with DISABLED once an episode is over.
         """
-        values = checked_actions(actions, self.action_space)
+        values = check_actions(actions, self.action_space)
         if not self._begun.all():
             raise ResetNeeded("call reset() before the first step()")
-        renewed = self._over
-        if self.autoreset_mode == AutoresetMode.DISABLED and renewed.any():
+        is_new = self._over
+        if self.autoreset_mode == AutoresetMode.DISABLED and is_new.any():
             raise ResetNeeded(
-                f"the episode of environment {int(np.argmax(renewed))} is over: "
+                f"the episode of environment {int(np.argmax(is_new))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
-        observations, rewards, ended, last = self.advance(values)
-        infos = self._spread({}, last, ended)
-        if renewed.any():
-            begun = self.begin(renewed, observations, self._generator)
-            infos = self._spread(infos, begun, renewed)
+        observations, rewards, ended, last_infos = self.advance(values)
+        infos = self._spread({}, last_infos, ended)
+        if is_new.any():
+            first_infos = self.begin(is_new, observations, self._generator)
+            infos = self._spread(infos, first_infos, is_new)
         self._over = ended
-        if last and self.autoreset_mode == AutoresetMode.SAME_STEP:
+        if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, object)
-            final[ended] = objects(observations[ended])
+            final[ended] = object_array(observations[ended])
             infos = {
                 "final_obs": final,
                 "_final_obs": ended.copy(),
                 "final_info": infos,
                 "_final_info": ended.copy(),
             }
-            begun = self.begin(ended, observations, self._generator)
-            infos = self._spread(infos, begun, ended)
+            first_infos = self.begin(ended, observations, self._generator)
+            infos = self._spread(infos, first_infos, ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
@@ -328,7 +328,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Returns
         -------
         observations : NDArray
-            (B, O); lines of other environments are not set.
+            (B, O); entries of other environments are not set.
         rewards : NDArray
             (B,); 0 for other environments.
         ended : NDArray
@@ -340,8 +340,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
         """Return the last rewards and the infos of (E,) environments whose episodes have ended.
 
-        Where the score is more than a speed, or a wave's error estimate exceeds the tolerance, the
-        layout is simulated as a whole: a chain that is built step by step cannot go back.
+        If the score is not just a speed, or if the error estimate of a wave exceeds the tolerance,
+        the layout is simulated as a whole, as earlier steps cannot be repeated more exactly.
         """
         batch, episodes = self._batch, self._episodes[envs]
         scenes = self._scene_indices[envs]
@@ -363,12 +363,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         if self.distribution is not None:
-            infos["scene"] = objects(results.scenes)
+            infos["scene"] = object_array(results.scenes)
         self._waves[envs] = infos["wave"]
         return results.returns - episodes["reward_sum"], infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
-        """Add infos of some environments, arrays in their order, to those in arrays of all."""
+        """Write infos of some environments, arrays in their order, into arrays of all of them."""
         for key, entries in values.items():
             if key not in infos:
                 blank = np.empty if entries.dtype == object else np.zeros  # objects: None
@@ -476,7 +476,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
             and for a scene that the distribution does not cover.
         """
         super().reset(seed=seed)
-        start = self._vector.checked_options(options)
+        start = self._vector.check_options(options)
         observations = np.empty(self._vector.observation_space.shape or (), np.float32)
         infos = self._vector.begin(self._all, observations, lambda _: self.np_random, **start)
         self._begun, self._over = True, False
@@ -510,7 +510,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         ResetNeeded
             Before `reset`, and once the episode is over.
         """
-        values = checked_actions(action, self.action_space)
+        values = check_actions(action, self.action_space)
         if self._over or not self._begun:
             over = "the episode is over: " * self._over
             raise ResetNeeded(f"{over}call reset() before the next step()")
@@ -540,8 +540,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         self._renderer.close()
 
 
-def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
-    """Return actions as float64; raise ValueError for another shape and for infinite entries."""
+def check_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
+    """Return actions as float64; raise a ValueError for another shape or infinite entries."""
     values = numbers("action", actions, None, space.shape, "entries from -1 to 1")
     if not np.isfinite(values).all():
         require("action", values, hint="from -1 to 1", array=True)
@@ -551,12 +551,12 @@ def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
 def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> Batch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
-    kinds = _kinds_to_choose(scene)
+    kinds = _allowed_thicknesses(scene)
     sampled = source.distribution
     own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
     # a power of two for the chain, or for the part that influences the wave
-    size = 1 << min(longest, LARGEST_RING - 1).bit_length()
-    link = CONTACT if scene.ground is None else UNEVEN_CONTACT
+    size = 1 << min(longest, MAX_RING - 1).bit_length()
+    contact = CONTACT if scene.ground is None else UNEVEN_CONTACT
     batch = Batch(
         rules=np.zeros(1 if sampled is None else num_envs, RULES),
         entries=layout.starts,
@@ -570,7 +570,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         hand=np.zeros((num_envs, kinds.shape[1])),
         order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
-        rings=np.zeros((num_envs, size), link),
+        rings=np.zeros((num_envs, size), contact),
         states=np.zeros(num_envs, STATE),
         episodes=np.zeros(num_envs, EPISODE),
         spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
@@ -591,7 +591,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     )
 
 
-def _kinds_to_choose(scene: Scene) -> Floats:
+def _allowed_thicknesses(scene: Scene) -> Floats:
     """Return the thicknesses that a list or stock allows [m], and how many of each, (2, K)."""
     if scene.stock is not None:
         box = scene.stock.without(scene.first_thickness)

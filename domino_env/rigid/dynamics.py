@@ -1,21 +1,21 @@
 """Non-smooth mechanics of a chain: boxes, contacts that open, stick and slip, small time steps.
 
-Moreau's time stepping.  Contacts are detected half a step ahead, and the velocities v there
-follow from those half a step behind by v+ = v + (h f + impulses of the contacts) / m, where at
+Moreau's time stepping.  Contacts are detected half a step ahead, where the velocities v follow from
+those half a step behind by v+ = v + (h f + impulses of the contacts) / m, where at
 every contact
 
     0 <= normal impulse  _|_  normal velocity after the step >= 0       (no restitution)
     |tangential impulse| <= friction * normal impulse, against sliding  (Coulomb)
 
-solved by projected Gauss-Seidel sweeps, forth and back along the chain, from the last step's
-impulses. Positions change by h v+.  Impulses act in the directions of the step's beginning and
-velocities are taken half a step ahead, as in the leapfrog with constraints: smooth motion is then
-of second order.  A step ends where a tip reaches the next domino, and the impact is a step of no
-length. Nothing is assumed about which contacts are closed, and nothing of the analytic model is
+solved by projected Gauss-Seidel sweeps, forward and backward along the chain, that start from the
+last step's impulses. Positions change by h v+.  Impulses act in the directions at the beginning of
+the step, and velocities are taken half a step ahead, as in the leapfrog method with constraints, so
+smooth motion has an error of second order.  A step ends when a tip reaches the next domino, and the
+impact is a step of length 0. No contact is assumed to be closed, and the analytic model is not
 used.
 
-A box is followed by one reference point: its centre where it is free-standing, its front bottom
-edge, which then does not move, where it turns about a fixed pivot.  Leans and angular velocities
+The reference point of a box is its centre if it is free-standing, and its front bottom edge, which
+does not move, if it turns about a fixed pivot.  Leans and angular velocities
 are positive towards +x: a point (rx, ry) from the reference point moves with (vx + omega ry,
 vy - omega rx).
 
@@ -39,10 +39,11 @@ KINDS = 5
 FLOOR = -1  # second partner of a contact with the floor
 FRONT_FACE, END_FACE, EITHER = 0, 1, -1  # of a domino that a vertex meets; the farther one
 FIXED_PIVOTS = -1.0  # in place of the friction of a floor
-MOST_SWEEPS = 4096  # of a step
-STAGNATION = 0.98  # of the change half as many sweeps ago: more sweeps change nothing
-TURN = 2.5e-3  # [rad] largest turn of the leader in a step of fineness 1
-FALL = 2.3e-3  # [sqrt(L/g)] longest step of fineness 1
+MAX_SWEEPS = 4096  # of a step
+STAGNATION = 0.98  # of the change after half as many sweeps, at which the sweeps end
+MAX_TURN = 2.5e-3  # [rad] largest turn of the leader in a step of fineness 1
+MAX_STEP = 2.3e-3  # [sqrt(L/g)] longest step of fineness 1
+FIRST_CHECK = 64  # sweeps before stagnation is tested; the number is doubled after each test
 TOUCHING = 1e-6  # of the height: closer contacts are closed
 AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
 RUNNING, ENDED, FAILED = range(3)  # states of a run; failed: a velocity is not a number
@@ -51,23 +52,23 @@ RUNNING, ENDED, FAILED = range(3)  # states of a run; failed: a velocity is not 
 # velocities of the two dominoes, and the directions of its impulses (at 8, 12): x, y, turn of the
 # first, turn of the second; then the response of these velocities to unit impulses, the friction,
 # and the inverse of the responses
-MOVES, ACTS = 0, 8
+VELOCITY, IMPULSE = 0, 8
 NORMAL, CROSS, TANGENTIAL, FRICTION = 16, 17, 18, 19
 PER_NORMAL, PER_TANGENTIAL = 20, 21
 COLUMNS = 22
 
 
-# Dominoes as they stand: lengths [m], mass and inertia per width, tilt of the ground [rad], its
+# Standing dominoes: lengths [m], mass and inertia per width, tilt of the ground [rad], its
 # sine and cosine (N, 2), and the front bottom edge from the reference point, on level ground
 Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edge")
 
 # A run: friction, that of the floor or FIXED_PIVOTS, gravity; fineness of the steps (in
-# those of TURN and FALL), change of velocity at which sweeps end [m/s], dominoes behind the
-# leader that still move, time without progress after which nothing more is expected [s]
+# those of MAX_TURN and MAX_STEP), change of velocity at which sweeps end [m/s], dominoes behind the
+# leader that still move, time without progress after which the run ends [s]
 Setting = namedtuple("Setting", "friction floor gravity fineness tolerance window patience")
 
-# Results: arrival times (N,) [s], largest leans (N,) [rad], largest slips (N,) [m], how wide the
-# contact with the next opened after it had closed (N-1,) [m], and when [s]
+# Results: arrival times (N,) [s], largest leans (N,) [rad], largest slips (N,) [m], largest opening
+# of the contact with the next after it had closed (N-1,) [m], and its time [s]
 Record = namedtuple("Record", "arrival_times lean slid opened opened_at")
 
 # All that changes: place (N, 3) of the reference points x, y and lean; velocity (N, 3); inverse
@@ -84,7 +85,7 @@ State = namedtuple(
 # the last domino leant then, length of the last step, kick of the impulses, share of a full step to
 # take next (0: an impact), distance from the leader's tip to the next domino
 COUNTS = ("low", "leader", "steps")
-NUMBERS = ("time", "progress", "furthest", "last_step", "last_kick", "share", "room")
+NUMBERS = ("time", "progress", "last_lean", "last_step", "last_kick", "share", "tip_distance")
 RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for name in NUMBERS])
 
 
@@ -101,29 +102,29 @@ def start(chain: Chain, setting: Setting, push: float) -> State:
         velocity[0, 0] = push * (y[0] - chain.pivots[0, 1])
         velocity[0, 1] = push * (chain.pivots[0, 0] - x[0])
         inverse_mass[0] = 1.0 / chain.mass[0]
-    most = KINDS * (setting.window + 3)
+    capacity = KINDS * (setting.window + 3)
     place = np.stack([x, y, chain.tilt], axis=-1)
     run = np.zeros(1, RUN)
     run["share"] = 1.0
-    run["room"] = _room(0, place, velocity, 0.0, chain) if count > 1 else 0.0
+    run["tip_distance"] = _tip_distance(0, place, velocity, 0.0, chain) if count > 1 else 0.0
     return State(
         place, velocity, inverse_mass, inverse_inertia, np.zeros((count, KINDS, 2)),
         np.zeros((count, 4)), np.zeros((count, 4)), np.full(count, np.inf),
-        np.zeros((most, COLUMNS)), np.zeros((most, 3), np.int64),
+        np.zeros((capacity, COLUMNS)), np.zeros((capacity, 3), np.int64),
         np.zeros((setting.window + 3, 3)), run,
     )  # fmt: skip
 
 
 @compile_alone
 def advance(chain, setting, state, record, most_steps):
-    """Advance by at most so many steps, fill the record; returns RUNNING, ENDED or FAILED."""
+    """Advance by at most `most_steps` and fill the record; return RUNNING, ENDED or FAILED."""
     run = state.run[0]
     place, velocity, impulse = state.place, state.velocity, state.impulse
     fixed, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
     scale = math.sqrt(chain.height.max() / setting.gravity)
     for _ in range(most_steps):
         low, leader = run.low, run.leader
-        longest = min(FALL * scale, TURN / max(velocity[leader, 2], 1e-9))
+        longest = min(MAX_STEP * scale, MAX_TURN / max(velocity[leader, 2], 1e-9))
         step = run.share * setting.fineness * longest
         kick = 0.5 * (run.last_step + step)
         for i in range(max(low - 1, 0), leader + 1):
@@ -143,26 +144,28 @@ def advance(chain, setting, state, record, most_steps):
         for c in range(closed):
             i, kind = state.partners[c, 0], state.partners[c, 2]
             impulse[i, kind] *= growth
-            _act(state, c, impulse[i, kind, 0], impulse[i, kind, 1])
+            _apply_impulse(state, c, impulse[i, kind, 0], impulse[i, kind, 1])
         _sweep(state, closed, setting.tolerance)
         run.steps, run.last_kick = run.steps + 1, kick
         if not math.isfinite(velocity[leader, 2]):
             return FAILED
         hit = False
         if leader < last:
-            after = _room(leader, place, velocity, step, chain)
-            if after <= 0.0 < run.room and run.share == 1.0:
-                run.share = run.room / (run.room - after)  # repeated, so that it ends with the hit
+            after = _tip_distance(leader, place, velocity, step, chain)
+            if after <= 0.0 < run.tip_distance and run.share == 1.0:
+                run.share = run.tip_distance / (
+                    run.tip_distance - after
+                )  # repeated, so that it ends with the hit
                 for i in range(low, leader + 1):
                     velocity[i] = state.before[i - low]
                 continue
             hit = after <= 0.0 or 0.0 < run.share < 1.0
-            run.room = after
+            run.tip_distance = after
         for i in range(low, leader + 1):
             for k in range(3):
                 place[i, k] += step * velocity[i, k]
             record.lean[i] = max(record.lean[i], place[i, 2])
-            slip = abs(_ahead(i, 0.0, i, place, velocity, 0.0, chain))
+            slip = abs(_distance_ahead(i, 0.0, i, place, velocity, 0.0, chain))
             record.slid[i] = max(record.slid[i], slip)
             if i < leader and record.opened[i] < state.gaps[i] < np.inf:
                 record.opened[i], record.opened_at[i] = state.gaps[i], run.time
@@ -170,7 +173,7 @@ def advance(chain, setting, state, record, most_steps):
         if hit:
             run.leader = leader = leader + 1
             record.arrival_times[leader] = run.progress = run.time
-            run.share, run.furthest = 0.0, place[leader, 2]
+            run.share, run.last_lean = 0.0, place[leader, 2]
             state.inverse_inertia[leader] = 1.0 / chain.inertia[leader]
             state.inverse_mass[leader] = 0.0 if fixed else 1.0 / chain.mass[leader]
             if leader - low >= setting.window:
@@ -178,12 +181,12 @@ def advance(chain, setting, state, record, most_steps):
                 velocity[low] = 0.0
                 run.low = low + 1
             if leader < last:
-                run.room = _room(leader, place, velocity, 0.0, chain)
+                run.tip_distance = _tip_distance(leader, place, velocity, 0.0, chain)
         elif leader == last:
             if place[last, 2] > math.atan2(chain.thickness[last], chain.height[last]):
                 return ENDED
-            if place[last, 2] > run.furthest + AT_REST:
-                run.furthest, run.progress = place[last, 2], run.time
+            if place[last, 2] > run.last_lean + AT_REST:
+                run.last_lean, run.progress = place[last, 2], run.time
         if run.time - run.progress > setting.patience:
             return ENDED
     return RUNNING
@@ -199,10 +202,10 @@ def _pose(pose, i, place, velocity, later):
 
 
 @compile_alone
-def _ahead(i, up, j, place, velocity, later, chain):
-    """Return how far a point is ahead of the pivot of j, along the ground there, later on [m].
+def _distance_ahead(i, up, j, place, velocity, later, chain):
+    """Return how far a point is ahead of the pivot of j along the ground, some time later [m].
 
-    The point is on the front face of i, so high above its bottom edge.
+    The point is on the front face of i, `up` above its bottom edge.
     """
     lean = place[i, 2] + later * velocity[i, 2]
     sine, cosine = math.sin(lean), math.cos(lean)
@@ -214,15 +217,15 @@ def _ahead(i, up, j, place, velocity, later, chain):
 
 
 @compile_alone
-def _room(i, place, velocity, later, chain):
-    """Return how far the tip of i is from the rear face of the next, which stands, later on [m]."""
-    ahead = _ahead(i, chain.height[i], i + 1, place, velocity, later, chain)
+def _tip_distance(i, place, velocity, later, chain):
+    """Return the distance of the tip of i from the rear face of the next, some time later [m]."""
+    ahead = _distance_ahead(i, chain.height[i], i + 1, place, velocity, later, chain)
     return -ahead - chain.thickness[i + 1]
 
 
 @compile_alone
 def _find_contacts(chain, setting, state):
-    """Write every contact that is closed half a step ahead; return how many there are."""
+    """Write the contacts that are closed half a step ahead; return their number."""
     closed, low, leader = 0, state.run[0].low, state.run[0].leader
     fixed, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
@@ -238,23 +241,25 @@ def _find_contacts(chain, setting, state):
             if gap > TOUCHING * chain.height[i]:
                 state.impulse[i, kind] = 0.0
                 continue
-            _write_directions(state.contact, closed, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
+            _write_directions(state.contact, closed, VELOCITY, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
-            _write_directions(state.contact, closed, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
-            _couple(state, closed, i, FLOOR, kind, 0.0 if fixed else setting.floor)
+            _write_directions(state.contact, closed, IMPULSE, sine, cosine, rx, ry, 0.0, 0.0)
+            _write_responses(state, closed, i, FLOOR, kind, 0.0 if fixed else setting.floor)
             closed += 1
         if i == leader:
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _between(state.contact, closed, MOVES, kind, i, EITHER, mid, chain)
+            gap, met, face = _face_contact(
+                state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain
+            )
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * chain.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _between(state.contact, closed, ACTS, kind, i, face, now, chain)
-            _couple(state, closed, i, i + 1, kind, setting.friction)
+            _face_contact(state.contact, closed, IMPULSE, kind, i, face, now, chain)
+            _write_responses(state, closed, i, i + 1, kind, setting.friction)
             closed += 1
     return closed
 
@@ -270,12 +275,13 @@ def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
 
 
 @compile_alone
-def _between(contact, c, at, kind, i, face, pose, chain):
+def _face_contact(contact, c, at, kind, i, face, pose, chain):
     """Write the directions of a contact of i with the next; return gap, whether it is met, face.
 
-    The tip of i meets the rear face or the bottom end of the next, the next one's edge the front
-    face or the top end of i: the face from which the vertex is farther outside, unless
-    given. It is met where the vertex lies before or behind that face. The normal points towards i.
+    The tip of i touches the rear face or the bottom end of the next, or the rear bottom edge of the
+    next touches the front face or the top end of i. Unless given, the face is the one that the
+    vertex is farther outside of. It is met if the vertex is within the face's length. The normal
+    points towards i.
     """
     j = i + 1
     owner = j if kind == TIP else i  # of the faces
@@ -310,7 +316,7 @@ def _between(contact, c, at, kind, i, face, pose, chain):
 
 
 @compile_alone
-def _couple(state, c, i, j, kind, friction):
+def _write_responses(state, c, i, j, kind, friction):
     """Write partners, friction and the response to unit impulses of a contact."""
     contact = state.contact
     state.partners[c, 0], state.partners[c, 1], state.partners[c, 2] = i, j, kind
@@ -320,7 +326,9 @@ def _couple(state, c, i, j, kind, friction):
     if j != FLOOR:
         mass2, turn2 = state.inverse_mass[j], state.inverse_inertia[j]
     for column, move, act in (
-        (NORMAL, MOVES, ACTS), (CROSS, MOVES + 4, ACTS), (TANGENTIAL, MOVES + 4, ACTS + 4),
+        (NORMAL, VELOCITY, IMPULSE),
+        (CROSS, VELOCITY + 4, IMPULSE),
+        (TANGENTIAL, VELOCITY + 4, IMPULSE + 4),
     ):  # fmt: skip
         straight = contact[c, move] * contact[c, act] + contact[c, move + 1] * contact[c, act + 1]
         contact[c, column] = (
@@ -334,18 +342,18 @@ def _couple(state, c, i, j, kind, friction):
 
 
 @compile_alone
-def _act(state, c, normal, tangential):
+def _apply_impulse(state, c, normal, tangential):
     """Give the two dominoes of a contact an impulse and its reaction."""
     contact, velocity = state.contact, state.velocity
     i, j = state.partners[c, 0], state.partners[c, 1]
-    px = contact[c, ACTS] * normal + contact[c, ACTS + 4] * tangential
-    py = contact[c, ACTS + 1] * normal + contact[c, ACTS + 5] * tangential
-    turn = contact[c, ACTS + 2] * normal + contact[c, ACTS + 6] * tangential
+    px = contact[c, IMPULSE] * normal + contact[c, IMPULSE + 4] * tangential
+    py = contact[c, IMPULSE + 1] * normal + contact[c, IMPULSE + 5] * tangential
+    turn = contact[c, IMPULSE + 2] * normal + contact[c, IMPULSE + 6] * tangential
     velocity[i, 0] += state.inverse_mass[i] * px
     velocity[i, 1] += state.inverse_mass[i] * py
     velocity[i, 2] += state.inverse_inertia[i] * turn
     if j != FLOOR:
-        turn = contact[c, ACTS + 3] * normal + contact[c, ACTS + 7] * tangential
+        turn = contact[c, IMPULSE + 3] * normal + contact[c, IMPULSE + 7] * tangential
         velocity[j, 0] -= state.inverse_mass[j] * px
         velocity[j, 1] -= state.inverse_mass[j] * py
         velocity[j, 2] -= state.inverse_inertia[j] * turn
@@ -353,11 +361,11 @@ def _act(state, c, normal, tangential):
 
 @compile_alone
 def _sweep(state, closed, tolerance):
-    """Sweep forth and back until no velocity of a contact changes by more than the tolerance."""
+    """Sweep forward and backward until no contact velocity changes by more than the tolerance."""
     contact, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
     mass, inertia = state.inverse_mass, state.inverse_inertia
-    check, earlier = 64, np.inf
-    for sweep in range(1, MOST_SWEEPS + 1):
+    check, earlier = FIRST_CHECK, np.inf
+    for sweep in range(1, MAX_SWEEPS + 1):
         change = 0.0
         for turn in range(closed):
             c = turn if sweep % 2 else closed - 1 - turn

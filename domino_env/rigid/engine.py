@@ -6,8 +6,8 @@ in the model, and a stop keeps it from leaning back. On a floor it may slide and
 ground each stands on a separate plank along the chord under its base, so that boxes cannot catch on
 joints. Lengths are millimetres inside, as the engine's tolerances are made for numbers near one.
 
-In every step the engine's contact solver makes a fixed number of sweeps over all contacts. A face
-impact sends its impulse through the whole stack, and too few sweeps let the stack bounce back.
+In every step the engine's contact solver makes a fixed number of sweeps over all contacts. The
+impulse of a face impact acts on the whole stack, which bounces back if the sweeps are too few.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from domino_env.physics.physics import Physics
 from domino_env.rigid import simulation
 
 MM = 1000.0
-KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
+KINDS = 32  # categories of bodies; i and i ± 1 collide; on uneven ground half are of planks
 AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
 PLANK = 1.5  # [heights] before and behind a pivot: where a domino may come to lie
-GRAIN = 1e-4  # [mm] overlap of faces that the engine tolerates
+OVERLAP = 1e-4  # [mm] of faces, which the engine tolerates
+DEPTH = 10.0  # [mm] of a floor or plank
 RTOL = 5e-4  # of an arrival time
 STEPS = (8e-5, 4e-5, 2e-5)  # [s]
-SWEEPS, MOST_SWEEPS = 60, 1920
+SWEEPS, MAX_SWEEPS = 60, 1920
 
 
 def simulate_in_engine(
@@ -60,9 +61,9 @@ def simulate_in_engine(
     Raises
     ------
     ImportError
-        Without pymunk; names what to install.
+        If pymunk is missing; the message has the command that installs it.
     """
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     window = simulation.window_size(layout)
 
     def run(step: float, sweeps: int) -> tuple[Floats, Floats]:
@@ -73,9 +74,9 @@ def simulate_in_engine(
         ) as bar:
             return follow(layout, physics, floor_friction, step, sweeps, window, bar.update)
 
-    sweeps, change = min(SWEEPS, MOST_SWEEPS), math.inf
+    sweeps, change = min(SWEEPS, MAX_SWEEPS), math.inf
     times, lean = run(STEPS[0], sweeps)
-    while change > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
+    while change > 0.5 * RTOL and 2 * sweeps <= MAX_SWEEPS:
         sweeps *= 2
         before, (times, lean) = times, run(STEPS[0], sweeps)
         change = simulation.largest_difference(before, times)
@@ -103,7 +104,7 @@ def simulate_in_engine(
         converged=uncertainty <= RTOL,
         rtol=RTOL,
         steps=math.ceil(float(np.max(times[np.isfinite(times)])) / finest),
-        run_time=time.perf_counter() - begun,
+        run_time=time.perf_counter() - start_time,
         simulator=engine_name(),
     )
 
@@ -143,10 +144,10 @@ def follow(
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
     patience = simulation.longest_wait(layout, physics)
-    now, leader, before = 0.0, 0, space.room(0) if layout.count > 1 else 0.0
+    now, leader, before = 0.0, 0, space.tip_distance(0) if layout.count > 1 else 0.0
     while leader < layout.count - 1:
         space.advance(step)
-        after = space.room(leader)
+        after = space.tip_distance(leader)
         now += step
         if after <= 0.0:
             leader += 1
@@ -157,7 +158,7 @@ def follow(
             space.place_up_to(leader + 1)
             if window is not None:
                 space.remove_up_to(leader - window - 1)
-            after = space.room(leader)
+            after = space.tip_distance(leader)
         elif now - arrivals[leader] > patience:
             break
         before = after
@@ -177,25 +178,25 @@ class _Space:
         space = self._pymunk.Space()
         space.gravity = (0.0, -physics.gravity * MM)
         space.iterations = sweeps
-        space.collision_slop = GRAIN
+        space.collision_slop = OVERLAP
         self._space = space
         self.bodies: list[Any] = []
-        self._removed = 0
+        self._removed_count = 0
         self.advance: Callable[[float], None] = space.step
-        # the engine multiplies the coefficients of two bodies; smooth dominoes keep a rough floor
+        # the engine multiplies the coefficients of two bodies: that of dominoes must not be 0
         self._friction = math.sqrt(max(physics.friction, 1e-6))
         self._floor = None if floor is None else floor / self._friction
         if layout.is_flat:
             reach = 2.0 * float(layout.height.max())
-            self._lay(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
+            self._add_floor(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
         self._pivots = layout.pivots
-        self._stand = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
-        self._rears = self._pivots - layout.thickness[:, None] * self._stand * (1.0, -1.0)
+        self._slopes = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
+        self._rears = self._pivots - layout.thickness[:, None] * self._slopes * (1.0, -1.0)
         self._tipping = np.arctan2(layout.thickness, layout.height)
         self.place_up_to(min(1, layout.count - 1))
         half_height, half_thickness = layout.height[0] * MM / 2.0, layout.thickness[0] * MM / 2.0
         self.bodies[0].angular_velocity = -physics.push
-        self.bodies[0].velocity = self._turned(
+        self.bodies[0].velocity = self._rotate_to_ground(
             0, physics.push * half_height, physics.push * half_thickness
         )
 
@@ -203,22 +204,22 @@ class _Space:
         """Place the dominoes up to this one."""
         pymunk, layout = self._pymunk, self._layout
         for i in range(len(self.bodies), last + 1):
-            high, thick = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
+            height, thickness = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
             mass = float(layout.density[i] * layout.height[i] * layout.thickness[i])
-            body = pymunk.Body(mass, mass * (high * high + thick * thick) / 12.0)
+            body = pymunk.Body(mass, mass * (height * height + thickness * thickness) / 12.0)
             edge, foot = (float(place) * MM for place in self._pivots[i])
-            ahead, up = self._turned(i, -thick / 2.0, high / 2.0)
+            ahead, up = self._rotate_to_ground(i, -thickness / 2.0, height / 2.0)
             body.position, body.angle = (edge + ahead, foot + up), -float(layout.tilt[i])
-            shape = pymunk.Poly.create_box(body, (thick, high))
+            shape = pymunk.Poly.create_box(body, (thickness, height))
             shape.friction, shape.elasticity = self._friction, 0.0
             kinds = KINDS if layout.is_flat else KINDS // 2
             kind = 1 << i % kinds
             partners = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
             if not layout.is_flat:
-                reach = PLANK * high
+                reach = PLANK * height
                 plank = pymunk.ShapeFilter(categories=kind << kinds, mask=kind)
                 partners |= kind << kinds
-                self._lay(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
+                self._add_floor(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
             shape.filter = pymunk.ShapeFilter(categories=kind, mask=partners)
             self._space.add(body, shape)
             if self._fixed:
@@ -229,12 +230,12 @@ class _Space:
                 self._space.add(hinge, stop)
             self.bodies.append(body)
 
-    def _turned(self, i: int, x: float, y: float) -> tuple[float, float]:
+    def _rotate_to_ground(self, i: int, x: float, y: float) -> tuple[float, float]:
         """Return a direction on flat ground, turned to the ground under domino i."""
-        cosine, sine = map(float, self._stand[i])
+        cosine, sine = map(float, self._slopes[i])
         return x * cosine + y * sine, y * cosine - x * sine
 
-    def _lay(
+    def _add_floor(
         self, begin: float, end: float, pivot: tuple[float, float], tilt: float, plank: Any
     ) -> None:
         """Lay a floor from begin to end along a slope through a pivot [mm]."""
@@ -243,7 +244,7 @@ class _Space:
         turn = self._pymunk.Transform(
             math.cos(tilt), -math.sin(tilt), math.sin(tilt), math.cos(tilt), *pivot
         )
-        corners = [(begin, -10.0), (end, -10.0), (end, 0.0), (begin, 0.0)]
+        corners = [(begin, -DEPTH), (end, -DEPTH), (end, 0.0), (begin, 0.0)]
         ground = self._pymunk.Poly(self._space.static_body, corners, turn)
         ground.friction = self._floor
         if plank is not None:
@@ -251,10 +252,10 @@ class _Space:
         self._space.add(ground)
 
     def remove_up_to(self, last: int) -> None:
-        """Remove the dominoes up to this one; held in place they would push those that move."""
-        for body in self.bodies[self._removed : max(last + 1, 0)]:
+        """Remove the dominoes up to this one; if they were held in place they would push others."""
+        for body in self.bodies[self._removed_count : max(last + 1, 0)]:
             self._space.remove(*body.constraints, *body.shapes, body)
-            self._removed += 1
+            self._removed_count += 1
 
     def let_last_fall(self, step: float, patience: float) -> None:
         """Advance until the last domino passes its tipping angle or rests for `patience` [s]."""
@@ -264,14 +265,14 @@ class _Space:
             resting = 0.0 if -last.angle > furthest + AT_REST else resting + step
             furthest = max(furthest, -last.angle)
 
-    def room(self, i: int) -> float:
+    def tip_distance(self, i: int) -> float:
         """Return the distance from the tip of i to the rear face of i+1, which stands [mm]."""
         body = self.bodies[i]
         half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
         sine, cosine = math.sin(body.angle), math.cos(body.angle)
         tip = body.position.x + half[0] * cosine - half[1] * sine
         top = body.position.y + half[0] * sine + half[1] * cosine
-        (rear, foot), (along, down) = self._rears[i + 1], self._stand[i + 1]
+        (rear, foot), (along, down) = self._rears[i + 1], self._slopes[i + 1]
         return float((rear * MM - tip) * along - (foot * MM - top) * down)
 
 
@@ -281,7 +282,7 @@ def engine_name() -> str:
     Raises
     ------
     ImportError
-        Without it; names what to install.
+        If it is missing; the message has the command that installs it.
     """
     return f"pymunk {_engine().version}"
 

@@ -23,7 +23,7 @@ from domino_env.physics.physics import Physics
 from domino_env.rigid.simulation import floor_name
 
 PATH = Path(__file__).with_name("known.json")
-NAMES = (
+COLUMNS = (
     "scene", "on", "best known", "uniform baseline", "gain", "last hit over model", "uncertainty",
     "engine over reference",
 )  # fmt: skip
@@ -52,10 +52,10 @@ class Check:
     gap
         Mean gap [m].
     score
-        Score of the layout in its scene, in words.
+        Score of the layout in its scene, as text.
     gain
         Speed over that of the uniform baseline of this floor - 1; None for that layout, for
-        scenes with other scores, and where a domino does not topple.
+        scenes with other scores, and if a domino does not topple.
     """
 
     layout: Literal["best", "uniform"]
@@ -85,7 +85,8 @@ class Verified:
     verdict
         Verdict on the layout with fixed pivots.
     checks
-        Best known, uniform baseline, and engine where it was run; fixed pivots first.
+        Checks of the best known layout and the uniform baseline, and of the engine if it was
+        run; fixed pivots first.
     """
 
     digest: str
@@ -152,11 +153,11 @@ def known_table(verified_by_scene: dict[str, Verified]) -> list[str]:
                 "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
                 percent(best.uncertainty, sign=""), _difference(best, engine),
             ))  # fmt: skip
-    return markdown_table(NAMES, lines)
+    return markdown_table(COLUMNS, lines)
 
 
 def not_toppled(number: int) -> str:
-    """Describe how many dominoes do not topple."""
+    """Return "1 does not topple" or "2 do not topple"."""
     return f"{number} {'does' if number == 1 else 'do'} not topple"
 
 

@@ -18,16 +18,16 @@ from domino_env.physics.physics import Physics, require_arguments
 from domino_env.rigid import dynamics
 
 FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
-COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
+COARSEST_STEP, FINEST_STEP = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
 SWEEP_TOLERANCE = 5e-6  # [sqrt(g L)] velocity at which the sweeps of a step of fineness 1 end
 WINDOW = 24  # dominoes behind the leader that still move, at least
 NEGLIGIBLE = 1e-4  # of the leader's speed: slower dominoes are at rest
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit after which a wave has stopped; a fall takes about one
 SAFETY = 3.0  # times the largest change by halved steps
-GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
+CHANCE_ERROR = 2e-4  # relative error at fineness 1 that a change may be too small to show
 STEPS_AT_ONCE = 256  # of the compiled code, some 0.1 s
-LONGEST = 1800.0  # [s] that a simulation may take
-MEASURED = 10.0  # [s] of all its runs, after which its time can be estimated
+MAX_RUN_TIME = 1800.0  # [s] that a simulation may take
+MIN_MEASURED_TIME = 10.0  # [s] of all its runs, after which its time can be estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class RigidWave:
     floor_friction
         Coulomb coefficient between dominoes and the floor; None for fixed pivots.
     arrival_times
-        (N,) when each domino is first struck [s]: 0 for the first, inf where not reached.
+        (N,) times at which each domino is first hit [s]: 0 for the first, inf where not reached.
     lean
         (N,) largest angle from upright, towards the next domino, while it moved [rad].
     slid
@@ -56,9 +56,9 @@ class RigidWave:
         Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps;
         see the notes of `simulate_standing`.
     converged
-        True where the estimate is within `rtol`.
+        True if the estimate is at most `rtol`.
     rtol
-        Tolerance asked for.
+        Relative error allowed in the arrival times.
     steps
         Number of time steps in the finest run.
     run_time
@@ -93,7 +93,7 @@ class RigidWave:
 
     @property
     def hit(self) -> int:
-        """Number of dominoes struck; the first counts."""
+        """Number of dominoes hit; the first counts."""
         return int(np.isfinite(self.arrival_times).sum())
 
     @property
@@ -119,7 +119,7 @@ class RigidWave:
 
     @property
     def mean_speed(self) -> float:
-        """First pivot to last as they stood, over the last arrival time [m/s]; 0 unless struck."""
+        """Length of the standing layout over the last arrival time [m/s]; 0 if it is not hit."""
         last = float(self.arrival_times[-1])
         return self.layout.length / last if 0.0 < last < math.inf else 0.0
 
@@ -153,9 +153,9 @@ def simulate_standing(
 ) -> RigidWave:
     """Simulate free-standing rigid bodies on a floor, or rigid bodies on fixed pivots.
 
-    The analytic model of `simulate` holds every pivot to the floor and keeps every contact closed.
-    Here neither is assumed: feet may slip and lift, contacts open and close, all without
-    restitution and with Coulomb friction. It costs some ten thousand times as much.
+    The analytic model of `simulate` assumes fixed pivots and closed contacts. Here bottom edges may
+    slip and lift, and contacts open and close, all without restitution and with Coulomb friction.
+    The run time is some ten thousand times longer.
 
     Parameters
     ----------
@@ -170,9 +170,9 @@ def simulate_standing(
         Relative error allowed in the arrival times, 1e-5 or more: steps are halved until the
         estimate meets it.
     progress
-        True shows a progress bar, None one on a terminal or a line every half minute elsewhere.
+        True for a progress bar; None for a bar on a terminal, else a line every half minute.
     stop
-        Function that is called about every 0.1 s; the simulation ends where it returns True.
+        Function that is called about every 0.1 s; the simulation ends if it returns True.
 
     Returns
     -------
@@ -185,9 +185,9 @@ def simulate_standing(
         For a friction or tolerance out of its range, and for a layout that would take more than
         half an hour.
     StoppedError
-        Where `stop` returned True.
+        If `stop` returned True.
     ArithmeticError
-        Where a velocity is not a number, which no layout is known to cause.
+        If a velocity is not a number, which no layout is known to cause.
 
     Notes
     -----
@@ -211,24 +211,24 @@ def simulate_standing(
     >>> de.simulate_standing(layout, de.Physics(push=8.0), floor_friction=0.5).toppled
     10
     """
-    begun, physics = time.perf_counter(), physics or Physics()
+    start_time, physics = time.perf_counter(), physics or Physics()
     require_arguments(layout, physics)
     hint = "None for fixed pivots"
     require("floor_friction", floor_friction, 0.0, hint=hint, optional=True)
     floor_friction = None if floor_friction is None else float(floor_friction)
     require_type("stop", stop, Callable | None, "a function that returns True or False, or None")
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
-    run, steps = _run(layout, physics, floor_friction, COARSEST, progress, stop)
-    fineness, largest = COARSEST, 0.0
-    while fineness > FINEST:
+    run, steps = _run(layout, physics, floor_friction, COARSEST_STEP, progress, stop)
+    fineness, largest = COARSEST_STEP, 0.0
+    while fineness > FINEST_STEP:
         fineness /= 2.0
         finer, steps = _run(layout, physics, floor_friction, fineness, progress, stop)
         # an error halves with the steps; a change smaller than that may be small by chance
         change = largest_difference(run.arrival_times, finer.arrival_times)
         largest = max(change, 0.5 * largest)
-        uncertainty = SAFETY * largest + GRAIN * fineness
+        uncertainty = SAFETY * largest + CHANCE_ERROR * fineness
         run = finer
-        if uncertainty <= rtol and fineness <= COARSEST / 4.0:
+        if uncertainty <= rtol and fineness <= COARSEST_STEP / 4.0:
             break
     return RigidWave(
         layout=layout,
@@ -239,17 +239,17 @@ def simulate_standing(
         converged=uncertainty <= rtol,
         rtol=rtol,
         steps=steps,
-        run_time=time.perf_counter() - begun,
+        run_time=time.perf_counter() - start_time,
     )
 
 
-def _require_time(elapsed: float, struck: int, count: int, floor: str) -> None:
-    """Raise a ValueError with an estimate if a simulation will take more than `LONGEST`."""
-    expected = elapsed * count / max(struck, 1)
-    if elapsed > MEASURED and expected > LONGEST:
+def _require_time(elapsed: float, hit_count: int, count: int, floor: str) -> None:
+    """Raise a ValueError with an estimate if a simulation will take more than `MAX_RUN_TIME`."""
+    expected = elapsed * count / max(hit_count, 1)
+    if elapsed > MIN_MEASURED_TIME and expected > MAX_RUN_TIME:
         raise ValueError(
             f"{count:,} dominoes as rigid bodies ({floor}) would take about {expected / 3600:.2g} "
-            f"hours: simulate fewer, such as the first {max(int(count * LONGEST / expected), 2):,}"
+            f"hours: simulate at most {max(int(count * MAX_RUN_TIME / expected), 2):,}, the first"
         )
 
 
@@ -261,17 +261,17 @@ def window_size(layout: Layout) -> int:
     Where a contact has closed, a domino turns by about 1 - √(λ² - d²)/L of what the next one turns,
     with pitch λ, thickness d and height L: stacks with small gaps come to rest slowly.
     """
-    pitch, thick, tall = layout.pitch, layout.thickness[1:], layout.height[:-1]
-    passed = 1.0 - np.sqrt(np.maximum(pitch**2 - thick**2, 0.0)) / tall
-    forgotten = np.cumsum(np.append(0.0, -np.log(np.clip(passed, 1e-3, 1.0 - 1e-3))))
-    first = np.searchsorted(forgotten, forgotten + math.log(NEGLIGIBLE), side="right")
+    pitch, thickness, height = layout.pitch, layout.thickness[1:], layout.height[:-1]
+    ratios = 1.0 - np.sqrt(np.maximum(pitch**2 - thickness**2, 0.0)) / height
+    decay = np.cumsum(np.append(0.0, -np.log(np.clip(ratios, 1e-3, 1.0 - 1e-3))))
+    first = np.searchsorted(decay, decay + math.log(NEGLIGIBLE), side="right")
     return max(WINDOW, int(np.max(np.arange(layout.count) - first)) + 1)
 
 
 def longest_wait(layout: Layout, physics: Physics) -> float:
     """Return the time without a hit after which a wave has stopped [s].
 
-    A smaller push than the least that tips the first domino ends as soon as that one.
+    For a push smaller than the least that tips the first domino, it is the time of the least.
     """
     height, thickness, tilt = layout.height[0], layout.thickness[0], layout.tilt[0]
     diagonal = math.hypot(height, thickness)
@@ -312,7 +312,7 @@ def _run(
     record = dynamics.Record(arrival_times, *map(np.zeros, lengths))
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
-    begun: tuple[float, int] | None = None  # time and hits at the end of the first piece
+    first: tuple[float, int] | None = None  # time and hits at the end of the first piece
     description = f"{floor_name(floor)}, steps of {fineness:g}"
     with progress_bar(
         progress, total=count, desc=description, unit=" dominoes", leave=False, delay=1.0
@@ -321,15 +321,15 @@ def _run(
             if stop is not None and stop():
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
-            struck, now = int(state.run["leader"][0]) + 1, time.perf_counter()
-            bar.update(struck - bar.n)
-            begun = begun or (now, struck)  # the first piece may have been compiled
+            hit_count, now = int(state.run["leader"][0]) + 1, time.perf_counter()
+            bar.update(hit_count - bar.n)
+            first = first or (now, hit_count)  # the first piece may have been compiled
             # steps are halved at least until their fineness is 1: 2 c + 4 c after c for steps of 4
-            elapsed = (now - begun[0]) * max(2.0 * fineness - 1.0, 1.0)
-            _require_time(elapsed, struck - begun[1], count, floor_name(floor))
+            elapsed = (now - first[0]) * max(2.0 * fineness - 1.0, 1.0)
+            _require_time(elapsed, hit_count - first[1], count, floor_name(floor))
     if status == dynamics.FAILED:
         raise ArithmeticError(
             f"a velocity is not a number after {np.isfinite(arrival_times).sum()} of {count} "
-            "dominoes were hit: this is a fault of the simulator, so please report the layout"
+            "dominoes were hit: this is a fault of the simulator: please report the layout"
         )
     return record, int(state.run["steps"][0])

@@ -19,10 +19,10 @@ from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
 
 FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
-AGREES, EXPLAINED = 0.001, 0.003  # relative; verdicts AGREES and CLOSE up to these
-NEAR_STALL = 0.05  # stall margins below are named as a reason
+AGREES, CLOSE = 0.001, 0.003  # largest relative differences of these verdicts
+NEAR_STALL = 0.05  # stall margins below this are given as a reason
 NEAR = 10  # contacts behind the leader; those further back hardly affect it
-WIDE = 1e-3  # of the height: a contact that opens by less is not named
+WIDE = 1e-3  # of the height: smaller openings of contacts are not given as a reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Verification:
 
     @property
     def difference(self) -> float:
-        """Reference over model - 1 at the last hit, fixed pivots; nan if there is none."""
+        """Reference over model - 1 at the last hit, with fixed pivots; nan without this hit."""
         return last_difference(self.wave, self.fixed)
 
     @property
@@ -96,12 +96,12 @@ class Verification:
             if uncertainty > AGREES:
                 return f"UNDECIDED: arrival times {within}, not converged in {fixed.steps} steps."
             return f"AGREES: every arrival time {within}."
-        word = "CLOSE: every arrival time" if excess <= EXPLAINED else "DIFFERS: arrival times only"
-        return f"{word} {within}. {self.reason}"
+        verdict = "CLOSE: every arrival time" if excess <= CLOSE else "DIFFERS: arrival times only"
+        return f"{verdict} {within}. {self.reason}"
 
     @property
     def reason(self) -> str:
-        """Reason in the layout why model and reference differ."""
+        """Reason in the layout for a difference of model and reference."""
         margins, reasons = self.wave.stall_margin, []
         if np.isfinite(margins).any() and np.nanmin(margins) < NEAR_STALL:
             reasons.append(
@@ -110,11 +110,11 @@ class Verification:
             )
         rigid, height = self.fixed, self.wave.layout.height[:-1]
         latest = np.append(rigid.arrival_times, np.full(NEAR, np.inf))[NEAR:-1]
-        named = (rigid.opened > WIDE * height) & (rigid.opened_at <= latest)
-        if named.any():
-            i = int(np.argmax(np.where(named, rigid.opened, 0.0)))
+        is_wide = (rigid.opened > WIDE * height) & (rigid.opened_at <= latest)
+        if is_wide.any():
+            i = int(np.argmax(np.where(is_wide, rigid.opened, 0.0)))
             reasons.append(
-                f"contacts open that the model keeps closed: {named.sum()}, the widest "
+                f"contacts open that the model keeps closed: {is_wide.sum()}, the widest "
                 f"between dominoes {i} and {i + 1} by {1e3 * rigid.opened[i]:.2g} mm, "
                 f"{rigid.opened_at[i]:.3f} s after the push"
             )
@@ -154,7 +154,7 @@ def verify(
     Raises
     ------
     ImportError
-        With `engine` and without pymunk; names what to install.
+        For `engine` without pymunk; the message has the command that installs it.
     ValueError
         For a single domino, or a floor without friction.
     """
@@ -178,7 +178,7 @@ def verify(
 
 
 def last_difference(wave: Wave, rigid: RigidWave) -> float:
-    """Return rigid over model - 1 at the last hit; nan if the wave ended before in either."""
+    """Return rigid over model - 1 at the last hit; nan if either wave ended before."""
     last, model = float(rigid.arrival_times[-1]), float(wave.arrival_times[-1])
     return last / model - 1.0 if math.isfinite(last) and math.isfinite(model) else math.nan
 

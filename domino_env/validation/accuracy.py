@@ -31,7 +31,7 @@ from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 SIMULATE = "simulate"
 SOLVERS = (SIMULATE, *FIXED, *ADAPTIVE)
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)  # errors at which run times are compared
-LONG_ENOUGH = 0.01  # [s] of repeated runs
+MIN_MEASURED_TIME = 0.01  # [s] of repeated runs together
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def standard_examples() -> list[EdgeCase]:
 
 
 def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
-    """Return the steps [s] or tolerances of a solver, coarse to fine.
+    """Return the steps [s] or tolerances of a solver, from coarse to fine.
 
     Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
     others.
@@ -128,23 +128,23 @@ def measure(
         for solver in SOLVERS:
             if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
-            growth = 2.2 if solver in FIXED else 4.0  # largest factor to the next setting
+            growth = 2.2 if solver in FIXED else 4.0  # largest ratio of the next run time
             used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
-                measurement = _measured(example, exact, solver, setting)
+                measurement = _measure_setting(example, exact, solver, setting)
                 yield measurement
                 used += measurement.seconds
                 if used + growth * measurement.seconds > seconds:
                     break
 
 
-def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
-    """Return the best of as many runs of one setting as fit into `LONG_ENOUGH`."""
+def _measure_setting(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
+    """Return the best of as many runs of one setting as fit into `MIN_MEASURED_TIME`."""
     seconds: list[float] = []
     estimate = math.nan
-    while sum(seconds) < LONG_ENOUGH:
-        began = time.process_time()  # which excludes other work of the machine
+    while sum(seconds) < MIN_MEASURED_TIME:
+        began = time.process_time()  # excludes other processes
         if solver == SIMULATE:
             wave = simulate(example.layout, example.physics, rtol=setting)
             outcome, times, estimate = wave.outcome, wave.arrival_times, wave.error_estimate
@@ -191,14 +191,14 @@ def as_csv(records: Sequence[Any]) -> str:
 
 # Plots --------------------------------------------------------------------------------------------
 
-FLOOR = 1e-16  # errors below rounding are drawn here
+FLOOR = 1e-16  # smallest error that is drawn, as the others are below rounding
 
 # one colour per family: the simulator, fixed steps, SciPy
-LOOKS = {
+STYLES = {
     SIMULATE: (BLUE, "simulate"),
-    "euler": (PALE, "Euler, hits to the step"),
-    "rk4-step": (SOFT, "RK4, hits to the step"),
-    "rk4": (INK, "RK4, hits located"),
+    "euler": (PALE, "Euler, events at step ends"),
+    "rk4-step": (SOFT, "RK4, events at step ends"),
+    "rk4": (INK, "RK4, events located"),
     "RK45": (SKY, "SciPy RK45"),
     "DOP853": (PINK, "SciPy DOP853"),
     "Radau": (GREEN, "SciPy Radau"),
@@ -221,7 +221,7 @@ def draw_accuracy(
         sharex=True, sharey=True,
     )  # fmt: skip
     for axes, example in zip(panels, examples, strict=True):
-        for solver, (colour, label) in LOOKS.items():
+        for solver, (colour, label) in STYLES.items():
             runs = _runs(measurements, example.group, solver)
             times = [m.seconds for m in runs]
             errors = [min(max(m.error, FLOOR), 10.0) for m in runs]  # a wrong outcome at the top
@@ -252,8 +252,8 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     numbers = np.array([groups.index(answer.group) for answer in answers])
     places = np.arange(len(answers)) + 2.5 * numbers
     columns = [places[numbers == k] for k in range(len(groups))]
-    for of_group in columns[::2]:
-        axes.axvspan(of_group[0] - 1.5, of_group[-1] + 1.5, color=SHADE, zorder=0)
+    for group_places in columns[::2]:
+        axes.axvspan(group_places[0] - 1.5, group_places[-1] + 1.5, color=SHADE, zorder=0)
     outcomes = np.array([answer.outcome for answer in answers])
     logged = np.maximum([(answer.error, answer.estimate) for answer in answers], FLOOR)
     for outcome, colour in OUTCOMES.items():
@@ -269,7 +269,9 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     axes.set_xlim(-2.5, places[-1] + 3.5)
     axes.set_yscale("log")
     axes.set_ylim(0.4 * FLOOR, 10.0)
-    axes.set_xticks([of_group.mean() for of_group in columns], groups, rotation=60, ha="right")
+    axes.set_xticks(
+        [group_places.mean() for group_places in columns], groups, rotation=60, ha="right"
+    )
     axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)
     axes.legend(loc="upper right", ncols=3, **LEGEND)

@@ -148,10 +148,10 @@ def angular_velocity(axes: Axes) -> None:
 def correction_factor(axes: Axes) -> None:
     """Draw the speed over √(3gL) by d/λ for several d/L, by equation 13 and simulated."""
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
-        thick = ratio * HEIGHT
+        thickness = ratio * HEIGHT
         low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
-        ratios = np.linspace(low, steady.existence_limit(thick), 60)[:-1]
-        x, estimate, simulated = _speeds(ratios, thick)
+        ratios = np.linspace(low, steady.existence_limit(thickness), 60)[:-1]
+        x, estimate, simulated = _speeds(ratios, thickness)
         axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
         axes.plot(x, estimate, color=colour, linestyle=ESTIMATE)
     axes.plot([], [], color="0.4", label="simulated")
@@ -227,15 +227,15 @@ def _wave(count: int) -> Wave:
     return simulate(Layout.uniform(count, pitch=PITCHES[0]), Physics(0.0, GRAVITY, PUSH))
 
 
-def _speeds(ratios: Floats, thick: float) -> tuple[Floats, Floats, Floats]:
+def _speeds(ratios: Floats, thickness: float) -> tuple[Floats, Floats, Floats]:
     """Return d/λ where a chain of 100 completes, and speeds there: by eq. 13, and simulated."""
     smooth, lines = Physics(0.0, GRAVITY, PUSH), []
-    for pitch in (thick / ratios).tolist():
-        if thick < pitch < HEIGHT + thick:
-            layout = Layout.uniform(100, pitch=pitch, thickness=thick)
+    for pitch in (thickness / ratios).tolist():
+        if thickness < pitch < HEIGHT + thickness:
+            layout = Layout.uniform(100, pitch=pitch, thickness=thickness)
             if simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0:
-                estimate = steady.terminal_speed_estimate(pitch, thick, gravity=GRAVITY)
-                speed = _steady(pitch, thick).speed or math.nan
-                lines.append((thick / pitch, estimate / UNIT, speed / UNIT))
+                estimate = steady.terminal_speed_estimate(pitch, thickness, gravity=GRAVITY)
+                speed = _steady(pitch, thickness).speed or math.nan
+                lines.append((thickness / pitch, estimate / UNIT, speed / UNIT))
     x, estimates, speeds = np.array(lines).reshape(-1, 3).T
     return x, estimates, speeds

@@ -1,7 +1,7 @@
 """Edge cases: layouts at the limits of what can be simulated, and the errors of their waves.
 
-A person or an optimiser could simulate any of them. The result has to be right within its error
-estimate and the tolerance, or its outcome has to give the reason why the wave ends.
+The error of each result has to be below its estimate and the tolerance, or its outcome has to give
+the reason why the wave ends.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.precise import reference_waves, write_reference
 
 H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
-TIP = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # just tips it [rad/s]
+TIP = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] just tips it
 RTOL = 1e-8  # at which the cases are examined
-UNDECIDED = 1e-9  # stall margins below this leave it to rounding whether a wave stalls
+UNDECIDED = 1e-9  # stall margin below which rounding decides whether a wave stalls
 RUNS, STALLS, JAMS = Outcome.PROPAGATED, Outcome.STALLED, Outcome.JAMMED
 
 
@@ -34,7 +34,7 @@ class EdgeCase:
     group
         The extreme property.
     name
-        Its size.
+        Its value.
     layout, physics
         See `simulate`.
     expected
@@ -70,7 +70,7 @@ class Answer:
     against
         The reference: "many digits" or "tightest run".
     faults
-        Differences from the reference, in words; empty for a right result.
+        Text on the differences from the reference; empty for a right result.
     """
 
     group: str
@@ -115,7 +115,7 @@ def short_cases() -> Iterator[EdgeCase]:
             yield EdgeCase("near stall", name, tight, physics, expected)
         for sign in (1, -1):
             for power in (3, 6, 9, 12):
-                name = f"μ = {mu:g}, what tips one times 1 {'+-'[sign < 0]} 1e-{power}"
+                name = f"μ = {mu:g}, tipping push times 1 {'+-'[sign < 0]} 1e-{power}"
                 physics = Physics(mu, push=TIP * (1 + sign * 10.0**-power))
                 ends = RUNS if sign > 0 else STALLS
                 yield EdgeCase("smallest push", name, tight, physics, (ends,))
@@ -127,7 +127,7 @@ def short_cases() -> Iterator[EdgeCase]:
             "one face impact": (Layout([0.005, 0.02, 0.025], D), 8.0),
             "two in one face impact": (Layout([0.004, 0.004, 0.034], D), 12.0),
             "contacts open": (Layout([0.044, 0.042, 0.02], 0.01), 10.0),
-            "dies in a tight gap": (Layout.uniform(3, spacing=0.002), 2.9),
+            "stalls in a tight gap": (Layout.uniform(3, spacing=0.002), 2.9),
             "out of reach": (Layout([0.02, 0.05], D), 8.0),
         }
         for name, (layout, push) in extremes.items():
@@ -174,13 +174,13 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
             layout = Layout.uniform(20, spacing=share * H, thickness=a * H)
             yield "slenderness", f"d/L = {a:g}, s/L = {share:g}", layout, 60.0
     gaps, group = np.full(19, 0.02), "unequal neighbours"
-    for many in (10.0, 100.0, 1000.0):
-        factors = np.where(np.arange(20) % 2, many, 1.0)
-        thin_first, thick_first = D / 100.0 * factors, D * many / 100.0 / factors
-        yield group, f"1 : {many:g} in thickness, thin first", Layout(gaps, thin_first), 200.0
-        yield group, f"1 : {many:g} in thickness, thick first", Layout(gaps, thick_first), 200.0
+    for ratio in (10.0, 100.0, 1000.0):
+        factors = np.where(np.arange(20) % 2, ratio, 1.0)
+        thin_first, thick_first = D / 100.0 * factors, D * ratio / 100.0 / factors
+        yield group, f"1 : {ratio:g} in thickness, thin first", Layout(gaps, thin_first), 200.0
+        yield group, f"1 : {ratio:g} in thickness, thick first", Layout(gaps, thick_first), 200.0
         heavy = Layout(gaps, D, density=1040.0 * factors)
-        yield group, f"1 : {many:g} in density", heavy, 50.0
+        yield group, f"1 : {ratio:g} in density", heavy, 50.0
     # ground that is nearly too steep, too curved or too stepped
     steepest, waves = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
     rise = -0.0275 * np.sin(0.5 * (waves[1:] + waves[:-1]))
@@ -193,7 +193,7 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
     }.items():
         yield "uneven ground", name, layout, 20.0
     for times in (1.0 + 1e-9, 1.001, 1.5, 10.0, 100.0, 1000.0):
-        name = f"{times:.10g} times what tips one"
+        name = f"{times:.10g} times the tipping push"
         yield "push", name, Layout.uniform(30, spacing=0.016), TIP * times
 
 
@@ -221,10 +221,10 @@ def _face_impacts() -> Iterator[EdgeCase]:
             physics = Physics(mu, push=12.0)
             yield EdgeCase("face impacts", f"μ = {mu:g}, {name}", Layout(gaps, D), physics)
     for power in (4, 6, 7, 8, 8.5, 9, 10, 12, 15):
-        for sign, way in ((1, "growing"), (-1, "shrinking")):
+        for sign, trend in ((1, "growing"), (-1, "shrinking")):
             graded = 0.005 * (1.0 + sign * 10.0**-power * np.arange(12))
             layout = Layout(np.concatenate([graded, np.full(8, 0.030)]), D)
-            name = f"gaps {way} by 1e-{power:g} each"
+            name = f"gaps {trend} by 1e-{power:g} each"
             yield EdgeCase("face impacts close together", name, layout, Physics())
 
 
@@ -287,12 +287,12 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
 
 def inconsistencies(wave: Wave) -> list[str]:
     """Return the contradictions within a wave, in words."""
-    times, struck = wave.arrival_times, np.isfinite(wave.arrival_times)
-    moving = wave.release_velocity[struck][:-1]
+    times, is_hit = wave.arrival_times, np.isfinite(wave.arrival_times)
+    moving = wave.release_velocity[is_hit][:-1]
     checks = {
-        "arrival times do not grow": np.all(np.diff(times[struck]) > 0.0)
+        "arrival times do not grow": np.all(np.diff(times[is_hit]) > 0.0)
         and not np.isnan(times).any(),
-        f"hit is {wave.hit}, {struck.sum()} arrival times are finite": struck.sum() == wave.hit,
+        f"hit is {wave.hit}, {is_hit.sum()} arrival times are finite": is_hit.sum() == wave.hit,
         f"error estimate {wave.error_estimate}": wave.error_estimate >= 0.0
         and (wave.error_estimate < math.inf or not wave.converged),
         "a leading domino has no velocity": np.all(moving > 0.0),

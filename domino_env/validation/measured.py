@@ -28,17 +28,17 @@ Effect = Callable[[Setting, float, float], float]
 """Speed with the effect over speed without, of a setting at a pitch and a friction."""
 
 RTOL = 1e-6  # of simulated times; measurements are known to a thousandth at best
-HIGHEST_FRICTION = 1.5
+MAX_FRICTION = 1.5
 GRID = 61  # frictions evaluated before the best of them is refined
 FRICTION_TOLERANCE = 1e-7
 FRICTION_STEP = 1e-4  # for the derivative by the friction
-LARGEST_DEVIATION = 2.0  # standard uncertainties at which a chain still counts as explained
+MAX_DEVIATION = 2.0  # standard uncertainties at which a chain still counts as explained
 TREND = 1.0  # standard uncertainties by which both ends of a trend have to deviate
-HELPFUL = 0.75  # of the largest deviation without an effect
-STANDING, SETTLED = 24, 10  # dominoes on a floor, and those before their wave is steady
+HELPFUL_RATIO = 0.75  # largest deviation with a helpful effect, over that without
+STANDING, STEADY_ON_FLOOR = 24, 10  # dominoes on a floor, and the first with a steady wave
 STANDING_RTOL = 1e-2  # the coarsest steps give times within 0.1 % of the finest
 SAMPLES, SEED = 20, 18  # layouts with uneven gaps
-DOMINOES, STARTED = 60, 20  # in them, and those before the wave counts as steady
+DOMINOES, STEADY_FROM = 60, 20  # of these layouts, and the first with a steady wave
 NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
 
@@ -49,9 +49,9 @@ class Comparison:
     Attributes
     ----------
     label
-        The reading in words; empty for the source's own.
+        Description of the reading; empty for the source's own.
     setting
-        The reading in numbers.
+        Setting of the reading.
     chains
         (K,) its chains.
     factors
@@ -97,8 +97,8 @@ class Comparison:
 
     @property
     def holds(self) -> bool:
-        """True where every chain is within `LARGEST_DEVIATION`."""
-        return self.worst <= LARGEST_DEVIATION
+        """True where every chain is within `MAX_DEVIATION`."""
+        return self.worst <= MAX_DEVIATION
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ def compare(
     setting
         The reading.
     label
-        The reading in words.
+        Description of the reading.
     factors
         (K,) factors on the speeds of the model, such as the effect of a floor; none by default.
 
@@ -213,7 +213,7 @@ def compare(
 def fit(
     model: Callable[[float], Floats], values: Floats, sigmas: Floats, chosen: Any = slice(None)
 ) -> tuple[float, float]:
-    """Return the friction of least squares, 0 to `HIGHEST_FRICTION`, and its standard error.
+    """Return the friction of least squares, 0 to `MAX_FRICTION`, and its standard error.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def fit(
     def misfit(friction: float) -> float:
         return float(np.sum((((model(friction) - values) / sigmas)[chosen]) ** 2))
 
-    grid = np.linspace(0.0, HIGHEST_FRICTION, GRID)
+    grid = np.linspace(0.0, MAX_FRICTION, GRID)
     k = int(np.argmin([misfit(float(x)) for x in grid]))
     bounds = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, GRID - 1)])
     refined = minimize_scalar(
@@ -301,8 +301,8 @@ def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: floa
     gaps = np.clip(gaps, NARROWEST * gap, WIDEST * setting.height)
     thickness = np.full(DOMINOES, setting.thickness)
     waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
-    length = gaps[:, STARTED:].sum(axis=1) + (DOMINOES - 1 - STARTED) * setting.thickness
-    speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, STARTED])
+    length = gaps[:, STEADY_FROM:].sum(axis=1) + (DOMINOES - 1 - STEADY_FROM) * setting.thickness
+    speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, STEADY_FROM])
     completes = np.isfinite(speed) & (speed > 0.0)
     if not completes[0] or not completes[1:].any():
         return 1.0
@@ -315,12 +315,15 @@ def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) 
     layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
     free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times
     fixed = simulate(layout, physics).arrival_times
-    on_floor, on_pivots = free[-1] - free[SETTLED], fixed[-1] - fixed[SETTLED]
+    on_floor, on_pivots = (
+        free[-1] - free[STEADY_ON_FLOOR],
+        fixed[-1] - fixed[STEADY_ON_FLOOR],
+    )
     return float(on_pivots / on_floor) if np.isfinite([on_floor, on_pivots]).all() else 0.0
 
 
 def _firm_push(setting: Setting, friction: float) -> Physics:
-    """Return physics with a firm push, whatever the size."""
+    """Return physics with a firm push for dominoes of any size."""
     return Physics(friction, setting.gravity, math.sqrt(setting.gravity / setting.height))
 
 
@@ -336,7 +339,7 @@ EFFECTS: Mapping[str, Effect] = {
 def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validation:
     """Compare a source with the model in its own setting, in other readings, with each effect.
 
-    Where the source takes its spacings as exact, one more reading gives them the uncertainty of a
+    If the source takes its spacings as exact, one more reading gives them the uncertainty of a
     template.
 
     Parameters
@@ -381,18 +384,18 @@ def _reasons(
     patterns = {
         "no-wave": not np.all((main.model > 0.0) & (main.model < math.inf)),
         "faster-than-frictionless": np.any(
-            sign * (measured - main.frictionless) > LARGEST_DEVIATION * main.sigmas
+            sign * (measured - main.frictionless) > MAX_DEVIATION * main.sigmas
         ),
         "friction-grows-with-gap": narrow > TREND and wide < -TREND,
         "friction-falls-with-gap": narrow < -TREND and wide > TREND,
         "floors-differ": len({chain.floor for chain in main.chains}) > 1,
         f"explained-in-another-reading: {''.join(explaining[:1])}": explaining,
-        f"helped-by: {best.label}": best.worst < HELPFUL * main.worst,
+        f"helped-by: {best.label}": best.worst < HELPFUL_RATIO * main.worst,
     }
     codes = [code for code, applies in patterns.items() if applies and not main.holds]
     codes += ["single-chain"] * (len(main.chains) == 1)
     if (own := source.friction) is not None and math.isfinite(main.uncertainty):
         difference = abs(main.friction - own.value)
-        if difference > LARGEST_DEVIATION * math.hypot(own.uncertainty, main.uncertainty):
+        if difference > MAX_DEVIATION * math.hypot(own.uncertainty, main.uncertainty):
             codes.append("friction-disagrees")
     return tuple(codes)

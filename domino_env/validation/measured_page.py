@@ -109,7 +109,7 @@ def _friction(comparison: Comparison) -> str:
 def draw(validations: Sequence[Validation], path: Path) -> None:
     """Draw speeds with two standard uncertainties, and the model at the fitted friction.
 
-    Frequencies and times are drawn as the speeds that they mean.
+    Frequencies and times are converted to speeds.
     """
     figure, panels = new_panels(len(validations), 2, (4.6, 3.0), (0.0, 0.7))
     for axes, validation in zip(panels, validations, strict=True):

@@ -1,11 +1,11 @@
 """General ODE solvers on the equations of motion, with fixed and adaptive steps in time.
 
-All of them solve the equation of `kernels/stepping.py`: every state of contact, face impacts,
-friction, unequal dominoes. They differ in their steps:
+All solve the equation of `kernels/stepping.py`, with every state of contact, face impacts, friction
+and unequal dominoes. They differ in their steps:
 
-    euler      explicit Euler, hits at the end of the step that passed them: order one
-    rk4-step   classic Runge-Kutta, the same
-    rk4        classic Runge-Kutta with located hits: order four
+    euler      explicit Euler, events at the end of the step that passes them: order one
+    rk4-step   classic Runge-Kutta, likewise: order one
+    rk4        classic Runge-Kutta with located events: order four
     RK45, DOP853, Radau, LSODA   SciPy's solve_ivp with events
 """
 
@@ -27,7 +27,7 @@ from domino_env.physics.wave import Outcome
 
 FIXED = {"euler": stepping.EULER, "rk4-step": stepping.RK4, "rk4": stepping.LOCATED}
 ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
-OVERSHOOT = 1e-12  # of 1 - cos θ, past which SciPy locates a change of contact, so that it is due
+OVERSHOOT = 1e-12  # of 1 - cos θ, past a change of contact: where SciPy locates the change
 
 
 def integrate(
@@ -99,7 +99,7 @@ def _adaptive(
             rate, (now, now + 1e4 * swing), (angle, speed), method=method, rtol=max(rtol, 2.3e-14),
             atol=(rtol * end, rtol / swing), events=events,
         )  # fmt: skip
-        if solution.status == -1:  # the step size fell to nothing
+        if solution.status == -1:  # the step size is below rounding
             return Outcome.NO_RIGID_ANSWER
         if solution.status == 0 or len(solution.t_events[2]) > 0:  # out of time, or it stops
             return Outcome.STALLED

@@ -5,7 +5,7 @@ of velocities are differences of positions, forces and impulses follow from one 
 of Newton's and Euler's equations, and friction opposes the sliding that follows from the positions.
 In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
 Gauss-Legendre collocation on panels that are halved until the halves agree with the whole. The
-result has about 18 correct digits unless u almost vanishes on the way.
+result has about 18 correct digits unless u is nearly 0 somewhere.
 
 `REFERENCE` holds the waves of `edge_cases.short_cases`, written by
 ``python -m domino_env.validation.edge_cases`` (mpmath needed, three minutes).
@@ -43,10 +43,10 @@ Angles = dict[int, Number]
 
 REFERENCE = Path(__file__).with_name("reference.json")
 DIGITS = 100  # of the arithmetic; 60 suffice if no gap is nearly out of reach
-FIGURES = 30  # of an arrival time
+SIGNIFICANT_DIGITS = 30  # of a stored arrival time
 NODES = 24  # of a panel
-U_ERROR, TIME_ERROR = 1e-24, 1e-18  # relative errors allowed in a panel
-DEPTH = 40  # largest number of halvings of a panel
+U_RTOL, TIME_RTOL = 1e-24, 1e-18  # relative errors allowed in a panel
+MAX_HALVINGS = 40  # of a panel
 IMPACT_TOLERANCE = 1e-9  # [rad] contacts that close within this do so in one impact
 
 
@@ -230,12 +230,12 @@ class _Chain:
         middle = (a + b) / 2
         first = self.panel(n, a, middle, u)
         second = self.panel(n, middle, b, first[0])
-        if abs(second[0] - end) <= U_ERROR * u or depth == DEPTH:
+        if abs(second[0] - end) <= U_RTOL * u or depth == MAX_HALVINGS:
             self.least = min(self.least, first[2], second[2])
             if self.least <= 0:
                 raise _StallError
             total = first[1] + second[1]
-            if abs(total - time) <= TIME_ERROR * total or depth == DEPTH:
+            if abs(total - time) <= TIME_RTOL * total or depth == MAX_HALVINGS:
                 return second[0], total
         u_middle, first_time = self.interval(n, a, middle, u, first, depth + 1)
         u_end, last_time = self.interval(n, middle, b, u_middle, None, depth + 1)
@@ -344,8 +344,11 @@ def reference_waves() -> dict[str, PreciseWave]:
 
 def _wave_entry(layout: Layout, physics: Physics) -> dict[str, object]:
     wave = precise_wave(layout, physics)
-    with mp.workdps(FIGURES):
-        times = [mp.nstr(mp.mpf(t.numerator) / t.denominator, FIGURES) for t in wave.arrival_times]
+    with mp.workdps(SIGNIFICANT_DIGITS):
+        times = [
+            mp.nstr(mp.mpf(t.numerator) / t.denominator, SIGNIFICANT_DIGITS)
+            for t in wave.arrival_times
+        ]
     return {
         "outcome": wave.outcome.name,
         "flushes": wave.flushes,

@@ -45,7 +45,7 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
     x_uncertainty, x_shift
         Standard uncertainty of x, and a shift that is added to every x [x_unit].
     floor
-        Only the chains on this floor; all without.
+        Floor of the chains that are compared; None for all.
     """
 
     thickness: Size
@@ -76,7 +76,7 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
         return length if self.x_is == "pitch" else length + self.thickness
 
     def speed(self, quantity: Quantity, x: float, value: float) -> float:
-        """Return the speed that a measured value at an x means [m/s]."""
+        """Convert a measured value at an x to a speed [m/s]."""
         if quantity == "time":
             value = (self.count - 1) / value
         return value if quantity == "speed" else value * self.pitch(x)
@@ -147,13 +147,15 @@ class Source(Table):
             )
         for setting in (self.setting, *self.readings.values()):
             if not self.chains_of(setting):
-                raise ValueError(f"rows: no chain is on the floor '{setting.floor}'")
+                raise ValueError(
+                    f"rows: no chain is on the floor '{setting.floor}': name the floor of a chain"
+                )
             for chain in self.chains_of(setting):
                 gap = setting.pitch(chain.x) - setting.thickness
                 if not 0.0 < gap < setting.height:
                     raise ValueError(
-                        f"rows: x = {chain.x} is a gap of {gap:.6g} m: must be more than 0 and "
-                        f"less than the height, {setting.height} m"
+                        f"rows: x = {chain.x} is a gap of {gap:.6g} m: give more than 0 and less "
+                        f"than the height, {setting.height} m"
                     )
 
     @classmethod
@@ -173,7 +175,7 @@ class Source(Table):
         pitches, frequencies
             (K,) pitch [m] and hits per second [1/s] of each chain.
         thickness, height, gravity
-            Of all dominoes [m], [m/s²].
+            Sizes of all dominoes [m], and acceleration of gravity [m/s²].
         pitch_uncertainty
             Standard uncertainty of each pitch [m].
 

@@ -16,16 +16,19 @@ from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
 from domino_env.view.comparison import ComparedLayout, require_compared
-from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
+from domino_env.view.drawing import AHEAD, Scale, draw_strip, draw_title, palette, stack_strips
 from domino_env.view.ground import relief
 
-MOST_DOMINOES = 5_000  # of a chain that can be drawn
-WIDEST = 10_000  # [px]
-MOST_PIXELS = 500_000_000  # pixels of all images, one byte each in few colours
-STRIP, POSE = 150, 100  # [px] height of a chain on flat ground, in an animation and in poses
-FURTHEST = 0.97  # furthest place of the leader over the width of a picture of poses
-LAST = 2000.0  # [ms] duration of the last image of an animation
-REST = 0.08  # [s] rest before the push and after the end, in the time of the wave
+MAX_DOMINOES = 5_000  # of a chain that can be drawn
+MAX_WIDTH = 10_000  # [px]
+MAX_PIXELS = 500_000_000  # pixels of all images, one byte each in few colours
+STRIP_HEIGHT, POSE_HEIGHT = (
+    150,
+    100,
+)  # [px] height of a chain on flat ground, in an animation and in poses
+MAX_LEADER_PLACE = 0.97  # of the width of a picture of poses
+LAST_DURATION = 2000.0  # [ms] duration of the last image of an animation
+REST = 0.08  # [s] before the push and after the end, in the time of the wave
 
 
 def frames(
@@ -50,7 +53,7 @@ def frames(
     width
         Width of an image [px], even.
     heading
-        Text above all chains, beside which the slowness is written; empty for none.
+        Text above all chains, followed by the time factor; empty for none.
 
     Yields
     ------
@@ -60,20 +63,20 @@ def frames(
     Raises
     ------
     ValueError
-        For a rate, a slowness or a width out of range, for a chain of more than 5 000 dominoes,
-        and for more pixels than memory should hold.
+        For a rate, time factor or width out of range, for a chain of more than 5 000 dominoes, and
+        for more than 500 million pixels.
     """
     require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
     require("slow", slow, above=0.0, hint="5 times slower than real time")
-    motions, scale = _stage(compared, width, STRIP)
+    motions, scale = _motions_and_scale(compared, width, STRIP_HEIGHT)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
-    above = [title(heading, pace, width)] if heading else []
+    above = [draw_title(heading, pace, width)] if heading else []
     for t in times:
-        yield stacked([*above, *_strips(compared, motions, float(t), scale, AHEAD)])
+        yield stack_strips([*above, *_strips(compared, motions, float(t), scale, AHEAD)])
 
 
 def poses(
@@ -103,20 +106,20 @@ def poses(
         For less than one moment, and as of `frames`.
     """
     require("moments", moments, 1, whole=True)
-    motions, scale = _stage(compared, width, POSE)
+    motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
     end = max(float(entry.wave.arrival_times[entry.wave.hit - 1]) for entry in compared)
-    strips = [title(heading, "", width)] if heading else []
+    strips = [draw_title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
-        strips += _strips(compared, motions, t, scale, FURTHEST)
-    return stacked(strips)
+        strips += _strips(compared, motions, t, scale, MAX_LEADER_PLACE)
+    return stack_strips(strips)
 
 
 def require_drawable(name: str, count: int) -> None:
     """Raise ValueError for a chain with too many dominoes to draw each."""
-    if count > MOST_DOMINOES:
-        raise ValueError(f"{name}: {count:,} dominoes: at most {MOST_DOMINOES:,} are drawn")
+    if count > MAX_DOMINOES:
+        raise ValueError(f"{name}: {count:,} dominoes: give at most {MAX_DOMINOES:,} to draw")
 
 
 def write_png(image: Image.Image, path: Path) -> None:
@@ -127,7 +130,7 @@ def write_png(image: Image.Image, path: Path) -> None:
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     """Write an animated GIF, and return its number of images."""
     first, *rest = map(_in_few_colours, images)
-    durations = [1000.0 / rate] * len(rest) + [LAST]
+    durations = [1000.0 / rate] * len(rest) + [LAST_DURATION]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     write_bytes(
         path, lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options)
@@ -165,11 +168,11 @@ def _in_few_colours(image: Image.Image) -> Image.Image:
     return image.quantize(palette=palette(), dither=Image.Dither.NONE)
 
 
-def _stage(
+def _motions_and_scale(
     compared: Sequence[ComparedLayout], width: int, height: int
 ) -> tuple[list[Motion], Scale]:
     """Return the motions of chains, and a scale at which all of them fit the width."""
-    require("width", width, 200, WIDEST, unit="px", hint="1000 is usual", whole=True)
+    require("width", width, 200, MAX_WIDTH, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
     require_compared(compared)
@@ -185,10 +188,10 @@ def _stage(
 def _require_pixels(strips: int, scale: Scale, options: str) -> None:
     """Raise ValueError for images that take too much memory."""
     pixels = strips * scale.width * scale.height
-    if pixels > MOST_PIXELS:
+    if pixels > MAX_PIXELS:
         raise ValueError(
             f"{strips:,} strips of {scale.width:,} by {scale.height:,} px have {pixels:,} pixels: "
-            f"at most {MOST_PIXELS:,} are drawn; choose a lower {options}"
+            f"at most {MAX_PIXELS:,} are drawn; choose a lower {options}"
         )
 
 
@@ -201,7 +204,7 @@ def _strips(
 ) -> list[Image.Image]:
     """Draw all chains at one instant, at the same places of the picture."""
     leaders = [int(motion.leader([t])[0][0]) for motion in motions]
-    # the picture moves only where the longest chain does not fit, and with the first leader
+    # the picture moves only if the longest chain does not fit, with the foremost leader
     longest = max(float(motion.layout.pivots[-1, 0]) for motion in motions)
     tallest = max(float(motion.layout.height.max()) for motion in motions)
     camera = 0.0
@@ -211,15 +214,17 @@ def _strips(
     strips = []
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
         finish = float(motion.layout.pivots[-1, 0])
-        leans, line = motion.angles([t])[0], _state(entry, t)
+        leans, line = motion.angles([t])[0], _status_line(entry, t)
         strips.append(
-            strip(motion.layout, leans, leader, scale, line, ahead, camera=camera, finish=finish)
+            draw_strip(
+                motion.layout, leans, leader, scale, line, ahead, camera=camera, finish=finish
+            )
         )
     return strips
 
 
-def _state(entry: ComparedLayout, t: float) -> str:
-    """Return the line above a chain: its clock, which stops at the last hit, and its speed."""
+def _status_line(entry: ComparedLayout, t: float) -> str:
+    """Return the text above a chain: the time up to the last hit, and the speed after it."""
     wave = entry.wave
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
     end = float(wave.arrival_times[wave.hit - 1])

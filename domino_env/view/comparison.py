@@ -19,7 +19,7 @@ from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
 
 STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
-EDGE = 1e-5  # part of an interval left out at its ends
+MARGIN = 1e-5  # part of an interval left out at its ends
 SIZES = "spacing", "thickness", "height", "positions"  # of a layout
 RUN_FIELDS = "trace", "learning", "verification", "score_text"  # of a compared layout
 
@@ -43,7 +43,7 @@ class ComparedLayout:
     score
         Score in the scene; None without a scene, and for a layout that breaks its rules.
     score_text
-        The same in words.
+        The score as text with its unit.
     unit
         Unit of the score.
     """
@@ -91,7 +91,7 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
 def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
     """Return a sentence on the best layout ("winner"), and the results of all ("results").
 
-    The scene's score decides where every layout has one, else the mean speed.
+    The best layout is that of the best score if every layout has one, else of the best mean speed.
     """
     scored = all(entry.score is not None for entry in compared)
     by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
@@ -120,18 +120,18 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
 
 
 def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
-    """Return the numbers that rank: the scores where all have one, else the speeds [m/s]."""
+    """Return the numbers to rank by: the scores if all layouts have one, else the speeds [m/s]."""
     scores = [entry.score for entry in compared if entry.score is not None]
     return scores if len(scores) == len(compared) else [entry.wave.mean_speed for entry in compared]
 
 
 def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
-    """Return the data of one layout; the page turns leans of the leader into those of all."""
+    """Return the data of one layout; the page computes the leans of all from the leader's."""
     wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
     # not at the two hits, whose times in the motion differ by rounding
-    part = np.clip(np.linspace(0.0, 1.0, STEPS + 1), EDGE, 1.0 - EDGE)
+    part = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
     times = ends[:-1, None] + part * np.maximum(np.diff(ends), 0.0)[:, None]
     leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
     led = leader == np.arange(wave.hit)[:, None]
@@ -139,12 +139,12 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     energy = energies(motion)
     return {
         "name": entry.name,
-        **{name: _short(getattr(layout, name)) for name in SIZES},
+        **{name: _round_values(getattr(layout, name)) for name in SIZES},
         "ground": _ground(layout),
-        "arrivals": _short(wave.arrival_times),
-        "speed": _short(wave.local_speed),
+        "arrivals": _round_values(wave.arrival_times),
+        "speed": _round_values(wave.local_speed),
         "hit": wave.hit,
-        "falls": [_short(leans) for leans in falls],
+        "falls": [_round_values(leans) for leans in falls],
         "end": float(motion.end),
         "mean_speed": wave.mean_speed,
         "outcome": wave.outcome.label,
@@ -155,9 +155,9 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
         "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
         "unit": entry.unit,
-        "kinetic": [_short(values) for values in _kinetic_of_falls(energy)],
+        "kinetic": [_round_values(values) for values in _kinetic_of_falls(energy)],
         "energy": {
-            name: _short(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
+            name: _round_values(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name in ("time", "released", "kinetic", "hits", "flushes", "friction")
         },
         **{name: getattr(entry, name) for name in RUN_FIELDS},
@@ -168,18 +168,18 @@ def _ground(layout: Layout) -> dict[str, list[Any]]:
     """Return the pivots, the tilt and the line of the ground."""
     steps = footing.normal_rises(layout.spacing, layout.thickness, layout.rise, layout.tilt)
     return {
-        "x": _short(layout.pivots[:, 0]),
-        "z": _short(layout.pivots[:, 1]),
-        "tilt": _short(layout.tilt),
-        "steps": _short(steps),
-        "line": [_short(point) for point in ground_line(layout)],
+        "x": _round_values(layout.pivots[:, 0]),
+        "z": _round_values(layout.pivots[:, 1]),
+        "tilt": _round_values(layout.tilt),
+        "steps": _round_values(steps),
+        "line": [_round_values(point) for point in ground_line(layout)],
     }
 
 
 def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     """Return the middle [s] and the mean kinetic energy [J] of each interval between hits.
 
-    Every hit takes half of the energy: the teeth of several curves would hide each other.
+    Every hit dissipates half of the energy, so curves with all samples would hide each other.
     """
     time, kinetic = (x.reshape(-1, PIECES + 1) for x in (energy.time, energy.kinetic))
     begins, ends = time[:, 0], time[:, -1]
@@ -188,7 +188,7 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     return 0.5 * (begins + ends)[moves], sums / (ends - begins)[moves]
 
 
-def _short(values: ArrayLike) -> list[Any]:
+def _round_values(values: ArrayLike) -> list[Any]:
     """Return values with seven digits, enough for a page; None where they are not finite."""
     return [
         float(f"{x:.7g}") if np.isfinite(x) else None for x in np.asarray(values, dtype=np.float64)

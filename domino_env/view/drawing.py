@@ -15,14 +15,14 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.view.ground import ground_line
 
-PAPER, STANDS = (255, 255, 255), (176, 186, 197)
-INK, PALE, SOFT, FALLS, LEADS = map(
+BACKGROUND, STANDING_COLOUR = (255, 255, 255), (176, 186, 197)
+INK, PALE, SOFT, FALLEN_COLOUR, LEADER_COLOUR = map(
     ImageColor.getrgb, (colours.INK, colours.PALE, colours.SOFT, colours.BLUE, colours.RED)
 )
-TITLE = 40  # height of the line above all strips [px]
-AHEAD = 0.72  # furthest place of the leader over the width of a moving picture
+TITLE_HEIGHT = 40  # height of the line above all strips [px]
+AHEAD = 0.72  # of the width of a moving picture: largest place of the leader
 ZOOM = 2  # factor by which strips are drawn larger before they are scaled down
-HIGHEST = 2.0  # strip heights that uneven ground may add; higher ground is followed
+MAX_RELIEF = 2.0  # [strip heights] added for uneven ground; on higher ground the strip follows
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,11 @@ class Scale:
         margin = 2.0 * tallest
         pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
-        room = 2 * round(0.5 * min(relief * pixels, HIGHEST * height))  # even, for films
+        room = 2 * round(0.5 * min(relief * pixels, MAX_RELIEF * height))  # even, for films
         return cls(width, height + room, pixels, int(0.80 * height) + room, room)
 
 
-def strip(
+def draw_strip(
     layout: Layout,
     leans: Floats,
     leader: int,
@@ -113,7 +113,7 @@ def strip(
         Image of the size of the scale.
     """
     w, h, k = scale.width * ZOOM, scale.height * ZOOM, scale.pixels * ZOOM
-    image = Image.new("RGB", (w, h), PAPER)
+    image = Image.new("RGB", (w, h), BACKGROUND)
     draw = ImageDraw.Draw(image)
     pivots = layout.pivots
     front, high = map(float, pivots[leader])
@@ -135,17 +135,17 @@ def strip(
     corners = outlines(layout, leans)
     across, down = left + corners[..., 0] * k, base - corners[..., 1] * k
     for i in np.flatnonzero((across.max(axis=1) > 0.0) & (across.min(axis=1) < w)):
-        colour = LEADS if i == leader else FALLS if i < leader else STANDS
-        draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=PAPER)
+        colour = LEADER_COLOUR if i == leader else FALLEN_COLOUR if i < leader else STANDING_COLOUR
+        draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=BACKGROUND)
     x, below, r = left + front * k, base - high * k, 5 * ZOOM  # a triangle points at the leader
     triangle = [(x, below + ZOOM), (x - r, below + 2 * r), (x + r, below + 2 * r)]
-    draw.polygon(triangle, fill=LEADS)
+    draw.polygon(triangle, fill=LEADER_COLOUR)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
     return image
 
 
-def show_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale) -> None:
+def draw_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale) -> None:
     """Draw the pieces in hand at the top right of a strip, upright and to scale.
 
     Parameters
@@ -163,25 +163,25 @@ def show_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale
     top, right = 34.0, scale.width - 20.0
     for size in thickness[::-1]:
         box = right - size * k, top, right, top + height * k
-        draw.rectangle(box, fill=STANDS, outline=INK)
+        draw.rectangle(box, fill=STANDING_COLOUR, outline=INK)
         right = box[0] - 8.0
     draw.text((scale.width - 20, 10), "in hand", fill=INK, font=font(15), anchor="ra")
 
 
-def title(text: str, right: str, width: int) -> Image.Image:
+def draw_title(text: str, right: str, width: int) -> Image.Image:
     """Draw the line above all strips, with a second text at its right end."""
-    image = Image.new("RGB", (width, TITLE), PAPER)
+    image = Image.new("RGB", (width, TITLE_HEIGHT), BACKGROUND)
     draw = ImageDraw.Draw(image)
     room = width - 60 - draw.textlength(right, font(14))
     size = next((s for s in range(19, 9, -1) if draw.textlength(text, font(s)) <= room), 9)
-    draw.text((20, TITLE - 6), text, fill=INK, font=font(size), anchor="lb")
-    draw.text((width - 20, TITLE - 6), right, fill=SOFT, font=font(14), anchor="rb")
+    draw.text((20, TITLE_HEIGHT - 6), text, fill=INK, font=font(size), anchor="lb")
+    draw.text((width - 20, TITLE_HEIGHT - 6), right, fill=SOFT, font=font(14), anchor="rb")
     return image
 
 
-def stacked(strips: list[Image.Image]) -> Image.Image:
+def stack_strips(strips: list[Image.Image]) -> Image.Image:
     """Stack strips below each other."""
-    image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), PAPER)
+    image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), BACKGROUND)
     y = 0
     for strip in strips:
         image.paste(strip, (0, y))
@@ -197,12 +197,12 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 @cache
 def palette() -> Image.Image:
-    """Return all colours of a picture and their blends into the paper, for formats with few."""
+    """Return a palette of the colours of a picture and their blends with the background."""
     shades = []
-    for colour in (INK, PALE, STANDS, FALLS, LEADS):
+    for colour in (INK, PALE, STANDING_COLOUR, FALLEN_COLOUR, LEADER_COLOUR):
         for part in np.linspace(1.0, 0.0, 9)[:-1]:
-            mixed = part * np.array(colour) + (1.0 - part) * np.array(PAPER)
+            mixed = part * np.array(colour) + (1.0 - part) * np.array(BACKGROUND)
             shades += [round(x) for x in mixed]
     image = Image.new("P", (1, 1))
-    image.putpalette(shades + list(PAPER))
+    image.putpalette(shades + list(BACKGROUND))
     return image

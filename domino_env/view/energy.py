@@ -1,4 +1,4 @@
-"""Energy: what gravity gives to a falling chain, and what takes it."""
+"""Energy balance of a falling chain."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from domino_env.kernels.arrays import FLIP, SWITCH
 from domino_env.physics.motion import PIECES, Motion, stack_sums
 from domino_env.physics.wave import simulate
 
-STEP = 1e-6  # [rad] angle of the leader for differences that give the rates of all dominoes
+STEP = 1e-6  # [rad] step of the leader's angle for the differences that are the rates of all others
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class Energy:
     flushes
         Energy lost in face impacts so far.
     friction
-        Energy lost to friction so far. It includes dominoes that fall alone, as the motion leaves
-        them where they were lost, and face impacts after the last hit of a wave that stops.
+        Energy lost to friction so far. It includes that of dominoes behind a separated contact,
+        whose motion is not computed, and of face impacts after the last hit of a wave that stops.
 
     Notes
     -----
@@ -54,7 +54,7 @@ class Energy:
 
 
 def energies(motion: Motion) -> Energy:
-    """Compute where the energy of a wave comes from and where it goes.
+    """Compute the energy balance of a wave.
 
     Parameters
     ----------
@@ -70,7 +70,8 @@ def energies(motion: Motion) -> Energy:
     -----
     Only the leader moves freely: the kinetic energy is that of its angular velocity, as simulated,
     times the rates at which all others follow. Hits and face impacts are instantaneous, and the
-    kinetic energy drops across them. Friction takes the rest; without friction face impacts do.
+    kinetic energy drops across them. The rest is lost to friction; without friction, in face
+    impacts.
     """
     layout, physics = motion.layout, motion.physics
     samples = motion.samples[: layout.count - 1]
@@ -83,13 +84,13 @@ def energies(motion: Motion) -> Energy:
     hits[1:] = np.cumsum(kinetic[:-1, -1] - kinetic[1:, 0])[:, None]
     pushed = float(kinetic[0, 0]) if len(samples) else 0.0
     lost = pushed + released - kinetic - hits
-    flushes = lost if physics.friction == 0.0 else _lost_in_flushes(motion)
+    flushes = lost if physics.friction == 0.0 else _face_impact_losses(motion)
     time = motion.starts[: len(samples), None] + samples["time"]
     series = released, kinetic, hits, flushes, lost - flushes
     return Energy(time.ravel(), pushed, *(values.ravel() for values in series))
 
 
-def _lost_in_flushes(motion: Motion) -> Floats:
+def _face_impact_losses(motion: Motion) -> Floats:
     """Return the energy lost in face impacts so far [J], at every sample of the motion."""
     tape: Any = simulate(motion.layout, motion.physics, gradient=True).tape
     tape = tape[tape["kind"] != FLIP]

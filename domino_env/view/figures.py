@@ -38,7 +38,7 @@ SPAN = WIDTH - LEFT - RIGHT
 LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55
 
 LONGEST = 45.0  # domino heights; of a longer layout the first dominoes are drawn
-SHORTEST = 8.0  # domino heights on paper; a shorter layout leaves room
+SHORTEST = 8.0  # domino heights on paper; beside a shorter layout space is left
 SHORTEST_GROWING = 3.0  # heights of the tallest domino on paper, where heights grow
 
 
@@ -102,16 +102,16 @@ def layouts_figure(
     require_type("ax", ax, Axes | None, "Matplotlib axes, or None for a new figure")
     if ax is not None:
         (panel or partial(_sizes, "spacing"))(ax, layouts, scene)
-        ax.set_xlabel(_across(layouts))
+        ax.set_xlabel(_x_label(layouts))
         if len(layouts) > 1:
             ax.legend(**LEGEND)
         return cast("Figure", ax.figure)
-    tall = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
-    low, high = _range(layouts, scene, tall)
-    end = min(high, low + LONGEST * tall)
+    tallest = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
+    low, high = _range(layouts, scene, tallest)
+    end = min(high, low + LONGEST * tallest)
     scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tall + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
+    strip = (tallest + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
     height = HEADING_HEIGHT + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
@@ -132,7 +132,7 @@ def layouts_figure(
         axes.set_xlim(low, high)
         axes.tick_params(labelbottom=panel is panels[-1])
         if panel is panels[-1]:
-            axes.set_xlabel(_across(layouts))
+            axes.set_xlabel(_x_label(layouts))
     if last:
         last(_axes(figure, FOOT, PANEL))
     return figure
@@ -202,7 +202,7 @@ _Panel = Callable[[Axes, Sequence[DrawnLayout], Scene | None], None]
 
 
 def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]:
-    """Return the panels along the layouts: sizes only where they are free, or differ."""
+    """Return the panels along the layouts; sizes that are fixed and equal have none."""
     panels: list[_Panel] = [partial(_sizes, "spacing")] if layouts[0].layout.count > 1 else []
     for name in ("thickness", "height"):
         free = scene is not None and getattr(scene, f"free_{name}")
@@ -213,18 +213,20 @@ def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]
     return panels
 
 
-def _across(layouts: Sequence[DrawnLayout]) -> str:
+def _x_label(layouts: Sequence[DrawnLayout]) -> str:
     """Return the label of the x axis."""
     place = "position" if all(drawn.layout.is_flat for drawn in layouts) else "horizontally"
     return f"{place} from the first pivot [mm]"
 
 
-def _range(layouts: Sequence[DrawnLayout], scene: Scene | None, tall: float) -> tuple[float, float]:
-    """Return the range of x from the first pivot; tall: height of the tallest domino [mm]."""
-    low = -1e3 * float(layouts[-1].layout.thickness[0]) - 0.8 * tall
+def _range(
+    layouts: Sequence[DrawnLayout], scene: Scene | None, tallest: float
+) -> tuple[float, float]:
+    """Return the range of x from the first pivot; tallest: height of the tallest domino [mm]."""
+    low = -1e3 * float(layouts[-1].layout.thickness[0]) - 0.8 * tallest
     shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
     longest = 1e3 * max(float(drawn.layout.pivots[-1, 0]) for drawn in layouts)
-    return low, max(longest + 0.25 * tall, low + shortest * tall)
+    return low, max(longest + 0.25 * tallest, low + shortest * tallest)
 
 
 def _axes(figure: Figure, bottom: float, height: float) -> Axes:
@@ -295,7 +297,7 @@ def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]
 
 
 def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene | None) -> None:
-    """Draw spacing, thickness or height; the scene's bounds, dashed, where they are near."""
+    """Draw spacing, thickness or height, and the scene's bounds as dashed lines if in range."""
     values = [1e3 * getattr(drawn.layout, name)[1 - drawn.layout.count :] for drawn in layouts]
     if name != "height" and len(values[0]):
         low, high = min(v.min() for v in values), max(v.max() for v in values)

@@ -181,7 +181,7 @@ def _curve(
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """Return what the page shows of a verification: the folder's, else the shipped one."""
+    """Return the data of a verification for the page: the folder's, else the shipped one."""
     path = folder / "verification.json" if folder else None
     if path is None or not path.exists():
         known = known_verification(layout, physics)

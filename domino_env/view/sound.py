@@ -16,13 +16,13 @@ from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, require_wave
 
 RATE = 44100  # [1/s] samples
-MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
+MAX_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
 SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # [1/s] samples of a recording per second
 REST = 0.1  # [s] of silence before and after the clicks
 CLICK_PITCH, DECAY = 3200.0, 0.0012  # [Hz], [s] of a click
 HOP = 0.0005  # [s] between two values of the loudness
 SLOWEST, FASTEST = 5.0, 250.0  # [1/s] range of hit frequencies
-QUIET = 0.1  # part of the 95th percentile of the loudness below which nothing topples
+QUIET = 0.1  # of the 95th percentile of the loudness: below it nothing topples
 RUN_UP = 0.25  # part of the recording in which the wave still accelerates
 PARTS = 5  # parts of a recording, estimated separately for the uncertainty
 LEAST_HITS = 8  # least number of hits in a part
@@ -53,8 +53,10 @@ def clicks(wave: Wave) -> Floats:
     _require_samples(samples, f"a wave of {end:.4g} s has")
     sound = np.zeros(samples)
     length = int(8.0 * DECAY * RATE)
-    loud = np.abs(wave.impact_velocity[: len(times)])
-    for t, level in zip(times, loud / max(float(loud.max(initial=0.0)), 1e-12), strict=True):
+    loudness = np.abs(wave.impact_velocity[: len(times)])
+    for t, level in zip(
+        times, loudness / max(float(loudness.max(initial=0.0)), 1e-12), strict=True
+    ):
         first = int(np.ceil((t + REST) * RATE))
         since = np.arange(first, first + length) / RATE - (t + REST)
         sound[first : first + length] += (
@@ -98,16 +100,16 @@ def read_wav(path: Path) -> tuple[Floats, int]:
                 warnings.simplefilter("ignore", wavfile.WavFileWarning)
                 rate, whole = wavfile.read(io.BytesIO(data))
         except Exception as error:  # SciPy fails in many ways on a wrong header
-            why = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
+            reason = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
             raise ValueError(
-                f"not a plain WAV file, or cut off amid a sample ({why}); convert it to PCM WAV"
+                f"not a plain WAV file, or cut off amid a sample ({reason}); convert it to PCM WAV"
             ) from None
         require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
         _require_samples(whole.size, "it holds")
-        return _in_unit(whole).reshape(len(whole), -1).mean(1), rate
+        return _scale_samples(whole).reshape(len(whole), -1).mean(1), rate
 
 
-def _in_unit(whole: NDArray[np.generic]) -> Floats:
+def _scale_samples(whole: NDArray[np.generic]) -> Floats:
     """Return samples of a file in -1 … 1; below 9 bits they are unsigned."""
     samples = whole.astype(np.float64)
     if whole.dtype.kind == "f":
@@ -117,10 +119,8 @@ def _in_unit(whole: NDArray[np.generic]) -> Floats:
 
 
 def _require_samples(number: int, subject: str) -> None:
-    if number > MOST_SAMPLES:
-        raise ValueError(
-            f"{subject} {number:,} samples, where at most {MOST_SAMPLES:,} are handled"
-        )
+    if number > MAX_SAMPLES:
+        raise ValueError(f"{subject} {number:,} samples: give at most {MAX_SAMPLES:,}")
 
 
 @dataclass(frozen=True)
@@ -172,22 +172,22 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
     if not samples.any():
         raise ValueError("the recording is silent: record it again")
-    loud = _onsets(samples, rate)
-    if not loud.any():
+    loudness = _onsets(samples, rate)
+    if not loudness.any():
         raise ValueError("the recording has no sound that begins or ends: record it again")
-    busy = np.flatnonzero(loud > QUIET * float(np.quantile(loud[loud > 0.0], 0.95)))
+    busy = np.flatnonzero(loudness > QUIET * float(np.quantile(loudness[loudness > 0.0], 0.95)))
     first, last = int(busy[0]), int(busy[-1]) + 1
-    steady = loud[first + int(RUN_UP * (last - first)) : last]
+    steady = loudness[first + int(RUN_UP * (last - first)) : last]
     seconds = len(steady) * HOP
     if seconds < 2.0 * LEAST_HITS / FASTEST:
         raise ValueError(
             f"only {seconds:.2f} s of toppling in the recording: record a longer chain"
         )
-    frequency, clarity = _repeat(steady, SLOWEST, FASTEST)
+    frequency, clarity = _strongest_repeat(steady, SLOWEST, FASTEST)
     size = max(len(steady) // PARTS, int(LEAST_HITS / frequency / HOP))
     count = len(steady) // size
     parts = [
-        _repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
+        _strongest_repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
         for k in range(count)
     ]
     # half a hop in the whole duration is the smallest uncertainty
@@ -207,24 +207,24 @@ def _onsets(samples: Floats, rate: int) -> Floats:
     return np.convolve(rise, kernel / kernel.sum(), mode="same")
 
 
-def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]:
+def _strongest_repeat(loudness: Floats, slowest: float, fastest: float) -> tuple[float, float]:
     """Return frequency and height of the strongest repeat between two frequencies."""
     from scipy import signal
 
-    centred = loud - loud.mean()
+    centred = loudness - loudness.mean()
     raw = signal.correlate(centred, centred, method="fft")[len(centred) - 1 :]
     same = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
     low = max(int(1.0 / fastest / HOP), 1)
     high = min(int(1.0 / slowest / HOP) + 2, 2 * len(centred) // 3)
     if high - low < 3:
-        raise ValueError("the recording is too short for this frequency")
+        raise ValueError("the recording is too short for this frequency: record a longer chain")
     inside = same[low:high]
     best = float(inside.max())
     # the multiples of the period repeat as well: take the shortest
     peaks, _ = signal.find_peaks(inside, height=0.8 * best)
     lag = low + int(peaks[0] if len(peaks) else inside.argmax())
-    # then as many periods further as still repeat clearly, for a finer value
-    period = _between(same, lag)
+    # a multiple of the period, as far as the signal still repeats clearly, gives a finer value
+    period = _parabola_peak(same, lag)
     times = 1
     while True:
         guess = round((times + 1) * period)
@@ -235,12 +235,12 @@ def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]
         if same[near] < 0.5 * best or near in (guess - reach, guess + reach):
             break
         times += 1
-        period = _between(same, near) / times
+        period = _parabola_peak(same, near) / times
     return 1.0 / (period * HOP), float(same[lag])
 
 
-def _between(values: Floats, k: int) -> float:
-    """Return the place of the maximum of a parabola through three neighbours."""
+def _parabola_peak(values: Floats, k: int) -> float:
+    """Return the position of the maximum of the parabola through values k-1, k and k+1."""
     a, b, c = values[k - 1 : k + 2]
     bend = a - 2.0 * b + c
     return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)

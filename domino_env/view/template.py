@@ -28,9 +28,9 @@ from domino_env.physics.wave import simulate
 from domino_env.view.ground import positions_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
-MOST_SHEETS = 1_000  # sheets of a layout of some hundred metres
-MARGIN = 0.014  # [m] that stays white
-LEAST_MARGIN = 0.006  # [m] that printers need, where that saves a sheet
+MAX_SHEETS = 1_000  # sheets of a layout of some hundred metres
+MARGIN = 0.014  # [m] of blank paper
+LEAST_MARGIN = 0.006  # [m] that printers need; used if it saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
 BESIDE = 0.013  # [m] width of a strip on both sides of the dominoes, for their numbers
@@ -73,7 +73,7 @@ class Strip:
 def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     """Cut a layout into strips, as many on a sheet of paper as fit.
 
-    The margins are narrower where that saves a sheet.
+    The margins are narrower if that saves a sheet.
 
     Parameters
     ----------
@@ -97,7 +97,10 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     across = layout.width + 2.0 * BESIDE
     on_a_sheet = int((high - HEAD - FOOT) / across)
     if on_a_sheet < 1:
-        raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
+        raise ValueError(
+            f"width = {layout.width} m: the dominoes are wider than {paper} paper; give at most "
+            f"{high - HEAD - FOOT - 2.0 * BESIDE:.3g} m"
+        )
     front = positions_along(layout)
     rear = front - layout.thickness
     begin, margin = float(rear[0]) - LEAD, MARGIN
@@ -107,19 +110,19 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
         total, margin = fewer, 0.5 * (wide - whole / fewer)
     stretch = wide - 2.0 * margin
-    if total > MOST_SHEETS * on_a_sheet:
+    if total > MAX_SHEETS * on_a_sheet:
         raise ValueError(
             f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
-            f"at most {MOST_SHEETS:,} are drawn; check that its sizes are in metres"
+            f"at most {MAX_SHEETS:,} are drawn; check that its sizes are in metres"
         )
-    plan = []
+    cut = []
     for k in range(total):
         left, right = begin + k * stretch, begin + (k + 1) * stretch
         inside = np.flatnonzero((front > left) & (rear < right))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        plan.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
-    return plan
+        cut.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
+    return cut
 
 
 def write_template(
@@ -147,7 +150,7 @@ def write_template(
     Returns
     -------
     str
-        Amount of paper, and the first thing to do.
+        Number of sheets and strips, and the first step.
 
     Raises
     ------
@@ -163,12 +166,12 @@ def write_template(
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _advise(axes, _advice(plan, layout, physics))
+            _write_advice(axes, _advice(plan, layout, physics))
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in plan:
                     if strip.sheet == number:
-                        _draw(axes, layout, strip, len(plan))
+                        _draw_one_strip(axes, layout, strip, len(plan))
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
     pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(plan), 'strip')}"
@@ -227,7 +230,7 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     pages.savefig(figure)
 
 
-def _advise(axes: Axes, steps: Sequence[str]) -> None:
+def _write_advice(axes: Axes, steps: Sequence[str]) -> None:
     """Write the steps of building the layout."""
     left, y = MARGIN * MM, axes.get_ylim()[1] - 32.0
     axes.text(left, y, "How to build it", size=11, color=INK, weight="bold")
@@ -238,7 +241,7 @@ def _advise(axes: Axes, steps: Sequence[str]) -> None:
         y -= 4.9 * (len(lines) - 1)
 
 
-def _draw(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
+def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
     """Draw one of all strips: edges, dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
     places, left = positions_along(layout), strip.margin * MM

@@ -22,7 +22,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.view.drawing import Scale, strip
+from domino_env.view.drawing import Scale, draw_strip
 from optimize.evaluator import Evaluator
 from optimize.methods import registry
 from optimize.methods.scipy_methods import descend
@@ -180,7 +180,7 @@ class DominoProblem(Problem[Floats]):
         """
         layout = self.layout(design)
         scale = Scale.fitting(layout.length, float(layout.height.max()), WIDTH, HEIGHT)
-        image = strip(layout, np.zeros(layout.count), 0, scale, self.scene.title)
+        image = draw_strip(layout, np.zeros(layout.count), 0, scale, self.scene.title)
         if open_window:
             image.show()
         return image

@@ -15,7 +15,7 @@ from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
-from domino_env.view.drawing import FALLS, LEADS, STANDS
+from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR
 from domino_env.view.ground import ground_line
 from optimize.interactive.design import SPACING, THICKNESS
 
@@ -27,7 +27,7 @@ LONGEST = 60.0  # heights of a chain that is shown whole; of a longer one the be
 AHEAD = 0.7  # of the width: furthest place of the leading domino
 SPEED = "speed"
 COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of dominoes
-COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLS, LEADS, STANDS)]
+COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR)]
 
 
 TITLES = {

@@ -106,7 +106,7 @@ def test_json_for_other_programs(output_of, file):
     ("click FILE --push 0.1", "row.csv: no domino hits another, so there is no sound: the wave st"),
     ("click FILE --wav BAD/x.wav", "bad.csv is a file: name a folder"),
     ("optimize sprint --method cmae", "method = 'cmae': did you mean 'cma'?"),
-    ("validate 0.016=64", "x = 1.6e-05 is a gap of -0.007484 m: must be more than 0"),
+    ("validate 0.016=64", "x = 1.6e-05 is a gap of -0.007484 m: give more than 0"),
 ])  # fmt: skip
 def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from domino_env.view.drawing import FALLS, LEADS
+from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR
 
 
 def played(mode: str, steps: int, scene: str = "sprint") -> gymnasium.Env:
@@ -25,16 +25,16 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
 
 @pytest.mark.parametrize("scene", ["sprint", "course", "marathon"])
 def test_an_image_shows_leader_and_fallen_dominoes(scene):
-    assert pixels(played("rgb_array", 0, scene).render(), LEADS) > 100
+    assert pixels(played("rgb_array", 0, scene).render(), LEADER_COLOUR) > 100
     env = played("rgb_array", 12, scene)
     frame = env.render()
     assert frame.dtype == np.uint8
     assert frame.shape == (200, 1200, 3)
-    assert pixels(frame, LEADS) > 100
-    assert pixels(frame, FALLS) > 5 * pixels(frame, LEADS)
+    assert pixels(frame, LEADER_COLOUR) > 100
+    assert pixels(frame, FALLEN_COLOUR) > 5 * pixels(frame, LEADER_COLOUR)
     while not env.step(np.full(env.action_space.shape, -0.1, dtype=np.float32))[2]:
         pass
-    assert pixels(env.render(), FALLS) > pixels(frame, FALLS)
+    assert pixels(env.render(), FALLEN_COLOUR) > pixels(frame, FALLEN_COLOUR)
 
 
 def test_text_shows_the_chain_to_scale():

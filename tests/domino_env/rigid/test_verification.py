@@ -84,7 +84,7 @@ def test_the_engine_agrees_with_both_or_reports_that_it_has_not_converged(layout
     for rigid, in_engine in zip(checked.reference, checked.engine, strict=True):
         assert largest_difference(rigid.arrival_times, in_engine.arrival_times) < 2e-3
         assert rigid.toppled == in_engine.toppled == 14
-    monkeypatch.setattr(engine, "MOST_SWEEPS", 60)
+    monkeypatch.setattr(engine, "MAX_SWEEPS", 60)
     rough = verify(layout, PHYSICS, floors=[], engine=True)
     # the sweeps were not doubled, so the effect of more sweeps is unknown
     assert (rough.engine[0].converged, rough.engine[0].error_estimate) == (False, math.inf)

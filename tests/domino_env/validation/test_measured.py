@@ -139,7 +139,7 @@ def test_the_command(tmp_path, capsys):
     own.write_text(text.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
     for word, message in {
         "nobody": "give a source (camera, ",
-        "5=60": "x = 0.005 is a gap of -0.0025 m: must be more than 0 and less than the height",
+        "5=60": "x = 0.005 is a gap of -0.0025 m: give more than 0 and less than the height",
         "16=x": "write PITCH=FREQUENCY", str(own): "own.toml: unknown key 'setting.heihgt'",
     }.items():  # fmt: skip
         assert main(["validate", word]) == 2

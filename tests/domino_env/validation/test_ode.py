@@ -62,7 +62,7 @@ def test_scipy_converges_to_the_simulator(name, method):
 
 ENDS = {
     name: CASES[name]
-    for name in ("μ = 0.25, dies in a tight gap", "μ = 0.25, out of reach", "jams")
+    for name in ("μ = 0.25, stalls in a tight gap", "μ = 0.25, out of reach", "jams")
 } | {
     "jams at a face impact": (
         Layout([0.015, 0.001, *[0.015] * 6], 0.0075), Physics(1.0, push=20.0)

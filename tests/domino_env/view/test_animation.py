@@ -10,7 +10,7 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.view.animation import frames, write_gif
 from domino_env.view.comparison import ComparedLayout
-from domino_env.view.drawing import FALLS, LEADS, STANDS
+from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR
 
 
 def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
@@ -25,9 +25,9 @@ def test_a_race_ends_when_all_lie(tmp_path):
     images = list(frames(compared, rate=10, slow=4, width=600))
     first, last = np.asarray(images[0]), np.asarray(images[-1])
     assert first.shape == (300, 600, 3)
-    assert pixels(first, FALLS) == 0
-    assert pixels(first, STANDS) > 1000
-    assert pixels(last, STANDS) < 20
+    assert pixels(first, FALLEN_COLOUR) == 0
+    assert pixels(first, STANDING_COLOUR) > 1000
+    assert pixels(last, STANDING_COLOUR) < 20
     headed = np.asarray(next(frames(compared, rate=10, slow=4, width=600, heading=40 * "long ")))
     above = len(headed) - 300
     assert above > 20
@@ -35,7 +35,7 @@ def test_a_race_ends_when_all_lie(tmp_path):
     assert write_gif(iter(images), tmp_path / "race.gif", 10) == len(images)
     with Image.open(tmp_path / "race.gif") as read:
         assert read.n_frames > len(images) / 2  # frames that are alike are one
-        assert pixels(np.asarray(read.convert("RGB")), LEADS) > 0
+        assert pixels(np.asarray(read.convert("RGB")), LEADER_COLOUR) > 0
     assert [f.name for f in tmp_path.iterdir()] == ["race.gif"]
 
 

@@ -6,7 +6,7 @@ from uneven_layouts import uneven_layout
 
 import domino_env as de
 from domino_env.physics.motion import outlines, stack_leans
-from domino_env.view.drawing import PAPER, Scale, strip
+from domino_env.view.drawing import BACKGROUND, Scale, draw_strip
 from domino_env.view.ground import ground_line, positions_along, relief
 
 LAYOUT = uneven_layout(3, 12)
@@ -49,8 +49,8 @@ def test_every_picture_stands_on_its_ground(layout):
     tall = float(layout.height.max())
     scale = Scale.fitting(layout.length, tall, 600, 150, relief(layout))
     (leans,) = stack_leans(layout, np.array([layout.count - 1]), layout.tilt[-1:])
-    image = strip(layout, leans, 0, scale, "")
-    drawn = (np.asarray(image) != PAPER).any(axis=2)
+    image = draw_strip(layout, leans, 0, scale, "")
+    drawn = (np.asarray(image) != BACKGROUND).any(axis=2)
     lowest = drawn.shape[0] - 1 - np.argmax(drawn[::-1], axis=0)
     line = ground_line(layout)
     x = 20.0 + (line[:, 0] + 1.2 * layout.thickness[0]) * scale.pixels
