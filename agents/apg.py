@@ -4,7 +4,7 @@ The derivative of the score with respect to the layout is exact (`Scene.evaluate
 of the expected return needs no critic and no likelihood ratio. Layouts are built with noise, which
 smooths the score over nearby layouts and decreases on a schedule; the gradient of each score is
 propagated back through the placing of dominoes and through the network. The policy observes its
-position in the chain, the features of sampled scenes, and the random entries of `follows`: the
+position in the chain, the features of sampled scenes, and the entries of `random_parts`: the
 weights of all other entries of an observation stay zero.
 
 References
@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from agents.reacting import RTOL, Episodes, antithetic_noise, follows
+from agents.closed_loop import RTOL, Episodes, antithetic_noise, random_parts
 from domino_env import Scene, load_scene
 from domino_env.core.files import as_text
 from domino_env.envs.spaces import closeness
@@ -61,7 +61,7 @@ class APG(OnPolicyAlgorithm):
         )  # fmt: skip
 
     def _setup_model(self) -> None:
-        """Begin with the uniform baseline, and with zero weights for what is not observed."""
+        """Initialise the policy to the uniform baseline, with zero weights of unused entries."""
         super()._setup_model()
         if self.env is None:
             return
@@ -73,7 +73,7 @@ class APG(OnPolicyAlgorithm):
         scene = env.vector.scenes[0]
         self._mask = np.zeros(env.observation_space.shape, np.float32)
         self._mask[first:last] = 1.0
-        for name in follows(scene):
+        for name in random_parts(scene):
             self._mask[parts[name]] = 1.0
         layouts = [scene.uniform().layout for scene in env.vector.scenes]
         env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
@@ -88,20 +88,20 @@ class APG(OnPolicyAlgorithm):
     ) -> bool:
         """Build a layout with noise in each environment, and compute the loss."""
         callback.on_rollout_start()
-        if follows(env.vector.scenes[0]):
+        if random_parts(env.vector.scenes[0]):
             episodes = Episodes(self.policy, env, torch.from_numpy(self._mask))
             self._loss, infos = episodes.loss(), episodes.infos
         else:
-            self._loss, infos = self._simulated(env)
+            self._loss, infos = self._open_loop_loss(env)
         self.num_timesteps += sum(scene.count - 1 for scene in env.vector.scenes)
         callback.update_locals({"infos": infos})
         proceed = callback.on_step()
         callback.on_rollout_end()
         return bool(proceed)
 
-    def _simulated(self, env: Any) -> tuple[torch.Tensor, list[dict[str, Any]]]:
+    def _open_loop_loss(self, env: Any) -> tuple[torch.Tensor, list[dict[str, Any]]]:
         """Return minus the mean return [%] of layouts that are simulated as a whole, and infos."""
-        scenes, observations = _begin(env)
+        scenes, observations = _initial_observations(env)
         normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
         mean, deviation = (
             part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
@@ -210,7 +210,7 @@ class _Placing(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
-        """Propagate gradients back, but none of a descent that moves an action further outwards."""
+        """Propagate gradients back; descent moves no action further out of its bounds."""
         gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
         gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
@@ -219,14 +219,14 @@ class _Placing(torch.autograd.Function):
 def require_smooth(scene: Scene) -> None:
     """Raise ValueError for a scene whose layouts are no smooth function of actions."""
     lists = (scene.spacing_values, scene.thickness_values, scene.stock)
-    if not follows(scene) and any(rule is not None for rule in lists):
+    if not random_parts(scene) and any(rule is not None for rule in lists):
         raise ValueError(
             f"scene '{scene.name}' has a list of values, a step or a stock: its score has no "
             "gradient with respect to actions, which apg needs; remove them, or use ppo"
         )
 
 
-def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
+def _initial_observations(env: Any) -> tuple[list[Scene], torch.Tensor]:
     """Return the scenes of B environments, and the observations of whole episodes.
 
     Their shape is (B, P, O) for P pairs of the longest chain, or (1, P, O) with a single scene.

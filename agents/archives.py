@@ -56,14 +56,14 @@ def load_archive(
     """
     require_learning()
     try:
-        statistics = _statistics_beside(path)
+        statistics = _find_statistics(path)
         if statistics is not None and not trust:
             raise UnsupportedPolicyError(
                 f"its observations were normalised by {statistics}, a pickle"
             )
-        policy, size = _unpickled(path) if trust else _rebuilt(path)
+        policy, size = _unpickle(path) if trust else _rebuild(path)
         if statistics is not None:
-            policy = _normalised(policy, statistics)
+            policy = _normalise(policy, statistics)
     except OSError:
         raise
     except Exception as error:  # raised by code in the archive, or by a damaged file
@@ -82,7 +82,7 @@ def load_archive(
     return ScenePolicy(path, policy, size, distribution)
 
 
-def _rebuilt(path: Path) -> tuple[Policy, int]:
+def _rebuild(path: Path) -> tuple[Policy, int]:
     """Rebuild a multilayer perceptron; return it as a policy, and the size of its observations."""
     import torch
 
@@ -102,7 +102,7 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
     return network.act, size
 
 
-def _unpickled(path: Path) -> tuple[Policy, int]:
+def _unpickle(path: Path) -> tuple[Policy, int]:
     """Load a policy with Stable-Baselines3; return it, and the size of its observations."""
     import torch
     from sb3_contrib.ars.policies import ARSPolicy
@@ -126,14 +126,14 @@ def _unpickled(path: Path) -> tuple[Policy, int]:
     return policy, int(space.shape[0])
 
 
-def _statistics_beside(path: Path) -> Path | None:
+def _find_statistics(path: Path) -> Path | None:
     """Return the file with the statistics of `VecNormalize` of an archive; None without one."""
     folder = path.parent
     files = (folder / "vecnormalize.pkl", folder / "vec_normalize.pkl")
     return next(filter(Path.exists, (*files, *folder.glob("Domino*-v*/vecnormalize.pkl"))), None)
 
 
-def _normalised(policy: Policy, statistics: Path) -> Policy:
+def _normalise(policy: Policy, statistics: Path) -> Policy:
     """Return a policy whose observations are normalised by the statistics in a pickle."""
     import pickle
 

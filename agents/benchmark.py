@@ -22,11 +22,11 @@ import msgspec
 import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
-from agents.evaluation import evaluate_gains, read_searched
-from agents.outside import load_fit, train_outside
+from agents.evaluation import evaluate_gains, read_search_scores
 from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, read_summary
 from agents.rollout import Rollout
 from agents.scripted import SCRIPTED, ScriptedPolicy
+from agents.third_party import load_fit, train_third_party
 from agents.training import train
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require
@@ -36,11 +36,11 @@ from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import parse_document
 from domino_env.scenes.pool import load_test_set
-from optimize.evaluator import Step
+from optimize.evaluator import TraceEntry
 from optimize.experiments.compare import known_score, require_distinct
-from optimize.experiments.task import Task, TaskResult, digest, scene_of
+from optimize.experiments.task import Task, TaskResult, digest, read_scene
 from optimize.methods import registry
-from optimize.searching import compile_for
+from optimize.searching import compile_simulations
 
 Target = Scene | SceneDistribution
 SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied")
@@ -50,8 +50,8 @@ FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
 ENVIRONMENT = "DominoChain-v1"  # its version fixes rewards, observations and scenes
 TRAININGS = Path("runs/benchmark")  # one folder for each training
 SEARCH_TIME_RATIO = 0.04  # time limit of a search in a test set over that in a single scene
-POINTS = 60  # number of points of the trace of many searches
-STOPPED = -1.0  # gain of a layout whose wave stops
+TRACE_POINTS = 60  # of the trace of many searches, and of a trace in the table of runs
+STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and least gain of others
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class BenchmarkTask(Task):
         """Train, build or search, and evaluate; continue a stopped training."""
         target = self.target
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
-        compile_for(scenes[0], gradients=True, episodes=True)  # before time is measured
+        compile_simulations(scenes[0], gradients=True, episodes=True)  # before time is measured
         evaluation: Rollout | Floats
         if is_learner(self.method):
             policy, trace, work = self._train()
@@ -116,17 +116,17 @@ class BenchmarkTask(Task):
                 evaluation = policy.build(target)
             else:
                 evaluation = evaluate_gains(policy.policy, target, scenes)
-            return self._evaluated(evaluation, trace, work)
+            return self._evaluation_result(evaluation, trace, work)
         if self.method in SCRIPTED:
-            began, scripted = clock(), ScriptedPolicy(self.method)
+            start, scripted = clock(), ScriptedPolicy(self.method)
             rollouts = [scripted.build(scene) for scene in scenes]
-            seconds = clock() - began
+            seconds = clock() - start
             evaluation = rollouts[0]
             if not isinstance(target, Scene):
                 evaluation = np.array([_gain(rollout.gain) for rollout in rollouts])
             placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)
             work = {"simulations": sum(rollout.simulations for rollout in rollouts)}
-            return self._evaluated(evaluation, [(placed, placed, seconds, np.nan)], work)
+            return self._evaluation_result(evaluation, [(placed, placed, seconds, np.nan)], work)
         if not isinstance(target, Scene):
             return self._search_all(scenes)
         result = super().run(clock)
@@ -134,10 +134,10 @@ class BenchmarkTask(Task):
         trace = [(placed * n, falls, t, score) for n, falls, t, score in result.trace]
         return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])
 
-    def _train(self) -> tuple[ScenePolicy, list[Step], Mapping[str, int]]:
+    def _train(self) -> tuple[ScenePolicy, list[TraceEntry], Mapping[str, int]]:
         """Train; return the policy, its learning curve and counts of simulations and updates."""
         if self.method not in ALGORITHMS:
-            return train_outside(self.method, self.target, self.steps, self.seed)
+            return train_third_party(self.method, self.target, self.steps, self.seed)
         folder = self.folder
         if not ((folder / SUMMARY).exists() and read_summary(folder).finished):
             # before time is measured, as the first optimiser would import it
@@ -152,8 +152,8 @@ class BenchmarkTask(Task):
         work = {name: getattr(summary, name) for name in ("simulations", "gradients", "updates")}
         return ScenePolicy.load(folder), learning_curve(folder), work
 
-    def _evaluated(
-        self, evaluation: Rollout | Floats, trace: list[Step], work: Mapping[str, int]
+    def _evaluation_result(
+        self, evaluation: Rollout | Floats, trace: list[TraceEntry], work: Mapping[str, int]
     ) -> TaskResult:
         """Return the result of a policy from its layout, or from its gains in a test set.
 
@@ -168,9 +168,9 @@ class BenchmarkTask(Task):
         trace[-1] = (*trace[-1][:3], score)
         return self.make_result(trace, score, uniform, gain, wave, **work)
 
-    def software(self) -> dict[str, str]:
+    def software_versions(self) -> dict[str, str]:
         """Return versions of packages, the commit and the processor."""
-        return super().software() | machine()
+        return super().software_versions() | machine_versions()
 
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
         """Search in each scene of a test set.
@@ -187,10 +187,10 @@ class BenchmarkTask(Task):
         first, last = max(trace[0, 2] for trace in traces), max(ends)
         uniform = np.array([result.uniform_score for result in results])
         pairs = np.array([scene.count - 1 for scene in scenes])
-        steps: list[Step] = []
-        for moment in np.geomspace(max(first, 1e-6), max(last, 1e-6), POINTS):
+        steps: list[TraceEntry] = []
+        for moment in np.geomspace(max(first, 1e-6), max(last, 1e-6), TRACE_POINTS):
             latest = np.array([t[np.searchsorted(t[:, 2], moment, "right") - 1] for t in traces])
-            gain = float(np.median(np.maximum(latest[:, 3] / uniform - 1.0, STOPPED)))
+            gain = float(np.median(np.maximum(latest[:, 3] / uniform - 1.0, STOPPED_GAIN)))
             placed, falls = int(latest[:, 0] @ pairs), int(latest[:, 1].sum())
             steps.append((placed, falls, float(np.minimum(moment, ends).sum()), gain))
         score = float(np.median([_gain(result.gain) for result in results]))
@@ -215,8 +215,8 @@ def benchmark_tasks(
     scenes
         Scenes, scene distributions that have a test set, or their names.
     algorithms
-        Learning algorithms, also third-party ones (`agents.outside`), scripted policies and search
-        methods.
+        Learning algorithms, also third-party ones (`agents.third_party`), scripted policies and
+        search methods.
     seeds
         Number of seeds, of which the first is `FIRST_SEED`; a scripted policy runs once.
     steps
@@ -246,11 +246,11 @@ def benchmark_tasks(
 
 
 def is_learner(name: str) -> bool:
-    """Return True for the name of a learning algorithm, also of a third-party one."""
+    """Return True for the name of a learning algorithm, shipped or third-party."""
     return name in ALGORITHMS or load_fit(name) is not None
 
 
-def learning_curve(folder: Path) -> list[Step]:
+def learning_curve(folder: Path) -> list[TraceEntry]:
     """Read the learning curve of a training in the form of the trace of a search.
 
     Returns
@@ -262,7 +262,7 @@ def learning_curve(folder: Path) -> list[Step]:
     """
     with (folder / PROGRESS).open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    trace: list[Step] = []
+    trace: list[TraceEntry] = []
     for line in lines:
         steps = int(float(line["steps"]))
         score, seconds = float(line["test_score"]), float(line["processor_seconds"])
@@ -275,7 +275,7 @@ def learning_curve(folder: Path) -> list[Step]:
 def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
     document = parse_document(text, "scene")
-    return SceneDistribution(document, "scene") if has_ranges(document) else scene_of(text)
+    return SceneDistribution(document, "scene") if has_ranges(document) else read_scene(text)
 
 
 @lru_cache(8)
@@ -286,7 +286,7 @@ def target_hash(target: Target) -> str:
 
 
 @lru_cache(1)
-def machine() -> dict[str, str]:
+def machine_versions() -> dict[str, str]:
     """Return the versions of packages for learning, the commit and the processor by name."""
     names = {}
     for name in ("torch", "stable-baselines3", "sb3-contrib"):
@@ -309,7 +309,7 @@ def best_known_score(result: TaskResult) -> float:
     if isinstance(target, Scene):
         return known_score(result)
     tests = load_test_set(target.name)
-    scores = read_searched(target.name, len(tests))
+    scores = read_search_scores(target.name, len(tests))
     if scores is None:
         return -np.inf
     searched = np.flatnonzero(np.isfinite(scores))
@@ -317,5 +317,5 @@ def best_known_score(result: TaskResult) -> float:
 
 
 def _gain(gain: float | None) -> float:
-    """Return a gain, or `STOPPED` for a wave that stops."""
-    return STOPPED if gain is None else max(float(gain), STOPPED)
+    """Return a gain, or `STOPPED_GAIN` for a wave that stops."""
+    return STOPPED_GAIN if gain is None else max(float(gain), STOPPED_GAIN)

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from agents import benchmark
 from agents.benchmark import Target, best_known_score, is_learner, read_target, target_hash
 from agents.scripted import SCRIPTED
 from domino_env.core.files import errors_with_path, write_text
@@ -40,7 +41,6 @@ COLUMNS = (
     "simulations", "gradients", "updates", "processor_seconds", "seconds_past_uniform", "key",
     "scene_hash", "versions", "trace",
 )  # fmt: skip
-TRACE_POINTS = 60  # number of points of a trace in the table
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 SAMPLED = (
     "Every episode of a training has a new scene. Scores, also in the curves, are median gains "
@@ -68,7 +68,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     lines = (
         (
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
-            round(float(experiment.normalised(r, r.score)), 5), r.evaluations, r.simulations,
+            round(float(experiment.normalise(r, r.score)), 5), r.evaluations, r.simulations,
             r.gradients, r.updates, r.seconds, experiment.seconds_past_uniform(r), r.key,
             target_hash(read_target(r.scene)), json.dumps(r.versions),
             json.dumps([(steps, seconds, score) for steps, _, seconds, score in r.trace]),
@@ -86,7 +86,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 def _shorten(result: TaskResult) -> TaskResult:
     """Return a result with the points and digits that the table of runs has."""
     trace = result.trace
-    indices = np.unique(np.linspace(0, len(trace) - 1, TRACE_POINTS).round().astype(int))
+    indices = np.unique(np.linspace(0, len(trace) - 1, benchmark.TRACE_POINTS).round().astype(int))
     points = [trace[i] for i in indices]
     return msgspec.structs.replace(
         result, seconds=round(result.seconds, 4),
@@ -173,7 +173,7 @@ def page(experiment: Experiment, command: str) -> str:
         runs=len(experiment.results),
         minutes=sum(r.seconds for r in experiment.results) / 60.0,
         hashes="\n".join(markdown_table(("scene", "hash"), hashes)),
-        made="\n".join(f"- {number} runs: {words}" for words, number in environments.items()),
+        made="\n".join(f"- {number} runs: {text}" for text, number in environments.items()),
         least=LEAST_RUNS,
     )
 
@@ -181,7 +181,7 @@ def page(experiment: Experiment, command: str) -> str:
 def _overview(experiment: Experiment) -> list[str]:
     """Return a table with a title for each group of algorithms with equal scenes and seeds."""
     groups: dict[tuple[str, int], list[str]] = {}
-    for name in experiment.ranked(()):
+    for name in experiment.rank(()):
         counts = Counter(r.problem for r in experiment.runs(name))
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
@@ -214,7 +214,7 @@ def table(
     columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
     included = set(experiment.methods if names is None else names)
     lines = []
-    for name in experiment.ranked([m for m in experiment.methods if is_learner(m)], scene):
+    for name in experiment.rank([m for m in experiment.methods if is_learner(m)], scene):
         if name not in included:
             continue
         runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
@@ -251,7 +251,7 @@ def _work_table(experiment: Experiment) -> list[str]:
 
 def _improvement_table(experiment: Experiment) -> list[str]:
     """Return a table of probabilities that the algorithm of a line beats that of a column."""
-    names = experiment.ranked(())
+    names = experiment.rank(())
     lines = []
     for first in names:
         results = (

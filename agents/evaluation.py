@@ -15,7 +15,7 @@ from agents.archives import load_archive
 from agents.designer.features import FEATURES, scene_features
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
-from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, read_summary, shipped
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
 from agents.rollout import Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
@@ -26,14 +26,14 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from optimize.searching import compile_for
+from optimize.searching import compile_simulations
 
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
 SAME_GAIN = 1e-9  # a layout beats the uniform baseline if its gain is larger
 LEAST_GAIN = 1e-4  # smallest gain of a search from which normalised scores are computed
-SEARCHED = Path(__file__).with_name("searched.csv")  # scores of searches in the test sets
+SEARCH_SCORES = Path(__file__).with_name("searched.csv")  # scores of searches in the test sets
 
 
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Rollout:
@@ -45,8 +45,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     ----------
     run
         The folder of a training; the name of a shipped policy ("designer", or one of
-        `agents.policy.shipped`) or of a scripted policy such as "uniform", "greedy" or "ramp"; or
-        an archive (.zip) of Stable-Baselines3 or sb3-contrib.
+        `agents.policy.policy_names`) or of a scripted policy such as "uniform", "greedy" or "ramp";
+        or an archive (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
         The scene; None for the scene of the training. Its observations must have the size of those
         in training. Scripted policies and policies trained on sampled scenes require a scene.
@@ -103,7 +103,7 @@ def load_policy(
     folder = find_folder(run)
     if not folder.exists():
         others = "the folder of a training", "an archive (.zip)"
-        require_choice("policy", str(run), (*SCRIPTED, DESIGNER, *shipped(), *others))
+        require_choice("policy", str(run), (*SCRIPTED, DESIGNER, *policy_names(), *others))
     if folder.suffix == ".zip":
         return load_archive(folder, trust, distribution)
     if folder == POLICIES / DESIGNER:
@@ -154,13 +154,13 @@ def evaluate_gains(
     Returns
     -------
     ndarray
-        (S,) gains over the uniform baselines; at most -1 where the wave stops.
+        (S,) gains over the uniform baselines; at most -1 if the wave stops.
     """
     env = DominoChainVector(len(scenes), distribution, autoreset_mode="SameStep")
     return np.array(last_infos(policy, env, "gain", options={"scene": list(scenes)}))
 
 
-def read_searched(name: str, number: int) -> Floats | None:
+def read_search_scores(name: str, number: int) -> Floats | None:
     """Return the scores of `search(scene, budget=2500, seed=1)` in the first scenes of a test set.
 
     Parameters
@@ -176,7 +176,7 @@ def read_searched(name: str, number: int) -> Floats | None:
         (number,) scores, nan for a scene without a search; None if no scene has a search.
     """
     scores = np.full(number, np.nan)
-    with SEARCHED.open(newline="", encoding="utf-8") as lines:
+    with SEARCH_SCORES.open(newline="", encoding="utf-8") as lines:
         for line in csv.DictReader(lines):
             if line["set"] == name and int(line["scene"]) < number:
                 scores[int(line["scene"])] = float(line["score"])
@@ -195,7 +195,7 @@ class ScenesEvaluation:
         (S,) scores of the uniform baselines.
     scores
         (S,) scores by name: "policy"; for the designer also "proposal", the layouts of its networks
-        without gradient steps; and where a search is known "search", nan in scenes without one.
+        without gradient steps; and if searches are known "search", nan in scenes without one.
     seconds
         (S,) processor times by the same names, without "search" [s].
     """
@@ -218,12 +218,12 @@ class ScenesEvaluation:
         scores = self.scores[name]
         gain = self.gains(name)
         gain = gain[np.isfinite(gain)]
-        stopped = int(np.sum(scores <= 0.0))
+        stops = int(np.sum(scores <= 0.0))
         normalised, times = ["", ""], ["", ""]
         if "search" in self.scores:
             best_known = self.gains("search")
-            improved = best_known > LEAST_GAIN  # nan compares as False
-            quotients = self.gains(name)[improved] / best_known[improved]
+            has_gain = best_known > LEAST_GAIN  # nan compares as False
+            quotients = self.gains(name)[has_gain] / best_known[has_gain]
             normalised = [f"{np.quantile(quotients, q):.1%}" for q in (0.5, 0.1)]
         if name in self.seconds:
             seconds = 1e3 * self.seconds[name]
@@ -231,11 +231,11 @@ class ScenesEvaluation:
         return (
             name, f"{np.mean(gain > SAME_GAIN):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
             f"{np.quantile(gain, 0.1):+.2%}",
-            f"{stopped} stop" if stopped else f"{gain.min():+.2%}", *normalised, *times,
+            f"{stops} stop" if stops else f"{gain.min():+.2%}", *normalised, *times,
         )  # fmt: skip
 
     def gains(self, name: str = "policy") -> Floats:
-        """Return the gains (S,) over the uniform baselines; at most -1 where a wave stops."""
+        """Return the gains (S,) over the uniform baselines; at most -1 if a wave stops."""
         return self.scores[name] / self.uniform - 1.0
 
     def save(self, path: Path) -> None:
@@ -264,7 +264,7 @@ def choose_scenes(
     Raises
     ------
     ValueError
-        For numbers out of range, for distributions without a test set if `seed` is None, and for
+        If a number is out of range, if `seed` is None and the distribution has no test set, or for
         the reasons of `load_distribution`.
     """
     if number is not None or seed is not None:
@@ -291,7 +291,7 @@ def choose_scenes(
 def evaluate_scenes(
     scenes: Sequence[Scene],
     policy: ScenePolicy | Designer | ScriptedPolicy | None = None,
-    searched: Floats | None = None,
+    search_scores: Floats | None = None,
     *,
     progress: bool | None = False,
 ) -> ScenesEvaluation:
@@ -304,7 +304,7 @@ def evaluate_scenes(
     policy
         The designer, a policy trained on sampled scenes, or a scripted policy; None for the shipped
         designer.
-    searched
+    search_scores
         (S,) scores of searches for comparison; None if there are none.
     progress
         If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
@@ -324,16 +324,16 @@ def evaluate_scenes(
             "policy": lambda scene: builder.design(scene).score,
             "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
-    compile_for(scenes[0])
+    compile_simulations(scenes[0])
     scorers["policy"](scenes[0])  # the first call loads data and is not timed
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
         for name, score in scorers.items():
-            began = time.process_time()
+            start = time.process_time()
             scores[name][i] = score(scene)
-            seconds[name][i] = time.process_time() - began
-    if searched is not None:
-        scores["search"] = searched
+            seconds[name][i] = time.process_time() - start
+    if search_scores is not None:
+        scores["search"] = search_scores
     uniform = np.array([scene.uniform().score for scene in scenes])
     return ScenesEvaluation(scenes, uniform, scores, seconds)

@@ -34,8 +34,8 @@ from domino_env.physics.wave import Outcome  # noqa: E402
 from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
 from optimize.problem import Scores  # noqa: E402
 
-EVALUATIONS = 50  # layouts built without noise in a whole search
-GENERATIONS = 8  # least number of generations in a budget of evaluations
+NOISELESS_LAYOUTS = 50  # layouts built without noise in a whole search
+LEAST_GENERATIONS = 8  # least number of generations in a budget of evaluations
 
 
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -54,18 +54,18 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
         Source of all randomness.
     """
     scene = evaluator.problem.scene
-    hyperparameters = _within(default_hyperparameters(algorithm, scene), evaluator)
+    hyperparameters = _fit_to_budget(default_hyperparameters(algorithm, scene), evaluator)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
-        _Learning(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
+        _LearningSearch(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
 
 
-def _within(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
-    """Return hyperparameters with fewer environments where a budget of evaluations is small."""
+def _fit_to_budget(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
+    """Return hyperparameters with fewer environments if the budget of evaluations is small."""
     if evaluator.max_evaluations is None:
         return defaults
-    num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // GENERATIONS, 1)))
+    num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // LEAST_GENERATIONS, 1)))
     options = dict(defaults.options)
     if "n_steps" in options:  # batches of the same part of a rollout
         options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
@@ -80,8 +80,8 @@ ppo = partial(learn, "ppo")
 ars = partial(learn, "ars")
 
 
-class _Learning:
-    """A learner while it spends the budget of a search."""
+class _LearningSearch:
+    """A learner that trains within the budget of a search."""
 
     def __init__(self, learner: Learner, evaluator: Evaluator) -> None:
         self.learner, self.num_envs = learner, learner.hyperparameters.num_envs
@@ -110,16 +110,16 @@ class _Learning:
             and self.evaluator.remaining > self.num_envs
         ):
             self._evaluate()
-            self.next_evaluation += 1.0 / EVALUATIONS
+            self.next_evaluation += 1.0 / NOISELESS_LAYOUTS
         self.learner.update_deviation(self.evaluator.progress)
 
     def after_step(self, infos: Any) -> None:
-        """Count the layouts that are complete; stop where too few evaluations remain."""
-        ended = [info for info in infos if "score" in info]
-        if ended:
-            scores = np.array([info["score"] for info in ended])
-            reach = np.array([_reach(info) for info in ended])
-            self._note([info["layout"] for info in ended], scores, reach)
+        """Count the layouts that are complete; stop if too few evaluations remain."""
+        complete = [info for info in infos if "score" in info]
+        if complete:
+            scores = np.array([info["score"] for info in complete])
+            reach = np.array([_reach(info) for info in complete])
+            self._record([info["layout"] for info in complete], scores, reach)
             if self.evaluator.remaining < self.num_envs:
                 raise BudgetSpent
         self.evaluator.require_more()
@@ -129,9 +129,9 @@ class _Learning:
         if self.evaluator.remaining >= 1:
             rollout = build(self.learner.policy(), self.problem.scene)
             score, reach = np.array([rollout.score]), np.array([rollout.wave.reach])
-            self._note([rollout.layout], score, reach)
+            self._record([rollout.layout], score, reach)
 
-    def _note(self, layouts: Any, scores: Floats, reach: Floats) -> None:
+    def _record(self, layouts: Any, scores: Floats, reach: Floats) -> None:
         dominoes = self.problem.dominoes  # largest number of dominoes that a score simulates
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 

@@ -33,8 +33,8 @@ class UnsupportedPolicyError(ValueError):
     """Reason for which a policy is no plain multilayer perceptron."""
 
 
-class Kind(NamedTuple):
-    """Names of the layers of an actor, and its functions."""
+class ActorKind(NamedTuple):
+    """Names of the layers of a kind of actor, and its functions."""
 
     hidden: str  # names of the hidden layers
     last: str  # name of the last layer, if it differs
@@ -42,13 +42,13 @@ class Kind(NamedTuple):
     squashed: bool  # True if actions are the tanh of the outputs
 
 
-KINDS = (
-    Kind(r"mlp_extractor\.policy_net\.\d+", "action_net", "Tanh", False),  # PPO, A2C, TRPO
-    Kind(r"actor\.latent_pi\.\d+", "actor.mu", "ReLU", True),  # SAC, TQC
-    Kind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
-    Kind(r"action_net\.\d+", "", "ReLU", True),  # ARS
+ACTOR_KINDS = (
+    ActorKind(r"mlp_extractor\.policy_net\.\d+", "action_net", "Tanh", False),  # PPO, A2C, TRPO
+    ActorKind(r"actor\.latent_pi\.\d+", "actor.mu", "ReLU", True),  # SAC, TQC
+    ActorKind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
+    ActorKind(r"action_net\.\d+", "", "ReLU", True),  # ARS
 )
-UNUSED = re.compile(
+UNUSED_WEIGHTS = re.compile(
     r"(log_std|value_net|mlp_extractor\.value_net|actor\.log_std|actor_target|critic)"
 )
 
@@ -81,7 +81,7 @@ class Network:
         return np.asarray(actions, dtype=np.float32)
 
     @classmethod
-    def named(
+    def make(
         cls,
         arrays: Mapping[str, Any],
         names: Sequence[str],
@@ -98,7 +98,7 @@ class Network:
         Raises
         ------
         ValueError
-            For other shapes, and for weights that are not finite float32 numbers.
+            If the shapes are other ones, or if weights are not finite float32 numbers.
         """
         size = inputs
         for i, (weight, bias) in enumerate(self.layers):
@@ -166,9 +166,9 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     UnsupportedPolicyError
         If it is no multilayer perceptron.
     """
-    arrays = {name: value for name, value in arrays.items() if not UNUSED.match(name)}
+    arrays = {name: value for name, value in arrays.items() if not UNUSED_WEIGHTS.match(name)}
     layers = {name.rpartition(".")[0] for name in arrays}
-    kinds = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
+    kinds = [kind for kind in ACTOR_KINDS if layers and set(_names(layers, kind)) == layers]
     if not kinds:
         raise UnsupportedPolicyError(
             f"its policy is no plain multilayer perceptron ({', '.join(arrays)})"
@@ -179,14 +179,14 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
             f"its activation function is {function}, only Tanh and ReLU are known"
         )
     names = _names(layers, kinds[0])
-    biased = any(name.endswith("bias") for name in arrays)
-    for name in [] if biased else names:  # linear policies of ARS have no biases
+    has_biases = any(name.endswith("bias") for name in arrays)
+    for name in [] if has_biases else names:  # linear policies of ARS have no biases
         arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
     squashed = kinds[0].squashed and names != ["action_net.0"]  # linear policies are clipped
-    return Network.named(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)
+    return Network.make(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)
 
 
-def _names(layers: set[str], kind: Kind) -> list[str]:
+def _names(layers: set[str], kind: ActorKind) -> list[str]:
     """Return the names of the layers of a kind, in their order."""
     hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
     hidden.sort(key=lambda name: int(name.rpartition(".")[2]))

@@ -62,7 +62,7 @@ class SummaryDocument(Document):
     updates: Annotated[int, Meta(ge=0)] = 0
 
 
-def shipped() -> list[str]:
+def policy_names() -> list[str]:
     """Return the names of the policies for one scene that come with the package."""
     return sorted(folder.parent.name for folder in POLICIES.glob(f"*/{SCENE}"))
 
@@ -73,7 +73,7 @@ def find_folder(run: str | Path) -> Path:
     A folder of the same name is given as a Path, or as "./name".
     """
     require_type("run", run, str | Path, "the name of a policy, or a folder or file")
-    if run not in (*shipped(), DESIGNER):
+    if run not in (*policy_names(), DESIGNER):
         return Path(run)
     if Path(run).exists():
         notice(f"'{run}' is the shipped policy; the folder is ./{run}")
@@ -114,7 +114,7 @@ class ScenePolicy:
     size
         Number of entries of an observation.
     scene
-        The scene or the distribution that it was trained on; None where it is not known.
+        The scene or the distribution that it was trained on; None if it is not known.
     """
 
     source: Path
@@ -170,12 +170,12 @@ class ScenePolicy:
         Parameters
         ----------
         scene
-            Another scene than it was trained on, with observations of the same size.
+            A scene with observations of the same size; None for that of the training.
 
         Raises
         ------
         ValueError
-            If the size differs, and if no scene is known.
+            If the size differs, or if no scene is known.
         """
         target = scene or self.scene
         if not isinstance(target, Scene):

@@ -22,7 +22,7 @@ from domino_env import (
 from domino_env.core.types import Floats
 from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import SceneResult
-from optimize.searching import compile_for
+from optimize.searching import compile_simulations
 
 SELECTION_SEEDS = range(64)  # seeds by which plans and policies are chosen
 EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
@@ -62,7 +62,7 @@ class Rollout(SceneResult):
 
     @property
     def gain(self) -> float | None:
-        """Score over that of the uniform baseline, minus 1; None where one of the waves stops."""
+        """Score over that of the uniform baseline, minus 1; None if one of the waves stops."""
         return gain(self.score, self.uniform.score)
 
     __repr__ = SceneResult.__repr__
@@ -98,21 +98,21 @@ def build(
         The layout with its wave and score.
     """
     uniform, seeds = scene.uniform(), seeds or evaluation_seeds(scene)
-    compile_for(scene, episodes=True)
+    compile_simulations(scene, episodes=True)
     env = DominoChain(distribution or scene)
     options = None if distribution is None else {"scene": scene}
-    began = time.perf_counter()
+    start = time.perf_counter()
     observation, _ = env.reset(seed=seeds[0], options=options)
     ended = False
     while not ended:
         observation, _, ended, _, info = env.step(policy(observation))
     layout = complete_layout(info["layout"], scene)
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - start
     wave = scene.simulate(layout)
     score = scene.score(wave)
     if len(seeds) > 1:
         score = float(episode_scores(policy, scene, seeds).mean())
-        uniform = uniform_as_placed(scene, seeds)
+        uniform = average_uniform(scene, seeds)
     return Rollout(scene, layout, wave, score, uniform, seconds)
 
 
@@ -138,7 +138,7 @@ def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats
 
 
 def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -> list[Any]:
-    """Play one episode in each environment, and return a value of its last info.
+    """Run one episode in each environment, and return a value of its last info.
 
     Parameters
     ----------
@@ -168,20 +168,20 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
 
 
 def evaluation_seeds(scene: Scene) -> range:
-    """Return the seeds of the episodes over which a score is the mean; one where none is random."""
+    """Return the seeds of the episodes over which a score is averaged; one if none is random."""
     return EVALUATION_SEEDS if scene.hand or scene.placement_deviation else range(1)
 
 
-def as_placed(rollout: Rollout) -> Rollout:
-    """Return a rollout that observed no randomness with its mean score under it."""
+def average(rollout: Rollout) -> Rollout:
+    """Average the score of an open-loop rollout over `evaluation_seeds`, if episodes are random."""
     scene = rollout.scene
     if len(evaluation_seeds(scene)) == 1:
         return rollout
     score = float(scene.score_placed(rollout.layout, evaluation_seeds(scene)).mean())
-    return replace(rollout, score=score, uniform=uniform_as_placed(scene))
+    return replace(rollout, score=score, uniform=average_uniform(scene))
 
 
-def uniform_as_placed(scene: Scene, seeds: range | None = None) -> UniformBaseline:
+def average_uniform(scene: Scene, seeds: range | None = None) -> UniformBaseline:
     """Return the uniform baseline with its mean score over seeds, or `evaluation_seeds`."""
     baseline = scene.uniform()
     scores = scene.score_placed(baseline.layout, seeds or evaluation_seeds(scene))

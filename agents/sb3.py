@@ -39,7 +39,7 @@ from domino_env.core.files import errors_with_path, write_bytes
 from domino_env.envs.spaces import SCALES
 
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
-NEAR_END = SCALES.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
+NEAR_END_ENTRY = SCALES.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
 
 
 class Learner:
@@ -149,9 +149,9 @@ class Learner:
         }
         if isinstance(self.model, OffPolicyAlgorithm):
             buffer: Any = self.model.replay_buffer
-            filled = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
+            stored = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
             state["transitions"] = {
-                name: torch.from_numpy(values) for name, values in filled.items()
+                name: torch.from_numpy(values) for name, values in stored.items()
             }
             state["next_transition"] = int(buffer.pos)
         write_bytes(path, lambda file: torch.save(state, file))
@@ -230,7 +230,7 @@ def make_model(
     if isinstance(policy, ScheduledPolicy):
         policy.end_factor, policy.penalty = hyperparameters.end_factor, hyperparameters.penalty
         layout = env.get_attr("observation_layout")[0]
-        policy.near_end = layout["near_end"].start + NEAR_END
+        policy.near_end = layout["near_end"].start + NEAR_END_ENTRY
     return model
 
 
@@ -341,9 +341,9 @@ class VectorARS(ARS):
     def _returns(self, env: Any, weights: torch.Tensor, callback: Any) -> torch.Tensor:
         """Return the returns (P,) of P candidates; remaining environments repeat the last one."""
         num_envs, number = env.num_envs, len(weights)
-        filled = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
+        padded = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
         observations = torch.from_numpy(env.reset())
-        matrices = filled.reshape(num_envs, -1, observations.shape[1])  # weights of linear policies
+        matrices = padded.reshape(num_envs, -1, observations.shape[1])  # weights of linear policies
         running = torch.ones(num_envs, dtype=torch.bool)
         returns = torch.zeros(num_envs)
         while running[:number].any():

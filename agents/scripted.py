@@ -12,24 +12,24 @@ from scipy.optimize.elementwise import find_root
 
 from agents.draw import open_loop, shipped_references
 from agents.draw import rule as rule_policy
-from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
+from agents.rollout import Rollout, average, average_uniform, build, evaluation_seeds
 from domino_env import DominoChain
 from domino_env.core.types import Floats, Ints, Singles
 from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
-ACTIONS = 41, 11  # values of the greedy policy for one free variable, for each of several
-SAMPLES = 4000  # ramps that are simulated
-KEPT = 20  # best ramps around which more are sampled
-NEVER = 1e3  # [s] lateness that stands for a hit that never happens
+VALUES = 41, 11  # values of the greedy policy for one free variable, for each of several
+RAMPS = 4000  # ramps that are simulated
+BEST_RAMPS = 20  # best ramps around which more are sampled
+NO_HIT = 1e3  # [s] lateness that stands for a hit that never happens
 GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
 
 def uniform(scene: Scene) -> Rollout:
     """Build the uniform baseline."""
     baseline = scene.uniform()
-    return as_placed(Rollout(scene, baseline.layout, baseline.wave, baseline.score, baseline, 0.0))
+    return average(Rollout(scene, baseline.layout, baseline.wave, baseline.score, baseline, 0.0))
 
 
 def greedy(scene: Scene) -> Rollout:
@@ -43,7 +43,7 @@ def greedy(scene: Scene) -> Rollout:
     env = DominoChain(scene)
     env.reset()
     size = env.action_space.shape[0]  # type: ignore[index]
-    values = np.linspace(-1.0, 1.0, ACTIONS[size > 1])
+    values = np.linspace(-1.0, 1.0, VALUES[size > 1])
     actions = np.stack(np.meshgrid(*[values] * size, indexing="ij"), axis=-1).reshape(-1, size)
     actions = actions.astype(np.float32)
 
@@ -58,10 +58,10 @@ def greedy(scene: Scene) -> Rollout:
 
 
 def ramp(scene: Scene) -> Rollout:
-    """Build a ramp, a plateau and a ramp: four numbers, the best of some thousand choices.
+    """Build a ramp, a plateau and a ramp: four numbers, the best of 4000 choices.
 
-    First value, plateau, last value, and the part of the chain that each ramp takes; where both
-    gaps and thicknesses are free, a fifth number is the thickness, the same for all.
+    First value, plateau, last value, and the part of the chain that each ramp takes; if both gaps
+    and thicknesses are free, a fifth number is the thickness, the same for all.
     """
     if scene.hand:
         raise ValueError(
@@ -69,23 +69,23 @@ def ramp(scene: Scene) -> Rollout:
             "without knowing what is in hand; use another policy"
         )
     baseline = scene.uniform()
-    began = time.perf_counter()
+    start = time.perf_counter()
     rng = np.random.default_rng(0)
-    best = rng.random((SAMPLES // 2, 5))
+    best = rng.random((RAMPS // 2, 5))
     simulations = len(best) + 1
-    best = best[np.argsort(-_ramp_scores(scene, best))[:KEPT]]
+    best = best[np.argsort(-_ramp_scores(scene, best))[:BEST_RAMPS]]
     for width in (0.1, 0.03, 0.01):  # spread of the samples around the best
-        centres = best[rng.integers(KEPT, size=SAMPLES // 6)]
-        around = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
-        pool = np.concatenate([best, around])
+        centres = best[rng.integers(BEST_RAMPS, size=RAMPS // 6)]
+        neighbours = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
+        pool = np.concatenate([best, neighbours])
         simulations += len(pool)
-        best = pool[np.argsort(-_ramp_scores(scene, pool))[:KEPT]]
+        best = pool[np.argsort(-_ramp_scores(scene, pool))[:BEST_RAMPS]]
     gaps, thickness = _ramps(scene, best[:1])
     layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
     wave = scene.simulate(layout)
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - start
     score = scene.score(wave)
-    return as_placed(Rollout(scene, layout, wave, score, baseline, seconds, simulations))
+    return average(Rollout(scene, layout, wave, score, baseline, seconds, simulations))
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
@@ -102,7 +102,7 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
     """Return gaps (B, N-1) and thicknesses for B choices of five numbers in [0, 1]."""
     place = np.linspace(0.0, 1.0, scene.count - 1)[None]
     first, plateau, last, part, relative_thickness = (numbers[:, i : i + 1] for i in range(5))
-    part = 0.02 + 0.48 * part
+    part = 0.02 + 0.48 * part  # 2 to 50 % of the chain
     up = np.clip(1.0 - place / part, 0.0, 1.0)
     down = np.clip(1.0 - (1.0 - place) / part, 0.0, 1.0)
     relative_gap = plateau + (first - plateau) * up + (last - plateau) * down
@@ -123,7 +123,7 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
 def plan(scene: Scene) -> Rollout:
     """Build the best known layout, without a reaction to what happens: open loop.
 
-    Where pieces are drawn in random order, gaps and desired thicknesses are a fixed sequence.
+    If pieces are drawn in random order, gaps and desired thicknesses are a fixed sequence.
     """
     if scene.hand:
         actions = shipped_references()["plan"]
@@ -139,11 +139,11 @@ def plan(scene: Scene) -> Rollout:
             f"no best known layout of scene '{scene.name}' ships: search one with `domino optimize`"
         )
     wave, baseline = scene.simulate(known.layout), scene.uniform()
-    return as_placed(Rollout(scene, known.layout, wave, known.score, baseline, 0.0))
+    return average(Rollout(scene, known.layout, wave, known.score, baseline, 0.0))
 
 
 def rule(scene: Scene) -> Rollout:
-    """Take pieces by a template over the position, and gaps that react to the pieces."""
+    """Take pieces by a template over the position, with gaps that depend on the pieces."""
     if not scene.hand:
         raise ValueError(
             f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
@@ -168,18 +168,18 @@ def controller(scene: Scene) -> Rollout:
     episodes = np.arange(len(errors))
     thickness = np.tile(planned.layout.thickness[1:], (len(errors), 1))
     gaps, (low, high) = np.empty(errors.shape), scene.spacing
-    began, simulations = time.perf_counter(), 0
+    start, simulations = time.perf_counter(), 0
     for n, due in enumerate(tempo.schedule(scene.count)):
 
-        def lateness(gap: Floats, live: Ints, n: int = n, due: float = due) -> Floats:
-            chain = np.concatenate([gaps[live, :n], gap[:, None]], axis=1)
-            times = scene.batch(chain, thickness[live, : n + 1]).simulate().total_time
-            return np.where(np.isfinite(times), times - due, NEVER)
+        def lateness(gap: Floats, index: Ints, n: int = n, due: float = due) -> Floats:
+            chain = np.concatenate([gaps[index, :n], gap[:, None]], axis=1)
+            times = scene.batch(chain, thickness[index, : n + 1]).simulate().total_time
+            return np.where(np.isfinite(times), times - due, NO_HIT)
 
         ends = np.full(len(errors), low), np.full(len(errors), high)
         root = find_root(lateness, ends, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
         simulations += int(root.nfev.sum())
-        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # where neither end is on time
+        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # if no gap is on time
         gaps[:, n] = add_errors(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])
@@ -188,8 +188,8 @@ def controller(scene: Scene) -> Rollout:
         layout=layout,
         wave=scene.simulate(layout),
         score=float(scores.mean()),
-        uniform=uniform_as_placed(scene),
-        seconds=(time.perf_counter() - began) / len(errors),
+        uniform=average_uniform(scene),
+        seconds=(time.perf_counter() - start) / len(errors),
         simulations=simulations // len(errors),
     )
 

@@ -196,21 +196,21 @@ def train(
     require("seed", seed, 0, 2**32 - 1, whole=True)
     require("num_scenes", num_scenes, 1, POOL_SIZE, whole=True, optional=True)
     require_learning()
-    wanted = "agents.algorithms.Hyperparameters"
-    require_type("hyperparameters", hyperparameters, Hyperparameters | None, wanted)
+    expected = "agents.algorithms.Hyperparameters"
+    require_type("hyperparameters", hyperparameters, Hyperparameters | None, expected)
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
-    home = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
+    path = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        config = read_config(home)
-        target, hyperparameters = load_any(home / SCENE), config.hyperparameters
+        config = read_config(path)
+        target, hyperparameters = load_any(path / SCENE), config.hyperparameters
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
         num_scenes = config.num_scenes
     else:
-        require_writable(home)
-        require_unused(home, FILES)
+        require_writable(path)
+        require_unused(path, FILES)
     hyperparameters = hyperparameters or default_hyperparameters(algorithm, target)
     steps = steps or hyperparameters.steps
-    training = Training(target, algorithm, hyperparameters, steps, seed, home, progress, num_scenes)
+    training = Training(target, algorithm, hyperparameters, steps, seed, path, progress, num_scenes)
     return training.run(resume)
 
 
@@ -251,13 +251,13 @@ class Training:
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
         self.next_evaluation = 0
-        self.began = clocks()
+        self.start = clocks()
         self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
 
     @property
     def seconds(self) -> Floats:
         """Wall-clock and processor time so far [s], with those before the training was resumed."""
-        return clocks() - self.began
+        return clocks() - self.start
 
     def run(self, resume: bool) -> Run:
         """Train from the beginning, or from the checkpoint in the folder.
@@ -265,9 +265,9 @@ class Training:
         Ctrl-C does not write a checkpoint, as an unfinished update cannot be resumed.
         """
         if resume and (self.folder / CHECKPOINT).exists():
-            self.learner = self._resumed()
+            self.learner = self._resume_learner()
         else:
-            self.learner = self._learner(self.seed)
+            self.learner = self._make_learner(self.seed)
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,
@@ -277,12 +277,12 @@ class Training:
         interrupted = False
         if self.learner.steps < self.total:
             try:
-                left = self.total - self.learner.steps
-                self.learner.learn(left, self.between_updates, self.after_step)
+                remaining = self.total - self.learner.steps
+                self.learner.learn(remaining, self.between_updates, self.after_step)
             except KeyboardInterrupt:
                 interrupted = True
-        evaluated = bool(self.curve) and self.curve[-1][0] == self.learner.steps
-        if not self.curve or not (interrupted or evaluated):
+        is_evaluated = bool(self.curve) and self.curve[-1][0] == self.learner.steps
+        if not self.curve or not (interrupted or is_evaluated):
             self.evaluate()
         if interrupted:
             self._write_curve()
@@ -291,7 +291,7 @@ class Training:
         self.bar.close()
         return self._finish(interrupted)
 
-    def _learner(self, seed: int) -> Learner:
+    def _make_learner(self, seed: int) -> Learner:
         """Return a new learner."""
         from agents.sb3 import Learner
 
@@ -301,7 +301,7 @@ class Training:
         """Write a JSON file into the folder."""
         write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
 
-    def _resumed(self) -> Learner:
+    def _resume_learner(self) -> Learner:
         """Return a learner in the state of the checkpoint, with new random numbers."""
         from agents.sb3 import read_checkpoint
 
@@ -309,13 +309,13 @@ class Training:
         state = read_checkpoint(path)
         try:
             # the random numbers before the checkpoint are not repeated
-            learner = self._learner((self.seed + int(state["steps"])) % 2**32)
+            learner = self._make_learner((self.seed + int(state["steps"])) % 2**32)
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))
             self.best, self.test_score = last["best_score"], last["test_score"]
             self.simulations = int(last["simulations"])
-            self.began = clocks() - np.array([last["seconds"], last["processor_seconds"]])
+            self.start = clocks() - np.array([last["seconds"], last["processor_seconds"]])
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
             raise ValueError(f"{path}: not a checkpoint of this training: {error}") from None
         self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
@@ -351,9 +351,9 @@ class Training:
             self.best = self.test_score = score
             learner.save(self.folder / POLICY)
             if isinstance(self.target, SceneDistribution) and self.tests:
-                paused = clocks()
+                pause = clocks()
                 self.test_score = float(np.median(evaluate_gains(policy, self.target, self.tests)))
-                self.began += clocks() - paused  # the test set is not part of the training
+                self.start += clocks() - pause  # the test set is not part of the training
             if rollout is not None:
                 self._write_json(
                     BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds

@@ -21,7 +21,7 @@ class DominoVecEnv(VecEnv):
     The next episode begins in the step in which one ends, whose info then has
     `terminal_observation`, `TimeLimit.truncated` (always False), `episode` (return, length,
     seconds), and the infos of the environment: score, gain, outcome, layout, wave, and the scene
-    where one is sampled. Small networks learn fastest with one thread of PyTorch,
+    if one is sampled. Small networks learn fastest with one thread of PyTorch,
     `torch.set_num_threads(1)`.
 
     Parameters
@@ -57,10 +57,10 @@ class DominoVecEnv(VecEnv):
         self._actions: NDArray[Any] = np.zeros((num_envs, 1))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
-        self._began = time.perf_counter()
+        self._start = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin an episode in every environment; returns the observations (B, O)."""
+        """Begin an episode in every environment, and return the observations (B, O)."""
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
@@ -86,7 +86,7 @@ class DominoVecEnv(VecEnv):
         self._lengths += 1
         infos: list[dict[str, Any]] = [{}] * self.num_envs
         if ended.any():
-            elapsed = time.perf_counter() - self._began
+            elapsed = time.perf_counter() - self._start
             final = info["final_info"]
             keys = [key for key in final if not key.startswith("_")]
             for i in np.flatnonzero(ended):
@@ -118,12 +118,12 @@ class DominoVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the native environment; its result, once for each environment."""
+        """Call a method of the native environment; return its result once per environment."""
         result = getattr(self.vector, method_name)(*method_args, **method_kwargs)
         return [result] * self._count(indices)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return whether episodes are reported as by a wrapper: only those of `Monitor` are."""
+        """Return True for `Monitor`, as episodes are reported as it does; False otherwise."""
         return [issubclass(wrapper_class, Monitor)] * self._count(indices)
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

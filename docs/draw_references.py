@@ -82,7 +82,7 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
     def refined(gap: Floats, thickness: Floats, gradients: int) -> tuple[float, Floats]:
         search = LocalSearch(gap)
         while not search.done and search.evaluations < gradients:
-            search.update(*_mean(scene, search.wanted, thickness))
+            search.update(*_mean(scene, search.candidate, thickness))
         return search.score, search.design
 
     gap, wishes = 0.5 * (np.clip(actions[:, 0], -1.0, 1.0) + 1.0), actions[:, 1]
@@ -192,8 +192,8 @@ def _refined(
         live = [b for b, search in enumerate(searches) if not search.done]
         if not live:
             break
-        wanted = _gaps(scene, np.array([searches[b].wanted for b in live]))
-        result = scene.evaluate(scene.batch(wanted, thickness[live]), gradient=True)
+        candidates = _gaps(scene, np.array([searches[b].candidate for b in live]))
+        result = scene.evaluate(scene.batch(candidates, thickness[live]), gradient=True)
         assert result.gradient is not None
         for b, score, gradient in zip(live, result.score, result.gradient.spacing, strict=True):
             searches[b].update(float(score), gradient * (high - low))

@@ -25,7 +25,7 @@ from domino_env.rigid.known import known_verification, not_toppled, read_verifie
 from domino_env.scenes.shipping import scene_schema
 from domino_env.view.figures import draw_with_uniform
 from optimize.experiments.best_known import BestKnown, best_known
-from optimize.methods.registry import METHODS, PEERS
+from optimize.methods.registry import METHODS, THIRD_PARTY
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files
@@ -119,7 +119,7 @@ def filled_pages() -> dict[Path, str]:
         },
         "docs/methods.md": {
             "methods": method_sections(),
-            "peers": [f"- `{name}` needs {package}" for name, (_, package) in PEERS.items()],
+            "peers": [f"- `{name}` needs {package}" for name, (_, package) in THIRD_PARTY.items()],
         },
         "docs/reference.md": {package: name_table(package) for package in PACKAGES},
     }

@@ -1,4 +1,4 @@
-"""Search without learning: spacing schedules, always against the uniform baseline.
+"""Search methods for layouts, without learning, compared with the uniform baseline.
 
 from optimize import search, METHODS
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from domino_env.core.checks import numbers
@@ -32,14 +34,14 @@ class DesignSpace:
     dimension
         n, length of a design vector.
     low, high
-        (n,) values at 0 and 1 [m], or in heights where the scene gives them so.
+        (n,) values at 0 and 1 [m], or in heights if the scene gives them so.
     discrete
-        True where some values come from a list or the stock, so that scores have steps.
+        True if some values come from a list or the stock, so that scores have steps.
 
     Raises
     ------
     ValueError
-        For a scene without free values, and for one whose rules contradict each other.
+        If the scene has no free values, or if its rules contradict each other.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -75,13 +77,13 @@ class DesignSpace:
 
     @property
     def coupled(self) -> bool:
-        """True where some design vectors of the box stand for others: see `project`."""
+        """True if several design vectors of the box stand for the same layout: see `project`."""
         return self.scene.length is not None or self.discrete or self._feasible.coupled
 
     @property
-    def movable(self) -> Bools:
-        """(n,) entries that may change by a little; the others come from a list or the stock."""
-        return ~self._feasible.stepped
+    def is_continuous(self) -> Bools:
+        """(n,) True for entries that change continuously; the others are from a list or stock."""
+        return ~self._feasible.is_discrete
 
     def project(self, designs: Floats) -> Floats:
         """Find the nearest design vectors (in metres) that keep the rules of the scene.
@@ -99,9 +101,14 @@ class DesignSpace:
         Raises
         ------
         ValueError
-            For another shape, or entries that are not finite.
+            If the shape is another one, or if entries are not finite.
         """
-        return self._scaled(self.values(self.checked(designs, anywhere=True)))
+        return self._unit_values(self.values(self.check(designs, unbounded=True)))
+
+    @property
+    def projection(self) -> Callable[[Floats], Floats] | None:
+        """`project`; None if every design vector of the box stands for itself."""
+        return self.project if self.coupled else None
 
     def layout(self, design: Floats) -> Layout:
         """Return the layout that a design vector (n,) stands for.
@@ -109,9 +116,9 @@ class DesignSpace:
         Raises
         ------
         ValueError
-            For another shape, or entries outside of [0, 1].
+            If the shape is another one, or if entries are outside of [0, 1].
         """
-        return self.layout_from(self.values(self.checked(self.as_batch(design))))
+        return self.layout_from(self.values(self.check(self.as_batch(design))))
 
     def layout_from(self, values: Floats) -> Layout:
         """Return the layout of free values (1, n), without regard to the rules."""
@@ -124,7 +131,7 @@ class DesignSpace:
         scene = self.scene
         if layout.count != scene.count:
             raise ValueError(
-                f"the layout has {layout.count} dominoes, and scene '{scene.name}' {scene.count}"
+                f"the layout has {layout.count} dominoes: scene '{scene.name}' needs {scene.count}"
             )
         gaps, thickness, height = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
@@ -132,14 +139,14 @@ class DesignSpace:
         values = [gaps] * scene.free_spacing
         values += [thickness] * scene.free_thickness
         values += [height[1:] / height[:-1]] * scene.free_height
-        return self._scaled(np.concatenate(values))
+        return self._unit_values(np.concatenate(values))
 
     def values(self, designs: Floats) -> Floats:
         """Find the free gaps, thicknesses and growths (B, n) [m] of design vectors (B, n)."""
-        return self._feasible.project(self._wanted(designs))
+        return self._feasible.project(self._targets(designs))
 
     def split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
-        """Split free values (B, n) into gaps and, where free, thicknesses and heights.
+        """Split free values (B, n) into gaps and, if free, thicknesses and heights.
 
         Returns
         -------
@@ -192,9 +199,9 @@ class DesignSpace:
             (B, n) derivatives; at an edge of the rules those of the nearest layout within them.
         """
         by_value = self._by_value(values, gradient)
-        wanted = self._wanted(designs)
-        by_wanted = self._feasible.tangent(by_value, wanted, values, relaxed)
-        return np.asarray(by_wanted * (self.high - self.low))
+        targets = self._targets(designs)
+        by_target = self._feasible.tangent(by_value, targets, values, relaxed)
+        return np.asarray(by_target * (self.high - self.low))
 
     def as_batch(self, design: Floats) -> Floats:
         """Return one design vector (n,) as a batch (1, n).
@@ -202,38 +209,38 @@ class DesignSpace:
         Raises
         ------
         ValueError
-            For another shape.
+            If the shape is another one.
         """
         return numbers("design", design, None, (self.dimension,))[None]
 
-    def checked(self, designs: Floats, *, anywhere: bool = False) -> Floats:
+    def check(self, designs: Floats, *, unbounded: bool = False) -> Floats:
         """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.
 
         Parameters
         ----------
         designs
             (B, n) design vectors.
-        anywhere
+        unbounded
             True to accept entries outside of [0, 1] as they are.
 
         Raises
         ------
         ValueError
-            For another shape, or entries outside of [0, 1].
+            If the shape is another one, or if entries are outside of [0, 1].
         """
         designs = numbers("designs", designs, None, ("B", self.dimension))
-        good = np.isfinite(designs)
-        if not anywhere:
-            good &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)
-        if not good.all():
-            b, i = np.argwhere(~good)[0]
+        is_valid = np.isfinite(designs)
+        if not unbounded:
+            is_valid &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)
+        if not is_valid.all():
+            b, i = np.argwhere(~is_valid)[0]
             entry = designs[b, i]
             hint = "; `project` gives the nearest design that is" * bool(np.isfinite(entry))
             raise ValueError(f"design {b} has {entry} at place {i}: every entry is in [0, 1]{hint}")
-        return designs if anywhere else np.clip(designs, 0.0, 1.0)
+        return designs if unbounded else np.clip(designs, 0.0, 1.0)
 
     def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:
-        """Return derivatives by the free values, in heights where the scene has them so."""
+        """Return derivatives (B, n) by the free values, in heights if the scene gives them so."""
         scene, pairs = self.scene, self.scene.count - 1
         by_gap, by_thickness = derivatives.spacing, derivatives.thickness
         by_height = derivatives.height
@@ -255,10 +262,10 @@ class DesignSpace:
         parts = zip((by_gap, by_thickness, by_height), free, strict=True)
         return np.concatenate([part for part, is_free in parts if is_free], axis=1)
 
-    def _wanted(self, designs: Floats) -> Floats:
-        """Return the values (B, n) before the rules are applied."""
+    def _targets(self, designs: Floats) -> Floats:
+        """Return the values (B, n) [m] before the rules are applied."""
         return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
 
-    def _scaled(self, values: Floats) -> Floats:
-        """Return the design vectors of values that keep the rules."""
+    def _unit_values(self, values: Floats) -> Floats:
+        """Scale values (B, n) that keep the rules to design vectors."""
         return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))

@@ -22,18 +22,20 @@ from optimize.executors import loss_as_error
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
-PIECE = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
-MOST_DESIGNS = 256  # between two checks, so that enough of the good ones become finalists
-BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
+CHUNK_DOMINOES = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
+MAX_CHUNK = 256  # designs between two checks, so that enough good ones become finalists
+EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
 TOLERANCE = 1e-4  # relative gain of the second half of a search without a limit that ends it
 # Evaluations of a search without a limit, times the mean of dominoes and variables: before its gain
 # is considered, and at most with the default tolerance. They are some 12 and 13 s of one core.
 LEAST_EFFORT, MOST_EFFORT = 5_000_000, 5_500_000
-SHORT, LONG = 40, 250  # such means below and above which the number of evaluations is the same
-KEPT = 8  # best designs kept, to be simulated closely at the end
+# such means below and above which the number of evaluations is the same
+LEAST_SIZE, LARGEST_SIZE = 40, 250
+MAX_FINALISTS = 8  # best designs kept, to be simulated closely at the end
 
-Step = tuple[int, int, float, float]
+# evaluations, simulated intervals between hits, seconds and best score at an improvement
+TraceEntry = tuple[int, int, float, float]
 
 
 class BudgetSpent(BaseException):  # no error: the ordinary end of a search
@@ -44,10 +46,11 @@ class BudgetSpent(BaseException):  # no error: the ordinary end of a search
 
 
 class Evaluator:
-    """Scores of a problem for a method, within limits; at a limit it raises `BudgetSpent`.
+    """Evaluator of design vectors for a method, within limits.
 
-    It counts evaluations, keeps the best layouts, and writes every answer into a journal, from
-    which a search that was stopped resumes. Its clock starts with the object.
+    It counts evaluations, keeps the best layouts, and stores every answer in a journal, from which
+    a stopped search can resume. At a limit it raises `BudgetSpent`. Its clock starts with the
+    object.
 
     Parameters
     ----------
@@ -65,7 +68,7 @@ class Evaluator:
     journal
         Journal of the search; None for none.
     executor
-        Executor that simulates batches of several pieces; None for this process.
+        Executor that simulates batches in chunks; None for this process.
     clock
         Function that returns seconds, such as `time.process_time`.
 
@@ -74,16 +77,16 @@ class Evaluator:
     evaluations
         Number of layouts simulated so far.
     falls
-        Number of single falls simulated so far; an evaluation of a "robust" scene simulates
-        hundreds of layouts.
+        Number of intervals between hits simulated so far; an evaluation of a "robust" scene
+        simulates hundreds of layouts.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
     finalists
         The last improvements, (score, design) each, the best last.
     status
-        Report of the method about its best so far: how reliable it is, what was tried.
+        Text of the method about the reliability of its best layout.
     effort
-        Number of evaluations so far, where a gradient counts as four.
+        Number of evaluations so far, each gradient counted as four.
     """
 
     def __init__(
@@ -104,23 +107,24 @@ class Evaluator:
         self.problem, self.tolerance = problem, tolerance
         self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
         self.evaluations = self.falls = self.effort = 0
-        self.trace: list[Step] = []
-        self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
+        self.trace: list[TraceEntry] = []
+        self.finalists: deque[tuple[float, Floats]] = deque(maxlen=MAX_FINALISTS)
         self.status = ""
         self._efforts: list[int] = []  # at the improvements
-        cost = min(max(0.5 * (problem.scene.count + problem.dimension), SHORT), LONG)
+        cost = min(max(0.5 * (problem.scene.count + problem.dimension), LEAST_SIZE), LARGEST_SIZE)
         cost *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
         self.most_effort = MOST_EFFORT / cost * TOLERANCE / tolerance if tolerance else np.inf
         self.least_effort = min(LEAST_EFFORT / cost, self.most_effort)
         self._callback, self._journal, self._executor = callback, journal, executor
-        self._piece = min(max(8, PIECE // problem.dominoes), MOST_DESIGNS)
+        self._chunk = min(max(8, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
-            self._piece = min(self._piece, allowed_threads())  # each may take seconds
+            self._chunk = min(self._chunk, allowed_threads())  # each may take seconds
             self._stop = lambda: bool(self.finalists) and self.seconds >= max_seconds
         self._clock = clock
-        self._before = self._replayed = 0.0  # [s] spent before the search, and at the last replay
-        self._since = clock()
+        # [s] spent before the search, and at the last replay
+        self._seconds_before = self._seconds_replayed = 0.0
+        self._start = clock()
 
     # limits -------------------------------------------------------------------------------------
 
@@ -128,12 +132,12 @@ class Evaluator:
     def seconds(self) -> float:
         """Time of the search so far, including the time before it was stopped and resumed [s]."""
         replaying = self._journal is not None and self._journal.replaying
-        running = 0.0 if replaying else self._clock() - self._since
-        return self._before + self._replayed + running
+        running = 0.0 if replaying else self._clock() - self._start
+        return self._seconds_before + self._seconds_replayed + running
 
     @property
     def remaining(self) -> float:
-        """Number of evaluations that remain; inf where only the clock ends the search."""
+        """Number of evaluations that remain; inf without a limit of evaluations."""
         return float(self.max_evaluations or np.inf) - self.evaluations
 
     @property
@@ -143,7 +147,7 @@ class Evaluator:
 
     @property
     def progress(self) -> float:
-        """Spent part, from 0 to 1, of the limit that is reached first."""
+        """Spent fraction, 0 to 1, of the limit that is reached first."""
         evaluations = self.evaluations / (self.max_evaluations or np.inf)
         seconds = self.seconds / (self.max_seconds or np.inf)
         return min(max(self.effort / self.most_effort, evaluations, seconds), 1.0)
@@ -162,7 +166,7 @@ class Evaluator:
             if gain < self.tolerance or self.effort >= self.most_effort:
                 return (
                     f"the second half of the search gained {gain:.2g} of the score (tolerance "
-                    f"{self.tolerance:g}); as long again, by --seconds, may gain as much"
+                    f"{self.tolerance:g}); twice the time, by --seconds, may gain as much again"
                 )
         return ""
 
@@ -178,19 +182,19 @@ class Evaluator:
         return (self.best_score - earlier) / abs(self.best_score)
 
     def require_more(self) -> None:
-        """Raise `BudgetSpent`, with the reason, where a limit is reached."""
+        """Raise `BudgetSpent`, with the reason, if a limit is reached."""
         reason = self.stop_reason
         if reason:
             raise BudgetSpent(reason)
 
     @property
-    def bulk(self) -> int:
-        """Number of design vectors that fill an executor, where any number may be evaluated."""
-        return max(1, BULK // (self.problem.dominoes * self._piece)) * self._piece
+    def batch_size(self) -> int:
+        """Size of a batch that fills an executor, for methods that evaluate any number at once."""
+        return max(1, EXECUTOR_LOAD // (self.problem.dominoes * self._chunk)) * self._chunk
 
     def add_seconds(self, seconds: float) -> None:
-        """Count time that was spent before the search, on a training for example [s]."""
-        self._before += seconds
+        """Count time spent before the search [s], for example on a training."""
+        self._seconds_before += seconds
 
     # the best so far ----------------------------------------------------------------------------
 
@@ -206,10 +210,10 @@ class Evaluator:
         Raises
         ------
         ValueError
-            Before the first evaluation.
+            If nothing has been evaluated yet.
         """
         if not self.finalists:
-            raise ValueError("nothing has been scored yet")
+            raise ValueError("nothing has been scored yet: call `evaluate` first")
         return self.finalists[-1][1]
 
     def record(self, scores: Scores, design: Callable[[int], Floats]) -> None:
@@ -225,7 +229,7 @@ class Evaluator:
         Raises
         ------
         ValueError
-            For more layouts than remain.
+            If there are more layouts than remaining evaluations.
         """
         if len(scores.score) > self.remaining:
             raise ValueError(
@@ -233,7 +237,7 @@ class Evaluator:
                 "`remaining` before simulating"
             )
         self._count(scores)
-        self._note(scores, design)
+        self._update_best(scores, design)
 
     # evaluation ---------------------------------------------------------------------------------
 
@@ -256,12 +260,12 @@ class Evaluator:
         Returns
         -------
         Scores
-            Scores, reaches and falls, and gradients where requested.
+            Scores, reaches and falls, and gradients if requested.
 
         Raises
         ------
         BudgetSpent
-            Where fewer evaluations remain. As many as remain are simulated first.
+            If fewer evaluations remain; as many as remain are simulated first.
         """
         designs = numbers("designs", designs, None)
         single = designs.ndim < 2
@@ -270,27 +274,27 @@ class Evaluator:
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
         rtol = self.problem.rtol if rtol is None else rtol
-        # the same pieces with and without an executor: no result may depend on it
-        step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
-        batch = step if gradient or self._executor is None else self.bulk
+        # the same chunks with and without an executor: no result may depend on it
+        step = max(1, self._chunk // GRADIENT_COST) if gradient else self._chunk
+        batch = step if gradient or self._executor is None else self.batch_size
         start = 0
         while start < len(designs):
             self.require_more()
             end = start + int(min(batch, len(designs) - start, self.remaining))
-            pieces = [designs[i : min(i + step, end)] for i in range(start, end, step)]
-            answers = self._answers(pieces, gradient, rtol, relaxed)
+            chunks = [designs[i : min(i + step, end)] for i in range(start, end, step)]
+            outputs = self._evaluate(chunks, gradient, rtol, relaxed)
             try:
-                for piece, scores in zip(pieces, answers, strict=True):
+                for chunk, scores in zip(chunks, outputs, strict=True):
                     self._count(scores)
                     if gradient and differences:
-                        self.problem.fill_gradients(piece, scores, self.evaluate)
-                    self._note(scores, piece.__getitem__)
+                        self.problem.fill_gradients(chunk, scores, self.evaluate)
+                    self._update_best(scores, chunk.__getitem__)
                     results.append(scores)
-            except StoppedError:  # amid a simulation of seconds
+            except StoppedError:  # during a simulation that takes seconds
                 raise BudgetSpent(self.stop_reason) from None
             start = end
-        arrays = zip(*map(_packed, results), strict=True)
-        scores = _unpacked([np.concatenate(parts) for parts in arrays])
+        arrays = zip(*map(_pack, results), strict=True)
+        scores = _unpack([np.concatenate(parts) for parts in arrays])
         return scores.squeeze() if single else scores
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
@@ -299,24 +303,24 @@ class Evaluator:
         Raises
         ------
         BudgetSpent
-            Where no evaluation remains.
+            If no evaluation remains.
         """
         self.require_more()
         design = np.asarray(design, dtype=np.float64)
         answer = self._replay("lateness", design[None])
         if answer is None:
             scores, lateness, gradient = self.problem.lateness(design)
-            answer = [*_packed(scores), lateness, gradient]
-            self._keep("lateness", design[None], answer)
+            answer = [*_pack(scores), lateness, gradient]
+            self._store("lateness", design[None], answer)
         *arrays, lateness, gradient = answer
-        scores = _unpacked(arrays)
+        scores = _unpack(arrays)
         self._count(scores)
-        self._note(scores, lambda _: design)
+        self._update_best(scores, lambda _: design)
         return scores, lateness, gradient
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
-        """Provide an evaluator of shorter layouts of the same kind, which count by their dominoes.
+        """Provide an evaluator of shorter layouts, which are counted by their dominoes.
 
         It has no journal: a resumed search evaluates these layouts again.
 
@@ -330,7 +334,7 @@ class Evaluator:
         Raises
         ------
         BudgetSpent
-            At the end, where this evaluator has reached a limit.
+            At the end, if this evaluator has reached a limit.
         """
         cost = problem.dominoes / self.problem.dominoes  # of a shorter layout, in evaluations
         if self.max_evaluations is not None:
@@ -349,41 +353,41 @@ class Evaluator:
             self.falls += shorter.falls
         self.require_more()
 
-    def _answers(
-        self, pieces: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
+    def _evaluate(
+        self, chunks: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
     ) -> Iterator[Scores]:
-        """Yield the scores of one piece after the other, from the journal as far as it has them."""
+        """Yield the scores of one chunk after the other, from the journal as far as it goes."""
         kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
-        pieces = list(pieces)
+        chunks = list(chunks)
         results: Iterator[Scores]
-        while pieces and (arrays := self._replay(kind, pieces[0])) is not None:
-            pieces.pop(0)
-            yield _unpacked(arrays)
+        while chunks and (arrays := self._replay(kind, chunks[0])) is not None:
+            chunks.pop(0)
+            yield _unpack(arrays)
         evaluate = partial(
             self.problem.evaluate, gradient=gradient, rtol=rtol, differences=False, relaxed=relaxed
         )
         with loss_as_error():
-            if self._executor is None or len(pieces) < 2:
-                results = (evaluate(piece, stop=self._stop) for piece in pieces)
+            if self._executor is None or len(chunks) < 2:
+                results = (evaluate(chunk, stop=self._stop) for chunk in chunks)
             else:
-                results = self._executor.map(evaluate, pieces)
-            for piece, scores in zip(pieces, results, strict=True):
-                self._keep(kind, piece, _packed(scores))
+                results = self._executor.map(evaluate, chunks)
+            for chunk, scores in zip(chunks, results, strict=True):
+                self._store(kind, chunk, _pack(scores))
                 yield scores
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
-        """Return the answer of the journal, if there is one, and take over its time."""
+        """Return the answer of the journal, if there is one, and continue from its time."""
         entry = None if self._journal is None else self._journal.find(kind, designs)
         if entry is None:
             return None
         seconds, arrays = entry
-        self._replayed, self._since = max(self._replayed, seconds), self._clock()
+        self._seconds_replayed, self._start = max(self._seconds_replayed, seconds), self._clock()
         return arrays
 
-    def _keep(self, kind: str, designs: Floats, arrays: list[Floats]) -> None:
+    def _store(self, kind: str, designs: Floats, arrays: list[Floats]) -> None:
         """Write an answer into the journal, if there is one."""
         if self._journal is not None:
-            self._journal.keep(kind, designs, self.seconds - self._before, arrays)
+            self._journal.store(kind, designs, self.seconds - self._seconds_before, arrays)
 
     def _count(self, scores: Scores) -> None:
         """Add the effort of simulated layouts."""
@@ -391,7 +395,7 @@ class Evaluator:
         self.effort += len(scores.score) * (1 if scores.gradient is None else GRADIENT_COST)
         self.falls += int(scores.falls.sum())
 
-    def _note(self, scores: Scores, design: Callable[[int], Floats]) -> None:
+    def _update_best(self, scores: Scores, design: Callable[[int], Floats]) -> None:
         """Keep the best of the layouts, if it is a new best, and call the callback."""
         i = int(np.argmax(scores.score))
         score = float(scores.score[i])
@@ -403,13 +407,13 @@ class Evaluator:
         self._callback(self)
 
 
-def _packed(scores: Scores) -> list[Floats]:
-    """Return the arrays that a journal keeps."""
+def _pack(scores: Scores) -> list[Floats]:
+    """Return the arrays that a journal stores."""
     arrays = [scores.score, scores.reach, scores.falls.astype(np.float64)]
     return arrays if scores.gradient is None else [*arrays, scores.gradient]
 
 
-def _unpacked(arrays: Sequence[Floats]) -> Scores:
-    """Return the scores of arrays that a journal has kept."""
+def _unpack(arrays: Sequence[Floats]) -> Scores:
+    """Return the scores of arrays that a journal has stored."""
     score, reach, falls, *gradient = arrays
     return Scores(score, reach, falls.astype(np.int64), *gradient)

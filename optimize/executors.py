@@ -1,11 +1,11 @@
-"""Executors: what runs the tasks of an experiment, or scores thousands of layouts.
+"""Executors, which run the tasks of an experiment or score thousands of layouts.
 
 None               this process, one task after the other
 ProcessExecutor    processes of this machine
 Dask               workers of this machine or many, behind a scheduler
 
 Each is a `concurrent.futures.Executor`; any other executor can be used too. Results are bitwise the
-same with each of them, because a task carries all that decides its result.
+same with each of them, because a task contains everything that determines its result.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # at a task whose worker dies: it may have been killed by chance
+ATTEMPTS = 3  # of a task whose worker process dies, which may be by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
@@ -45,7 +45,7 @@ class ExecutorLost(ConnectionError):  # noqa: N818 - a state, not a mistake
 
 
 class WorkerLost(RuntimeError):  # noqa: N818
-    """A task ends the worker process that runs it, every time."""
+    """A task ends its worker process in every attempt."""
 
 
 def require_executor(executor: object) -> None:
@@ -240,7 +240,7 @@ def require_same_versions(client: Any, address: str) -> None:
 def open_executor(
     workers: int | None = None, dask: str | None = None
 ) -> Iterator[futures.Executor | None]:
-    """Open an executor as a context; None where neither argument is given.
+    """Open an executor as a context; None if neither argument is given.
 
     An exception inside the context ends the workers at once; otherwise they finish first.
 
@@ -255,11 +255,11 @@ def open_executor(
     Raises
     ------
     ValueError
-        The number or the address is impossible, or the workers have other versions.
+        If the number or the address is invalid, or if the workers have other versions.
     ImportError
-        The extra `dist` is missing.
+        If the extra `dist` is missing.
     ExecutorLost
-        No scheduler answers at the address, or no worker connects to it.
+        If no scheduler answers at the address, or if no worker connects to it.
     """
     from domino_env.core.checks import require, require_extra
 

@@ -22,8 +22,8 @@ from msgspec import MsgspecError, msgpack
 
 from domino_env.core.types import Floats
 
-PAUSE = 1.0  # [s] of work that a kill may lose
-SETTINGS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
+SAVE_INTERVAL = 1.0  # [s] between two writes: work that is lost if the process is killed
+PRAGMAS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
 TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
 
 
@@ -42,26 +42,26 @@ class Journal:
     Attributes
     ----------
     replaying
-        True while the next answer may come from the file.
+        True while answers come from the file.
 
     Raises
     ------
     ValueError
-        For a file that another search is writing, that cannot be written, or that is damaged.
+        If another search is writing the file, or if it cannot be written or is damaged.
     """
 
     def __init__(self, path: Path, context: str, *, resume: bool) -> None:
         self.path = path
         self.replaying = resume and path.exists()
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
-        self._waiting: list[tuple[bytes, float, bytes]] = []
-        self._saved = float("-inf")
+        self._pending: list[tuple[bytes, float, bytes]] = []
+        self._last_save = float("-inf")
         self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
-        with self._errors_in_words():
-            for setting in SETTINGS:
+        with self._file_errors():
+            for setting in PRAGMAS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)
-            if not resume:  # rather than of the file, which another search may have open
+            if not resume:  # not the file, which another search may have open
                 self._database.execute("DELETE FROM answers")
 
     def _digest(self, kind: str, designs: Floats) -> bytes:
@@ -84,12 +84,12 @@ class Journal:
         Raises
         ------
         ValueError
-            For a damaged file.
+            If the file is damaged.
         """
         if not self.replaying:
             return None
         query = "SELECT seconds, answer FROM answers WHERE request = ?"
-        with self._errors_in_words():
+        with self._file_errors():
             entry = self._database.execute(query, [self._digest(kind, designs)]).fetchone()
             if entry is not None:
                 parts = msgpack.decode(entry[1], type=list[tuple[tuple[int, ...], bytes]])
@@ -98,7 +98,7 @@ class Journal:
         self.replaying = False
         return None
 
-    def keep(self, kind: str, designs: Floats, seconds: float, arrays: list[Floats]) -> None:
+    def store(self, kind: str, designs: Floats, seconds: float, arrays: list[Floats]) -> None:
         """Store an answer.
 
         Parameters
@@ -111,13 +111,13 @@ class Journal:
             Answer.
         """
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
-        self._waiting.append((self._digest(kind, designs), seconds, answer))
-        if seconds - self._saved > PAUSE:
-            self._saved = seconds
+        self._pending.append((self._digest(kind, designs), seconds, answer))
+        if seconds - self._last_save > SAVE_INTERVAL:
+            self._last_save = seconds
             self._save()
 
     def close(self) -> None:
-        """Write what is still in memory, and release the file."""
+        """Write the answers in memory, and release the file."""
         try:
             self._save()
         finally:
@@ -126,14 +126,14 @@ class Journal:
     def _save(self) -> None:
         """Write the answers in memory, in one transaction."""
         insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)"
-        with self._errors_in_words(), self._database as database:
+        with self._file_errors(), self._database as database:
             database.execute("BEGIN")
-            # Ctrl-C may come between this line and the next: then the answers are written again
-            database.executemany(insert, self._waiting)
-        self._waiting = []
+            # after Ctrl-C between this line and the next the answers are written again
+            database.executemany(insert, self._pending)
+        self._pending = []
 
     @contextmanager
-    def _errors_in_words(self) -> Iterator[None]:
+    def _file_errors(self) -> Iterator[None]:
         """Raise errors of the file as ValueError, with the next action."""
         try:
             yield

@@ -34,11 +34,11 @@ class Scores:
     score
         (B,) higher is better.
     reach
-        (B,) part of the layout that the wave passed; 1 where it completes.
+        (B,) part of the layout that the wave passed; 1 if it completes.
     falls
-        (B,) number of simulated falls.
+        (B,) number of simulated intervals between hits.
     gradient
-        (B, n) gradients by the design vectors; None where not requested.
+        (B, n) gradients by the design vectors; None if not requested.
     """
 
     score: Any
@@ -50,7 +50,7 @@ class Scores:
 
     @property
     def without_gradient(self) -> Bools:
-        """(B,) scores without an exact gradient: the wave stopped or broke a limit."""
+        """(B,) True without an exact gradient: the wave stopped or broke a limit."""
         return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
     def squeeze(self) -> Scores:
@@ -70,15 +70,15 @@ class Problem(DesignSpace):
     A design vector is an array (n,) of entries in [0, 1], a batch of them (B, n): one entry for
     each free gap, from its least to its largest value, then for each free thickness, then for each
     free height (over that of the domino before). Every design vector of the box stands for one
-    layout that keeps all rules of the scene, the nearest one in metres: where a length, a largest
+    layout that keeps all rules of the scene, the nearest one in metres: if a length, a largest
     change, a list of values or a stock ties entries together, `coupled` is true, many design
     vectors stand for the same layout, and `project` gives the one that stands for itself. No layout
     that breaks a rule is simulated.
 
     It has no memory and no randomness: equal design vectors have bitwise equal scores. It can be
     pickled for other processes, and threads may share it. Batches are faster than single designs.
-    Stable are its attributes, `evaluate`, `project`, `layout`, `design`, `equality`, `linear` and
-    `coupled`.
+    Its attributes, `evaluate`, `project`, `layout`, `design`, `equality`, `linear` and `coupled`
+    are a stable interface.
 
     Parameters
     ----------
@@ -94,16 +94,16 @@ class Problem(DesignSpace):
     dimension
         n, length of a design vector.
     low, high
-        (n,) values at 0 and 1 [m], or in heights where the scene has them so.
+        (n,) values at 0 and 1 [m], or in heights if the scene gives them so.
     discrete
-        True where some values come from a list or the stock, so that scores have steps.
+        True if some values come from a list or the stock, so that scores have steps.
     dominoes
         Number of dominoes that are simulated for one score.
 
     Raises
     ------
     ValueError
-        For a scene without free values, and for one whose rules contradict each other.
+        If the scene has no free values, or if its rules contradict each other.
 
     Examples
     --------
@@ -144,32 +144,32 @@ class Problem(DesignSpace):
         gradient
             True to compute gradients too.
         rtol
-            Relative error allowed in the arrival times; that of the problem where None. Gradients
+            Relative error allowed in the arrival times; None for that of the problem. Gradients
             always use 1e-8.
         differences
-            True to take a gradient by differences, with 2n simulations, where there is no exact
+            True to take a gradient by differences, with 2n simulations, if there is no exact
             one, because the wave stopped or broke a limit; otherwise it is zero.
         relaxed
             True to differentiate by values from a list or the stock as if they could move;
             otherwise these derivatives are 0.
         stop
-            End of the motion in scenes with a floor, see `simulate_standing`; else None.
+            Function that returns True to stop a simulation on a floor; None to run it to its end.
 
         Returns
         -------
         Scores
-            Scores, reaches and falls, and gradients where requested.
+            Scores, reaches and falls, and gradients if requested.
 
         Raises
         ------
         ValueError
-            For another shape, or entries outside of [0, 1].
+            If the shape is another one, or if entries are outside of [0, 1].
         StoppedError
-            Where `stop` returned True.
+            If `stop` returned True.
         """
         designs = numbers("designs", designs, None)
         single = designs.ndim == 1
-        designs = self.checked(self.as_batch(designs) if single else designs)
+        designs = self.check(self.as_batch(designs) if single else designs)
         values = self.values(designs)
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
@@ -187,14 +187,14 @@ class Problem(DesignSpace):
     def fill_gradients(
         self, designs: Floats, scores: Scores, evaluate: Callable[..., Scores]
     ) -> None:
-        """Fill in gradients by differences where a score has no exact one.
+        """Fill in gradients by differences if a score has no exact one.
 
         Parameters
         ----------
         designs
             (B, n) design vectors.
         scores
-            Their scores, with zero gradients where there is no exact one.
+            Their scores, with zero gradients if there is no exact one.
         evaluate
             Function called as `evaluate` of this class.
         """
@@ -206,7 +206,7 @@ class Problem(DesignSpace):
             np.fill_diagonal(points[:n], above)
             np.fill_diagonal(points[n:], below)
             score = evaluate(points, rtol=STEP_RTOL).score
-            scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.movable
+            scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.is_continuous
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
         """Compute how late each domino of a scene with a schedule is hit, for least squares.
@@ -230,7 +230,7 @@ class Problem(DesignSpace):
         Raises
         ------
         ValueError
-            Where the scene has no schedule.
+            If the scene has no schedule.
         """
         tempo, pairs = self.scene.tempo, self.scene.count - 1
         if tempo is None:
@@ -240,10 +240,10 @@ class Problem(DesignSpace):
         scores = Scores(result.score, result.reach, result.falls)
         if wave.outcome != Outcome.PROPAGATED:
             return scores, np.empty(0), np.empty((0, self.dimension))
-        gradients = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+        gradients = [wave.pullback(unit) for unit in np.eye(pairs + 1)[1:]]
         if self.scene.ground is not None:
             gradients = [self.scene.ground.along_ground(g, wave.layout) for g in gradients]
-        designs = np.repeat(self.checked(self.as_batch(design)), pairs, axis=0)
+        designs = np.repeat(self.check(self.as_batch(design)), pairs, axis=0)
         by_sizes = ScoreGradient(
             np.array([g.spacing for g in gradients]),
             np.array([g.thickness[1:] for g in gradients]),

@@ -33,7 +33,7 @@ class SearchResult(SceneResult):
     seed
         Seed of all randomness.
     layout
-        The best layout found.
+        The best layout.
     wave
         Wave of the layout, simulated at a relative error of 1e-10.
     score
@@ -51,7 +51,7 @@ class SearchResult(SceneResult):
         Time of the search [s].
     interrupted
         True if the search was interrupted with Ctrl-C.
-    ended
+    stop_reason
         Reason why the search ended, in words: reported by the method, or the limit reached.
     """
 
@@ -67,11 +67,11 @@ class SearchResult(SceneResult):
     falls: int
     seconds: float
     interrupted: bool
-    ended: str = ""
+    stop_reason: str = ""
 
     @property
     def gain(self) -> float | None:
-        """Score over that of the uniform baseline, minus 1; None where one of the waves stops."""
+        """Score over that of the uniform baseline, minus 1; None if one of the waves stops."""
         return gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
@@ -98,10 +98,11 @@ class SearchResult(SceneResult):
     def summary(self) -> dict[str, Any]:
         """Return the contents of summary.json in SI units."""
         wave, uniform = self.wave, self.uniform
-        search = document(self, "method seed score gain evaluations seconds interrupted ended")
+        search = document(self, "method seed score gain evaluations seconds interrupted")
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
         simulated = document(wave, f"{quantities} largest_flush_loss")
         return {"scene": self.scene.name} | search | simulated | {
+            "ended": self.stop_reason,
             "score_in_words": self.scene.format_score(self.score, wave),
             "length": self.layout.length,
             "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,

@@ -37,7 +37,7 @@ SCENE, SUMMARY, PICTURE = "scene.toml", "summary.json", "result.png"
 FILES = (SCENE, "layout.csv", "layout.json", "trace.csv", SUMMARY, PICTURE)
 JOURNAL = "journal.sqlite"
 # files that other commands make of a run, outdated once it has another layout
-DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
+DERIVED_FILES = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
 class SummaryDocument(Document):
@@ -59,18 +59,18 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     scene, method, seed
         See `optimize.search`.
     resume
-        Continue with the run in the folder, if there is one.
+        True to continue with the run in the folder, if there is one.
 
     Returns
     -------
     int
-        Number of evaluations of the run in the folder; 0 where none has ended.
+        Number of evaluations of the run in the folder; 0 if none has ended.
 
     Raises
     ------
     ValueError
-        For a file, a folder that cannot be written, one that holds a run (without `resume`) or
-        another search.
+        If the folder is a file, cannot be written, or holds another search or, without `resume`, a
+        run.
     """
     require_writable(folder)
     if not resume:
@@ -90,7 +90,7 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     return known.evaluations
 
 
-def write_run(folder: Path, result: SearchResult, before: int) -> None:
+def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> None:
     """Write the result of a search, the summary last.
 
     Each file is replaced in one step, so that no reader finds a half-written file.
@@ -101,22 +101,22 @@ def write_run(folder: Path, result: SearchResult, before: int) -> None:
         The folder, prepared by `begin_run`.
     result
         The result.
-    before
+    evaluations_before
         Number of evaluations of the run in the folder.
 
     Raises
     ------
     ValueError
-        Where that fails, or where the search has not come as far as the run in the folder, which
-        then stays as it is.
+        If writing fails, or if the run in the folder has more evaluations; its files are then not
+        changed.
     KeyboardInterrupt
-        Where it was interrupted before it had come as far.
+        If the search was interrupted before it had as many evaluations.
     """
-    if result.evaluations < before:
+    if result.evaluations < evaluations_before:
         error = KeyboardInterrupt if result.interrupted else ValueError
         raise error(
-            f"{folder} holds {before} evaluations of this search and stays as it is: this run "
-            f"ended after {result.evaluations}; give it a larger budget or more seconds"
+            f"{folder} holds {evaluations_before} evaluations of this search and stays as it is: "
+            f"this run ended after {result.evaluations}; give it a larger budget or more seconds"
         )
     from domino_env.core.plot_style import write_png
 
@@ -142,8 +142,8 @@ def _remove_outdated(folder: Path, layout: Layout) -> None:
     with suppress(OSError, ValueError):
         if not path.exists() or Layout.read(path) == layout:
             return
-    outdated = [name for name in DERIVED if (folder / name).exists()]
-    for name in (PICTURE, *outdated):
+    outdated_files = [name for name in DERIVED_FILES if (folder / name).exists()]
+    for name in (PICTURE, *outdated_files):
         (folder / name).unlink(missing_ok=True)
-    if outdated:
-        notice(f"{folder}: removed {', '.join(outdated)}, made of an earlier layout")
+    if outdated_files:
+        notice(f"{folder}: removed {', '.join(outdated_files)}, made of an earlier layout")

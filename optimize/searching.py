@@ -1,4 +1,4 @@
-"""search(): one method on one scene within limits."""
+"""Function `search`, which runs one method on one scene within limits."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 Callback = Callable[[Evaluator], None]
 
 NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
-LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
+PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
-LONG = 20.0  # [s] of processor time from which on a search announces its duration
-TIMED = 8  # gradients that are timed for that
-AS_LONG = 130  # variables of which the local search takes as long as the simulation
-FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
+LONG_SEARCH = 20.0  # [s] of processor time from which on a search announces its duration
+TRIALS = 8  # gradients that are timed for that
+EQUAL_COST = 130  # variables of which the local search takes as long as the simulation
+BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 
 
 def search(
@@ -59,7 +59,7 @@ def search(
     executor: Executor | None = None,
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
-    spent: float = 0.0,
+    seconds_before: float = 0.0,
 ) -> SearchResult:
     """Search for a layout of a scene that is better than the uniform baseline.
 
@@ -82,8 +82,8 @@ def search(
         Seed of all randomness. Without a limit of seconds, the same seed gives bitwise the same
         result for any number of threads.
     seconds
-        Time that may be spent [s], including that of the uniform baseline where the scene object
-        does not have it yet; None for no limit. On a floor, the uniform baseline counts as the
+        Time that may be spent [s], including that of the uniform baseline if the scene object does
+        not have it yet; None for no limit. On a floor, the uniform baseline counts as the
         first evaluation.
     tolerance
         Relative gain of the second half of the evaluations below which a search ends, after at
@@ -91,22 +91,22 @@ def search(
         tolerance. None for 1e-4 without a budget or seconds, and for no such end with them.
     progress
         True for a line with the best so far; None for one on a terminal, and elsewhere a new line
-        now and then.
+        from time to time.
     folder
-        Folder to write the run to, see `optimize.run_folder`; None for nowhere.
+        Folder to write the run to, see `optimize.run_folder`; None to write nothing.
     callback
         Function that is called with the `Evaluator` after every batch; by default, nothing is.
     executor
         Executor that simulates batches of thousands of layouts, see `optimize.executors`; smaller
         ones are not sent. None for threads of this process. The result is bitwise the same.
     resume
-        True to continue the search in the folder, from where its journal ends (from the start where
+        True to continue the search in the folder, from where its journal ends (from the start if
         there is none), or further with a larger budget. The result is bitwise that of a search that
         was never stopped; earlier seconds count.
     clock
         Function that returns seconds, such as `time.process_time`: processor time, which does not
         include other work of the machine.
-    spent
+    seconds_before
         Time that counts as spent before the search [s], such as that of a uniform baseline which
         several searches share.
 
@@ -118,9 +118,9 @@ def search(
     Raises
     ------
     ValueError
-        For an unknown method or scene, a method that evaluates nothing, a budget that is not
-        positive, a folder that holds a run already or, with `resume`, another search or more of
-        this one, a result that cannot be written, or a scene without free values.
+        If method or scene are unknown, the method evaluates nothing, a number is out of its range,
+        the scene has no free values, the folder holds a run or, with `resume`, another search or
+        more evaluations of this one, or the result cannot be written.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def search(
     require_executor(executor)
     require_type("callback", callback, Callable, "a function of the Evaluator")
     if resume and folder is None:
-        raise ValueError("resume: give the folder of the search to continue")
+        raise ValueError("resume = True without a folder: give the folder of the search")
     if tolerance is None and budget is None and seconds is None:
         tolerance = TOLERANCE
     problem = Problem(scene)
@@ -153,8 +153,8 @@ def search(
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(folder / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
-        compile_for(scene, gradients=True)
-        began = clock()
+        compile_simulations(scene, gradients=True)
+        start = clock()
         uniform = find_baseline(scene, seconds)
         callback = stack.enter_context(progress_line(scene, method, progress, callback))
         evaluator = Evaluator(
@@ -162,7 +162,7 @@ def search(
             tolerance=tolerance, callback=callback, journal=journal, executor=executor,
             clock=clock,
         )  # fmt: skip
-        evaluator.add_seconds(spent + clock() - began)
+        evaluator.add_seconds(seconds_before + clock() - start)
         if seconds is not None and scene.floor_friction is not None:
             _record_baseline(evaluator, uniform)
         if method == "auto":
@@ -171,29 +171,30 @@ def search(
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
                 run(evaluator, np.random.default_rng(seed))
-            ended = f"done: {evaluator.status or 'the method has nothing left to try'}"
+            stop_reason = f"done: {evaluator.status or 'the method has nothing left to try'}"
         except BudgetSpent as end_of_budget:
             reason = str(end_of_budget) or evaluator.stop_reason or "too little is left"
-            ended = "; ".join(filter(None, (reason, evaluator.status)))
+            stop_reason = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
-            interrupted, ended = True, "interrupted"
+            interrupted, stop_reason = True, "interrupted"
         except Exception as error:
             if folder is None or not evaluator.finalists:
                 raise
-            failure, ended = error, f"the method failed: {error}"  # the best so far is written
+            # the best so far is written
+            failure, stop_reason = error, f"the method failed: {error}"
         if evaluator.best_score <= 0.0 and not interrupted:
-            ended = f"{ended.partition(';')[0]}; {NONE_COMPLETES}"
-        took = evaluator.seconds
+            stop_reason = f"{stop_reason.partition(';')[0]}; {NONE_COMPLETES}"
+        duration = evaluator.seconds
     if not evaluator.finalists:
         if interrupted:
             raise KeyboardInterrupt
         raise ValueError(f"method '{method}' ended without evaluating a layout")
-    layout, wave, score = _best(scene, evaluator, uniform)
-    end = (evaluator.evaluations, evaluator.falls, took, evaluator.best_score)
+    layout, wave, score = _best_finalist(scene, evaluator, uniform)
+    end = (evaluator.evaluations, evaluator.falls, duration, evaluator.best_score)
     result = SearchResult(
         scene=scene, method=method, seed=seed, layout=layout, wave=wave, score=score,
         uniform=uniform, trace=(*evaluator.trace, end), evaluations=evaluator.evaluations,
-        falls=evaluator.falls, seconds=took, interrupted=interrupted, ended=ended,
+        falls=evaluator.falls, seconds=duration, interrupted=interrupted, stop_reason=stop_reason,
     )  # fmt: skip
     try:
         if folder is not None:
@@ -223,7 +224,7 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
 
 
-def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
+def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
     """Compile the simulations of a scene, before a clock starts.
 
     Parameters
@@ -255,7 +256,7 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
 def progress_line(
     scene: Scene, method: str, progress: bool | None, callback: Callback
 ) -> Iterator[Callback]:
-    """Keep a line on the terminal, and yield the function that updates it and calls `callback`.
+    """Show a line on the terminal; yield a function that updates it and calls `callback`.
 
     Parameters
     ----------
@@ -263,14 +264,14 @@ def progress_line(
         See `search`.
     """
     name, uniform = f"{scene.name}, {method}", scene.uniform().score
-    options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
-    with progress_bar(progress, line=LINE, dynamic_ncols=True, **options) as line:
+    options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": BAR_FORMAT, "leave": False}
+    with progress_bar(progress, line=PLAIN_FORMAT, dynamic_ncols=True, **options) as line:
 
         def update(evaluator: Evaluator) -> None:
             score = evaluator.best_score
-            lead = gain(score, uniform)
+            own_gain = gain(score, uniform)
             text = f"best {score:.5f} {scene.unit}".rstrip()
-            text += "" if lead is None else f", {lead:+.2%} against uniform"
+            text += "" if own_gain is None else f", {own_gain:+.2%} against uniform"
             if score <= 0.0:
                 text = f"no layout completes yet, the best comes to {1.0 + score:.0%}"
             line.set_postfix_str(text, refresh=False)
@@ -280,7 +281,7 @@ def progress_line(
         yield update
 
 
-def _best(
+def _best_finalist(
     scene: Scene, evaluator: Evaluator, uniform: UniformBaseline
 ) -> tuple[Layout, Wave, float]:
     """Simulate the finalists closely and return the best of them.
@@ -300,19 +301,19 @@ def _best(
 
 
 def _announce_duration(evaluator: Evaluator) -> None:
-    """Log about how long a search by `auto` without a limit takes, where that is long.
+    """Log the approximate time of a search by `auto` without a limit, if it is long.
 
-    Those that take more than `LONG` end by their effort: within a factor of two of this estimate.
+    A search of more than `LONG_SEARCH` ends by its effort: within a factor of two of this estimate.
     """
     problem = evaluator.problem
     if evaluator.tolerance is None or problem.scene.floor_friction is not None:
         return
-    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TIMED, axis=0)
-    began = time.process_time()
+    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TRIALS, axis=0)
+    start = time.process_time()
     problem.evaluate(designs, True, differences=False)
-    gradient = (time.process_time() - began) / TIMED * (1.0 + problem.dimension / AS_LONG)
+    gradient = (time.process_time() - start) / TRIALS * (1.0 + problem.dimension / EQUAL_COST)
     seconds = gradient * evaluator.most_effort / GRADIENT_COST
-    if seconds > LONG:
+    if seconds > LONG_SEARCH:
         notice(
             f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
             "of processor time; --seconds or --budget limit it"

@@ -20,7 +20,7 @@ import shlex
 from pathlib import Path
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options, add_out_option
-from optimize.cli.options import add_study_options, exit_code, names_in
+from optimize.cli.options import add_study_options, exit_code, split_names
 from optimize.executors import open_executor
 
 SUMMARY = "benchmark learning algorithms over scenes and seeds"
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     algorithms = "algorithms (all of domino train, and ramp, cma, auto)"
     add_options(
         parser,
-        ("algorithms", names_in, "NAME,...", None, algorithms),
+        ("algorithms", split_names, "NAME,...", None, algorithms),
         ("seeds", NATURAL, "N", 10, "number of seeds, of which the first is 100"),
         ("steps", NATURAL, "N", None, "largest number of dominoes per training"),
         ("seconds", SECONDS, "S", None, "largest processor time of a search [s]"),
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         with open_executor(arguments.workers, arguments.dask) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
-            stored = study.done()
+            stored = study.results()
             for result in previous:
                 if result.key not in stored:
                     study.add(result)

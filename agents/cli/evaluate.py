@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     target = "write the layout, .csv or .json"
     names = "varied, varied-thickness, varied-course, or a file (that of the training, or varied)"
     seed = "sample the scenes (the first N of the test set)"
-    add_flags(parser, trust="run the code in an archive where its policy needs it")
+    add_flags(parser, trust="run the code in an archive if its policy needs it")
     add_options(
         parser,
         ("scene", str, "SCENE", None, scene),
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Build one layout or many, and print their scores."""
-    from agents.designer.features import outside
+    from agents.designer.features import range_violations
     from agents.designer.policy import Designer
     from agents.evaluation import load_policy
     from agents.policy import ScenePolicy
@@ -74,14 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         rollout = policy.build(scene or load_scene("sprint"))
     if isinstance(policy, Designer):
-        for difference in outside(rollout.scene):
+        for difference in range_violations(rollout.scene):
             print(f"outside the scenes of its training: {difference}")
     print(sentence(rollout))
     if arguments.layout:
         from domino_env.scenes.io.reading import write_layout
 
-        beside = write_layout(rollout.layout, arguments.layout, rollout.scene)
-        print(f"layout written to {arguments.layout}, the scene to {beside}")
+        scene_file = write_layout(rollout.layout, arguments.layout, rollout.scene)
+        print(f"layout written to {arguments.layout}, the scene to {scene_file}")
     return 0
 
 
@@ -89,7 +89,7 @@ def _evaluate_scenes(
     policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
 ) -> int:
     """Print a table of the scores in many scenes."""
-    from agents.evaluation import choose_scenes, evaluate_scenes, read_searched
+    from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
     from domino_env import SceneDistribution
 
     source = arguments.distribution or getattr(policy, "scene", None)
@@ -97,8 +97,8 @@ def _evaluate_scenes(
         source = "varied"
     name = source if isinstance(source, str) else source.name
     scenes = choose_scenes(source, arguments.scenes, arguments.seed)
-    searched = read_searched(name, len(scenes)) if arguments.seed is None else None
-    evaluation = evaluate_scenes(scenes, policy, searched, progress=None)
+    search_scores = read_search_scores(name, len(scenes)) if arguments.seed is None else None
+    evaluation = evaluate_scenes(scenes, policy, search_scores, progress=None)
     print(evaluation.table())
     if arguments.csv:
         evaluation.save(Path(arguments.csv))
@@ -109,7 +109,7 @@ def _evaluate_scenes(
 def sentence(rollout: Rollout) -> str:
     """Return a score, its gain over the uniform baseline and its distance to the best known.
 
-    Where episodes are random, the best known is the plan that reacts to nothing, as it is built.
+    If episodes are random, it is compared with the open-loop plan over the same episodes instead.
     """
     from agents.rollout import evaluation_seeds
     from agents.scripted import plan
@@ -117,17 +117,17 @@ def sentence(rollout: Rollout) -> str:
     from optimize.experiments.best_known import best_known
 
     scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
-    words = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
+    text = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
     if rollout.gain is not None:
-        words += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
+        text += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
     known = best_known().get(scene.name)
     best: float | None = None if known is None else known.score
-    which = "the best known"
+    reference = "the best known"
     if (number := len(evaluation_seeds(scene))) > 1:
-        best, which = None, f"the open-loop plan over the same {number} episodes"
+        best, reference = None, f"the open-loop plan over the same {number} episodes"
         with suppress(ValueError):  # the scene has no plan
             best = plan(scene).score
     gap = None if best is None else gain(score, best)
     if gap is not None:
-        words += f", {format_gain(gap, 3)} {which} ({best:.6f})"
-    return f"{words}; built in {rollout.seconds * 1e3:.1f} ms"
+        text += f", {format_gain(gap, 3)} {reference} ({best:.6f})"
+    return f"{text}; built in {rollout.seconds * 1e3:.1f} ms"

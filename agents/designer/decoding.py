@@ -38,6 +38,7 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     h, features = scene.height, scene_features(scene)
     least, largest, thin, thick = (float(h * features[i]) for i in (3, 4, 6, 7))
     number, pairs = outputs.shape[:2]
+    # logarithms are limited to ±9, against overflow
     thickness = np.clip(
         np.sqrt(thin * thick) * np.exp(np.clip(outputs[..., 1], -9.0, 9.0)), thin, thick
     )
@@ -46,21 +47,22 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     if scene.length is None:
         return np.where(is_tight, least, np.clip(proposed, least, largest)), thickness
     if thin < thick:  # thicknesses for which gaps within their bounds give the length
-        for end, beyond in ((pairs * least, np.greater), (pairs * largest, np.less)):
-            off = beyond(thickness.sum(axis=1), scene.length - end)
-            thickness[off] = nearest_with_sum(
-                thickness[off], np.full(pairs, thin), np.full(pairs, thick), scene.length - end
+        for end, compare in ((pairs * least, np.greater), (pairs * largest, np.less)):
+            is_out = compare(thickness.sum(axis=1), scene.length - end)
+            thickness[is_out] = nearest_with_sum(
+                thickness[is_out], np.full(pairs, thin), np.full(pairs, thick), scene.length - end
             )
     totals = scene.length - thickness.sum(axis=1)
     low, high = np.full((number, 1), -LARGEST_SHIFT), np.full((number, 1), LARGEST_SHIFT)
     for _ in range(HALVINGS):
         shift = 0.5 * (low + high)
         gaps = np.where(is_tight, least, np.clip(proposed * np.exp(shift), least, largest))
-        short = gaps.sum(axis=1) < totals
-        low[short], high[~short] = shift[short], shift[~short]
-    rest = totals - gaps.sum(axis=1)
-    free = (gaps > least) & (gaps < largest)
-    gaps += free * (rest / np.maximum(free.sum(axis=1), 1))[:, None]  # removes the rounding error
+        is_short = gaps.sum(axis=1) < totals
+        low[is_short], high[~is_short] = shift[is_short], shift[~is_short]
+    error = totals - gaps.sum(axis=1)
+    is_free = (gaps > least) & (gaps < largest)
+    # removes the rounding error
+    gaps += is_free * (error / np.maximum(is_free.sum(axis=1), 1))[:, None]
     for k in np.flatnonzero(np.abs(totals - gaps.sum(axis=1)) > 1e-12):  # no longer tight
         bounds = np.full(pairs, least), np.full(pairs, largest)
         gaps[k] = nearest_with_sum(gaps[k : k + 1], *bounds, float(totals[k]))[0]

@@ -25,9 +25,8 @@ FEATURES = (
 TIGHT = 13  # candidate numbers of tight gaps at the end of the chain: 0 … 12
 # [dominoes] decay lengths of the entries for the ends of the chain
 SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)
-LOW = np.array(
-    [0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0]
-)  # values that `scale_features` maps to -1
+# values of the first eight entries that `scale_features` maps to -1
+LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])
 HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])  # values mapped to 1
 LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
 SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
@@ -49,7 +48,7 @@ def scene_features(scene: Scene) -> Floats:
 _distribution = lru_cache(load_distribution)
 
 
-def outside(scene: Scene) -> tuple[str, ...]:
+def range_violations(scene: Scene) -> tuple[str, ...]:
     """Describe the features of a scene that are outside the ranges of the training.
 
     The ranges are those of "varied", "varied-thickness" or "varied-course", in units of the height.

@@ -25,7 +25,7 @@ from agents.designer.features import (
     SIZE,
     TIGHT,
     observations,
-    outside,
+    range_violations,
     require_kind,
     scale_features,
     scene_features,
@@ -33,7 +33,7 @@ from agents.designer.features import (
 )
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
-from agents.rollout import Rollout, as_placed
+from agents.rollout import Rollout, average
 from domino_env import Layout, Scene, Wave, load_scene
 from domino_env.core.checks import require
 from domino_env.core.results import dataclass_repr
@@ -41,7 +41,7 @@ from domino_env.core.types import Floats
 from domino_env.view.notebook import SceneResult
 from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
-from optimize.searching import compile_for
+from optimize.searching import compile_simulations
 
 AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of log gaps around their mean
 LEAST_STEPS, MOST_STEPS = 4, 12  # gradient steps
@@ -67,7 +67,7 @@ class Design(SceneResult):
         Number of tight gaps at the end, as the first network chose it.
     seconds
         Time that the design took, its simulation included [s].
-    outside
+    range_violations
         Features of the scene that are outside the ranges of the training, in words.
     """
 
@@ -77,7 +77,7 @@ class Design(SceneResult):
     score: float
     tight_gaps: int
     seconds: float
-    outside: tuple[str, ...]
+    range_violations: tuple[str, ...]
 
     __repr__ = SceneResult.__repr__
 
@@ -107,7 +107,8 @@ class Designer:
         scene
             The scene to design for.
         tries
-            How many numbers of tight gaps are simulated; 1 for the preferred one, not simulated.
+            Number of preferred numbers of tight gaps that are simulated; 1 for the first of them,
+            without a simulation.
         """
         values = _outputs(self.tight, scale_features(scene_features(scene))[None])[
             0, : tight_candidates(scene.count)
@@ -133,13 +134,13 @@ class Designer:
         require("steps", steps, 0, whole=True, optional=True)
         require_kind(scene)
         _threads()  # its first call is not timed
-        began = time.perf_counter()
+        start = time.perf_counter()
         layout, number = self.propose(scene, tries)
         layout = refine(scene, layout, gradient_steps(scene.count) if steps is None else steps)
         wave = scene.simulate(layout)
         score = scene.score(wave)
-        seconds = time.perf_counter() - began
-        return Design(scene, layout, wave, score, number, seconds, outside(scene))
+        seconds = time.perf_counter() - start
+        return Design(scene, layout, wave, score, number, seconds, range_violations(scene))
 
     def build(self, scene: Scene) -> Rollout:
         """Design a layout, beside the uniform baseline.
@@ -150,9 +151,9 @@ class Designer:
             See `design`.
         """
         require_kind(scene)
-        compile_for(scene)
+        compile_simulations(scene)
         design, uniform = self.design(scene), scene.uniform()
-        return as_placed(
+        return average(
             Rollout(scene, design.layout, design.wave, design.score, uniform, design.seconds)
         )
 
@@ -163,7 +164,7 @@ class Designer:
         Raises
         ------
         ValueError
-            For other names or shapes, and for values that are not finite.
+            If names or shapes are other ones, or if values are not finite.
         """
         path = folder / POLICY
         return cls(
@@ -179,7 +180,7 @@ def _best(scene: Scene, gaps: Floats, thickness: Floats) -> int:
 
 def _part(arrays: Mapping[str, Any], part: str) -> Network:
     number = sum(name.startswith(f"{part}_") for name in arrays) // 2
-    return Network.named(arrays, [f"{part}_{i}_" for i in range(number)])
+    return Network.make(arrays, [f"{part}_{i}_" for i in range(number)])
 
 
 def gradient_steps(count: int) -> int:
@@ -200,7 +201,7 @@ def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     layout
         The first layout.
     steps
-        Evaluations with gradient; 0 for none.
+        Number of evaluations with gradient; 0 for none.
 
     Returns
     -------
@@ -213,10 +214,9 @@ def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     start, span = problem.design(layout), problem.high - problem.low
     inverse = ((problem.low + start * span) / span) ** 2 * (scene.count - 1) / CURVATURE
     unit = float(np.sqrt(scene.physics.gravity * scene.height))  # scores are about one unit
-    project = problem.project if problem.coupled else None
-    local = LocalSearch(start, project, inverse / unit)
+    local = LocalSearch(start, problem.projection, inverse / unit)
     while local.evaluations < steps and not local.done:
-        scores = problem.evaluate(local.wanted, gradient=True, differences=False)
+        scores = problem.evaluate(local.candidate, gradient=True, differences=False)
         local.update(scores.score, scores.gradient)
     return problem.layout(local.design)
 
@@ -248,11 +248,11 @@ def design(scene: str | Path | Scene, *, tries: int = TIGHT, steps: int | None =
     scene
         A scene, its name, or the path of its file.
     tries
-        How many numbers of tight gaps are simulated, the preferred ones; 1 for the preferred one,
-        not simulated.
+        Number of preferred numbers of tight gaps that are simulated; 1 for the first of them,
+        without a simulation.
     steps
-        Evaluations with gradient that improve it; 0 for the proposal of the networks, None for as
-        many as take some milliseconds.
+        Number of evaluations with gradient that improve it; 0 for the proposal of the networks,
+        None for 4 to 12, some milliseconds.
 
     Returns
     -------
@@ -262,7 +262,7 @@ def design(scene: str | Path | Scene, *, tries: int = TIGHT, steps: int | None =
     Raises
     ------
     ValueError
-        For a scene of another kind than those of the training.
+        If the scene is of another kind than those of the training.
 
     Examples
     --------

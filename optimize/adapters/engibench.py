@@ -34,11 +34,11 @@ DEFAULT_PHYSICS = Physics()
 
 
 class DominoProblem(Problem[Floats]):
-    """Layout of a scene as a problem of EngiBench.
+    """Scene as a problem of EngiBench.
 
     A design (n,) has the free values of the scene in its own units: gaps [m], then thicknesses [m],
-    then heights divided by that of the domino before; gaps and thicknesses in heights where the
-    scene gives them so. Unlike a design vector of `optimize.Problem` it is not projected: one that
+    then heights divided by that of the domino before; gaps and thicknesses in heights if the scene
+    gives them so. Unlike a design vector of `optimize.Problem` it is not projected: one that
     breaks a rule of the scene (a length, a list, a stock) is a violation, which `check_constraints`
     returns. The objective is the scene's score, which is maximised; a wave that stops scores less
     than 0.
@@ -120,7 +120,7 @@ class DominoProblem(Problem[Floats]):
     @property
     def dataset(self) -> Any:
         """Published designs; there are none, and access raises ValueError."""
-        raise ValueError("no data set is published: random_design and optimize make designs")
+        raise ValueError("no data set is published: make designs with random_design or optimize")
 
     def layout(self, design: Floats) -> Layout:
         """Return the layout of a design (n,).
@@ -128,7 +128,7 @@ class DominoProblem(Problem[Floats]):
         Raises
         ------
         ValueError
-            The design has another shape, or no such layout can stand.
+            If the design has another shape, or if its dominoes cannot stand.
         """
         return self._box.layout_from(self._box.as_batch(design))
 
@@ -140,12 +140,12 @@ class DominoProblem(Problem[Floats]):
     def optimize(
         self, starting_point: Floats, config: dict[str, Any] | None = None
     ) -> tuple[Floats, list[OptiStep]]:
-        """Search a better design: with exact gradients from a start, then with `auto`.
+        """Search for a better design: with exact gradients from a start, then with `auto`.
 
         Parameters
         ----------
         starting_point
-            Design (n,); if it breaks a rule, the search starts from the nearest that does not.
+            Design (n,); if it breaks a rule, the search starts from the nearest one that does not.
         config
             Values of `Config` that differ here.
 

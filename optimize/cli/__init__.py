@@ -1,1 +1,1 @@
-"""The commands of `optimize`, a module each."""
+"""Commands of `domino` for searches, one module each."""

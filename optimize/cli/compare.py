@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     methods = "methods (all that are installed)"
     add_options(
         parser,
-        ("methods", options.names_in, "NAME,...", None, methods),
+        ("methods", options.split_names, "NAME,...", None, methods),
         ("seeds", NATURAL, "N", 5, "number of seeds"),
     )
     options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
     scenes = [load_scene(name) for name in names]
-    methods = arguments.methods or [*registry.METHODS, *registry.installed_peers()]
+    methods = arguments.methods or [*registry.METHODS, *registry.installed_third_party()]
     if arguments.seconds is None and arguments.budget is None:
         arguments.seconds = DEFAULT_SECONDS
     tasks = plan_tasks(scenes, methods, range(arguments.seeds), arguments.budget, arguments.seconds)

@@ -1,4 +1,4 @@
-"""Options and endings of all commands whose results go into a study."""
+"""Options and exit codes of the commands whose results are stored in a study."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 STORE = ("store", str, "FILE", "runs/studies.sqlite", "SQLite file")
 SETTINGS = ("scene", "scenes", "set", "methods", "seeds", "budget", "seconds")
-"""Options that decide the tasks of a study, which `domino studies` shows."""
+"""Options that determine the tasks of a study; `domino studies` shows them."""
 
 
-def names_in(text: str) -> list[str]:
-    """Return the names in a text with commas between them."""
+def split_names(text: str) -> list[str]:
+    """Split a text at its commas into names."""
     return [name.strip() for name in text.split(",")]
 
 
@@ -49,10 +49,10 @@ def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) 
         add_flags(group, resume="continue a study that was stopped, with the results it has")
 
 
-def study_from(
+def open_study(
     arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task]
 ) -> Study:
-    """Begin the study of the options, or with ``--resume`` continue it where it exists.
+    """Create the study of a command, or continue it with ``--resume`` if it exists.
 
     Parameters
     ----------
@@ -61,15 +61,15 @@ def study_from(
     kind
         "comparison" or "sweep".
     default
-        Name where none is given; a number is added where that is taken. ``--resume`` continues the
-        last study of the same tasks, if there is one.
+        Name if none is given; a number is added if it is taken. ``--resume`` continues the last
+        study of the same tasks, if there is one.
     tasks
         All tasks of the experiment.
 
     Raises
     ------
     ValueError
-        The name is taken and ``--resume`` is not given, or the study has other tasks.
+        If the name is taken and ``--resume`` is not given, or if the study has other tasks.
     """
     from optimize.experiments.store import open_store
     from optimize.experiments.task import digest
@@ -80,7 +80,7 @@ def study_from(
     studies = {study.name: study for study in store.studies()}
     name = arguments.name
     if name in studies and not arguments.resume:
-        results = amount(studies[name].tasks, "result")
+        results = amount(studies[name].result_count, "result")
         raise ValueError(
             f"{store.path} has a study '{name}' with {results} already: "
             "continue it by --resume, or give another --name"
@@ -106,9 +106,10 @@ def run_study(
     Parameters
     ----------
     arguments, kind, default, tasks
-        See `study_from`. Without ``--out`` the report goes to runs/STUDY.
+        See `open_study`. Without ``--out`` the report goes to runs/STUDY.
     write
-        Writes the report of an experiment into a folder, and returns the names of its files.
+        Function that writes the report of an experiment into a folder and returns the names of its
+        files.
     options
         Further arguments of `run_experiment`.
 
@@ -120,13 +121,13 @@ def run_study(
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
 
-    # the study comes last: an executor that does not answer leaves no empty one
+    # the executor is opened first: if it does not answer, no empty study is created
     with open_executor(arguments.workers, arguments.dask) as executor:
         require_writable(Path(arguments.out or "runs"))
-        study = study_from(arguments, kind, default, tasks)
+        study = open_study(arguments, kind, default, tasks)
         folder = Path(arguments.out or f"runs/{study.name}")
         next_step = f"results are in study '{study.name}'; the same command with --resume continues"
-        stored = f", {study.tasks} of them done before" if study.tasks else ""
+        stored = f", {study.result_count} of them done before" if study.result_count else ""
         number = amount(len(tasks), "search")
         print(f"study '{study.name}' in {arguments.store}: {number}{stored}", flush=True)
         try:
@@ -139,7 +140,7 @@ def run_study(
         except OSError as error:
             raise OSError(f"{error}; {next_step}") from None
         except KeyboardInterrupt:
-            completed = f"{len(study.done())} of {len(tasks)} runs are complete"
+            completed = f"{len(study.results())} of {len(tasks)} runs are complete"
             raise KeyboardInterrupt(f"interrupted: {completed}; {next_step}") from None
 
 
@@ -149,7 +150,7 @@ def exit_code(experiment: Experiment) -> int:
     Raises
     ------
     KeyboardInterrupt
-        The experiment was interrupted.
+        If the experiment was interrupted.
     """
     for failure in experiment.failures:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)

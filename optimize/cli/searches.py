@@ -2,10 +2,10 @@
 
 SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The folder of the run
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
-picture; a folder that holds a run already is refused without --resume. Ctrl-C ends the search and
+picture; a folder that holds a run is rejected without --resume. Ctrl-C ends the search and
 writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
-result is that of a search that was never stopped. Where pieces are drawn in random order (`draw`),
-the search chooses their order freely, as no builder can.
+result is that of a search that was never stopped. If pieces are drawn in random order (`draw`),
+the search chooses their order, which a builder cannot.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from optimize.result import SearchResult
 
 SUMMARY = "search a layout better than the uniform baseline"
-REACHED = 1e-6  # relative shortfall from the best known that counts as none
+EQUAL_SCORE = 1e-6  # relative shortfall from the best known that counts as none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and print the result."""
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from optimize.experiments.best_known import update
+    from optimize.experiments.best_known import store_best
     from optimize.methods.registry import load
     from optimize.run_folder import FILES
     from optimize.searching import search
 
-    load(arguments.method)  # raises where there is none, before anything is printed
+    load(arguments.method)  # raises for an unknown method, before anything is printed
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)
@@ -69,11 +69,11 @@ def run(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     print(f"uniform baseline: {_uniform(scene)}")
     print(f"best found:       {_best(result)}")
-    print(f"the search ended: {result.ended}")
+    print(f"the search ended: {result.stop_reason}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
         print(f"best known:       {_best_known(result)}")
         if arguments.update_best:
-            print(f"new best known: {scene.name if update(result) else 'none'}")
+            print(f"new best known: {scene.name if store_best(result) else 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -88,17 +88,17 @@ def _uniform(scene: Scene) -> str:
 
 def _best_known(result: SearchResult) -> str:
     """Describe the best known layout, compared with that of a search."""
-    from optimize.experiments.best_known import MIN_GAIN, best_known, closest_score
+    from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known
 
     scene, record = result.scene, best_known().get(result.scene.name)
     if record is None:
         return "none so far"
     score = scene.format_score(record.score, scene.simulate(record.layout))
-    shortfall = (record.score - closest_score(scene, result.layout)) / abs(record.score)
+    shortfall = (record.score - accurate_score(scene, result.layout)) / abs(record.score)
     if shortfall < -MIN_GAIN:
         return f"{score}: this search is better; --update-best keeps its layout"
-    reached = "reached" if shortfall < REACHED else f"shortfall {shortfall:.4%}"
-    return f"{score}, by {record.method}: {reached}"
+    difference = "reached" if shortfall < EQUAL_SCORE else f"shortfall {shortfall:.4%}"
+    return f"{score}, by {record.method}: {difference}"
 
 
 def _best(result: SearchResult) -> str:
@@ -106,9 +106,9 @@ def _best(result: SearchResult) -> str:
     wave, score = result.wave, result.scene.format_score(result.score, result.wave)
     # the ratio of scores without a unit has no meaning
     gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"
-    ended = "interrupted after " if result.interrupted else ""
+    prefix = "interrupted after " if result.interrupted else ""
     text = (
         f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
-        f"{ended}{amount(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
+        f"{prefix}{amount(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

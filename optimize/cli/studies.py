@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.files import amount, one_line
     from domino_env.scenes.io.reading import write_layout
     from optimize.experiments import report, store
-    from optimize.experiments.task import scene_of
+    from optimize.experiments.task import read_scene
 
     action, name = arguments.action, arguments.name
     if action != "list" and name is None:
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"written to {arguments.to}: {amount(number, 'result')}")
     else:
         r = store.best_result(studies.study(name), arguments.best)
-        beside = write_layout(r.layout, arguments.to, scene_of(r.scene))
-        about = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
-        print(one_line(f"written to {arguments.to}, the scene to {beside}: the layout of {about}"))
+        path = write_layout(r.layout, arguments.to, read_scene(r.scene))
+        text = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
+        print(one_line(f"written to {arguments.to}, the scene to {path}: the layout of {text}"))
     return 0

@@ -30,10 +30,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     from optimize.interactive.server import studio
 
-    def opened(url: str) -> None:
+    def open_page(url: str) -> None:
         print(f"{url}\nclose its last tab, or press Ctrl-C here, to end it", flush=True)
         if not arguments.no_browser:
             webbrowser.open(url)
 
-    studio(arguments.source, arguments.port).serve(opened)
+    studio(arguments.source, arguments.port).serve(open_page)
     return 0

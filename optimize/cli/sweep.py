@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_options(
         parser,
-        ("methods", options.names_in, "NAME,...", "auto", "methods"),
+        ("methods", options.split_names, "NAME,...", "auto", "methods"),
         ("seeds", NATURAL, "N", 1, "number of seeds of each method"),
     )
     options.add_limit_options(parser, "each search", budget="2000 without --seconds")

@@ -35,8 +35,8 @@ def nearest_smooth(
     low, high
         (n,) bounds.
     change
-        (n-1,) largest changes; inf between two that may differ at will. Where it is finite, both
-        have the same bounds.
+        (n-1,) largest changes; inf for no limit. Neighbours with a finite largest change have the
+        same bounds.
     total
         Between Σ low and Σ high; None for any.
 
@@ -47,8 +47,8 @@ def nearest_smooth(
 
     Notes
     -----
-    As without a largest change, all values are shifted alike until the sum is right; the sum rises
-    with the shift.
+    All values are shifted by the same amount until the sum is right, as without a largest change;
+    the sum increases with the shift.
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
     if total is None:
@@ -73,13 +73,13 @@ def nearest_smooth(
 def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
     """Find the nearest point (n,) with limited changes of neighbours."""
     n = len(values)
-    # knots of the slope, at x, and its value there; from the middle, one more to each side a step
+    # knots x of the slope and its values there; each step adds one knot to either side
     size = 4 * n + 4
     x, slope = np.empty(size), np.empty(size)
     first, last = 2 * n, 2 * n + 1
     x[first], x[last] = low[0], high[0]
     slope[first], slope[last] = low[0] - values[0], high[0] - values[0]
-    best = np.empty(n)  # where the cost of the beginning is smallest
+    minimisers = np.empty(n)  # last values with the smallest cost of the beginning
     for i in range(n):
         # the root of the slope
         if slope[first] >= 0.0:
@@ -92,43 +92,43 @@ def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Float
                 k += 1
             rise = slope[k] - slope[k - 1]
             root = x[k] - slope[k] * (x[k] - x[k - 1]) / rise if rise > 0.0 else x[k]
-        best[i] = root
+        minimisers[i] = root
         if i == n - 1:
             break
-        reach = change[i]
-        if reach == np.inf:
+        limit = change[i]
+        if limit == np.inf:
             first, last = 2 * n, 2 * n + 1
             x[first], x[last] = low[i + 1], high[i + 1]
             slope[first], slope[last] = 0.0, 0.0
         else:
             # falling part to the left, a flat of slope 0 around the root, rising part to the right
             for j in range(first, k):
-                x[j - 1], slope[j - 1] = x[j] - reach, slope[j]
+                x[j - 1], slope[j - 1] = x[j] - limit, slope[j]
             for j in range(last, k - 1, -1):
-                x[j + 1], slope[j + 1] = x[j] + reach, slope[j]
+                x[j + 1], slope[j + 1] = x[j] + limit, slope[j]
             first, last = first - 1, last + 1
-            x[k - 1], slope[k - 1] = root - reach, 0.0
-            x[k], slope[k] = root + reach, 0.0
+            x[k - 1], slope[k - 1] = root - limit, 0.0
+            x[k], slope[k] = root + limit, 0.0
             # cut off beyond the bounds
             while x[first + 1] <= low[i + 1] and first + 1 < last:
                 first += 1
             if x[first] < low[i + 1]:
                 width = x[first + 1] - x[first]
-                part = (low[i + 1] - x[first]) / width if width > 0.0 else 1.0
-                slope[first] += part * (slope[first + 1] - slope[first])
+                fraction = (low[i + 1] - x[first]) / width if width > 0.0 else 1.0
+                slope[first] += fraction * (slope[first + 1] - slope[first])
                 x[first] = low[i + 1]
             while x[last - 1] >= high[i + 1] and last - 1 > first:
                 last -= 1
             if x[last] > high[i + 1]:
                 width = x[last] - x[last - 1]
-                part = (x[last] - high[i + 1]) / width if width > 0.0 else 1.0
-                slope[last] -= part * (slope[last] - slope[last - 1])
+                fraction = (x[last] - high[i + 1]) / width if width > 0.0 else 1.0
+                slope[last] -= fraction * (slope[last] - slope[last - 1])
                 x[last] = high[i + 1]
         for j in range(first, last + 1):
             slope[j] += x[j] - values[i + 1]
     nearest = np.empty(n)
-    nearest[n - 1] = min(max(best[n - 1], low[n - 1]), high[n - 1])
+    nearest[n - 1] = min(max(minimisers[n - 1], low[n - 1]), high[n - 1])
     for i in range(n - 2, -1, -1):
-        value = min(max(best[i], nearest[i + 1] - change[i]), nearest[i + 1] + change[i])
+        value = min(max(minimisers[i], nearest[i + 1] - change[i]), nearest[i + 1] + change[i])
         nearest[i] = min(max(value, low[i]), high[i])
     return nearest

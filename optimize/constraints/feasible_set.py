@@ -11,12 +11,12 @@ from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
-ROUNDING = 1e-13  # relative to the largest range: a smaller shift to the allowed values is none
-TIGHT = 1e-9  # relative distance to the largest change that counts as at it
+ROUNDING = 1e-13  # relative to the largest range; a smaller shift by the projection counts as zero
+LIMIT_TOLERANCE = 1e-9  # relative distance to the largest change that counts as none
 
 
 class FeasibleSet:
-    """The rules on the free values of a layout: gaps first, then thicknesses, then growths.
+    """Free values that the rules of a scene allow: gaps first, then thicknesses, then growths.
 
     Parameters
     ----------
@@ -26,27 +26,27 @@ class FeasibleSet:
     Attributes
     ----------
     low, high
-        (n,) bounds [m], or in heights where the scene gives them so.
+        (n,) bounds [m], or in heights if the scene gives them so; growths are ratios.
     total
         Sum of all values [m]; None for any.
-    stepped
+    is_discrete
         (n,) True for values from a list or the stock.
     discrete
-        True where some values are.
+        True if some values are.
     change
         (n-1,) largest differences of neighbours [m]; inf for any.
     coupled
-        True where some of them are limited.
+        True if some differences are limited.
 
     Raises
     ------
     ValueError
-        For a scene without free values.
+        If the scene has no free values.
 
     Notes
     -----
-    Nearest means least sum of squares [m²]. Where values from a list or the stock share a length
-    with others, the former are chosen first, so that the others can still meet it.
+    Nearest means least sum of squares [m²]. If values from a list or the stock share a length
+    with others, they are chosen first, so that the others can still give the length.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -76,13 +76,13 @@ class FeasibleSet:
         self.stock = None if stock is None else stock.without(scene.first_thickness)
         thicknesses = scene.thickness_values if stock is None else None
         lists = [scene.spacing_values] * gaps + [thicknesses] * (n - gaps)
-        self.listed = listed = np.array([values is not None for values in lists], dtype=bool)
-        self.stepped = listed.copy()  # listed, or from the stock
-        self.stepped[gaps:] |= self.stock is not None
-        self.discrete = bool(self.stepped.any())
+        self.is_listed = is_listed = np.array([values is not None for values in lists], dtype=bool)
+        self.is_discrete = is_listed.copy()  # listed, or from the stock
+        self.is_discrete[gaps:] |= self.stock is not None
+        self.discrete = bool(self.is_discrete.any())
         self.lists: Lists | None = None
-        if listed.any():
-            change = self.change[listed[:-1] & listed[1:]]
+        if is_listed.any():
+            change = self.change[is_listed[:-1] & is_listed[1:]]
             values = [values for values in lists if values is not None]
             self.lists = Lists(values, change, self._total_of_lists())
 
@@ -93,7 +93,7 @@ class FeasibleSet:
         if self.stock is not None:
             gaps = self.total - float(self.stock.dominoes.sum())
             return gaps, gaps
-        unlisted = ~self.listed
+        unlisted = ~self.is_listed
         largest, smallest = float(self.high[unlisted].sum()), float(self.low[unlisted].sum())
         return self.total - largest, self.total - smallest
 
@@ -104,16 +104,16 @@ class FeasibleSet:
         values = np.clip(values, self.low, self.high)
         nearest = values.copy()
         if self.lists is not None:
-            nearest[:, self.listed] = self.lists.nearest(values[:, self.listed])
+            nearest[:, self.is_listed] = self.lists.nearest(values[:, self.is_listed])
         if self.stock is not None:
             nearest[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
-        rest = ~self.stepped
-        if rest.any() and self.total is None:
-            nearest[:, rest] = self._project(values[:, rest], rest, None)
-        elif rest.any():
-            sums = self.total - nearest[:, self.stepped].sum(axis=1)
+        free = ~self.is_discrete
+        if free.any() and self.total is None:
+            nearest[:, free] = self._project(values[:, free], free, None)
+        elif free.any():
+            sums = self.total - nearest[:, self.is_discrete].sum(axis=1)
             for b in range(len(nearest)):
-                nearest[b, rest] = self._project(values[b : b + 1, rest], rest, float(sums[b]))[0]
+                nearest[b, free] = self._project(values[b : b + 1, free], free, float(sums[b]))[0]
         return nearest
 
     def _project(self, values: Floats, selected: Bools, total: float | None) -> Floats:
@@ -126,53 +126,53 @@ class FeasibleSet:
         return values if total is None else nearest_with_sum(values, low, high, total)
 
     def tangent(
-        self, gradients: Floats, wanted: Floats, values: Floats, relaxed: bool = False
+        self, gradients: Floats, targets: Floats, values: Floats, relaxed: bool = False
     ) -> Floats:
-        """Convert gradients by the nearest allowed values to gradients by the values wanted.
+        """Convert gradients by the nearest allowed values to gradients by the targets.
 
-        Values that are tied move together: all where a length is given, and neighbours whose
-        difference is at its largest; values at a bound do not move. Where the wanted values are
-        allowed, only the length counts, so that the gradient has every direction out of a corner.
-        Values from a list or the stock do not change with a small change of the wanted ones: their
-        gradient is 0.
+        Values that are tied move together: all if a length is given, and neighbours whose
+        difference is at its largest; values at a bound do not move. If the targets are
+        allowed, only the length ties them, so that the gradient can point in every direction out of
+        a corner. Values from a list or the stock do not change with a small change of the targets:
+        their gradient is 0.
 
         Parameters
         ----------
         gradients
             (B, n) gradients by the allowed values.
-        wanted
+        targets
             (B, n) values before the rules are applied.
         values
             (B, n) allowed values nearest to them.
         relaxed
-            True to leave the gradients as they are where some values are discrete, as if all could
+            True to return the gradients unchanged if some values are discrete, as if all could
             move.
 
         Returns
         -------
         ndarray
-            (B, n) gradients by `wanted`.
+            (B, n) gradients by `targets`.
         """
         if relaxed and self.discrete:
             return gradients
-        by_wanted = np.where(self.stepped, 0.0, gradients)
+        by_target = np.where(self.is_discrete, 0.0, gradients)
         if self.total is None and not self.coupled:
-            return by_wanted
+            return by_target
         rounding = ROUNDING * float((self.high - self.low).max())
         for b in range(len(gradients)):
-            shift = np.where(self.stepped, 0.0, wanted[b] - values[b])
-            inside = (values[b] > self.low) & (values[b] < self.high)
-            held = (~inside & (shift != 0.0)) | self.stepped
-            moved = np.abs(shift).max() > rounding
-            if self.coupled and moved:
-                ends = self.stepped[:-1] | self.stepped[1:]
-                tight = np.abs(np.diff(values[b])) >= self.change * (1.0 - TIGHT)
-                group = np.concatenate([[0], np.cumsum(~tight | ends)])
-                held = (np.bincount(group, weights=held) > 0.0)[group]
-                mean = np.bincount(group, weights=by_wanted[b]) / np.bincount(group)
-                by_wanted[b] = mean[group]
+            shift = np.where(self.is_discrete, 0.0, targets[b] - values[b])
+            is_inside = (values[b] > self.low) & (values[b] < self.high)
+            is_fixed = (~is_inside & (shift != 0.0)) | self.is_discrete
+            is_projected = np.abs(shift).max() > rounding
+            if self.coupled and is_projected:
+                ends = self.is_discrete[:-1] | self.is_discrete[1:]
+                is_at_limit = np.abs(np.diff(values[b])) >= self.change * (1.0 - LIMIT_TOLERANCE)
+                group = np.concatenate([[0], np.cumsum(~is_at_limit | ends)])
+                is_fixed = (np.bincount(group, weights=is_fixed) > 0.0)[group]
+                mean = np.bincount(group, weights=by_target[b]) / np.bincount(group)
+                by_target[b] = mean[group]
             if self.total is not None:
-                free = inside & ~held
-                by_wanted[b] -= by_wanted[b][free].mean() if free.any() else 0.0
-            by_wanted[b, held if moved else self.stepped] = 0.0
-        return by_wanted
+                free = is_inside & ~is_fixed
+                by_target[b] -= by_target[b][free].mean() if free.any() else 0.0
+            by_target[b, is_fixed if is_projected else self.is_discrete] = 0.0
+        return by_target

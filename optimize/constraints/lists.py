@@ -18,11 +18,11 @@ from domino_env.kernels.jit import compile_alone
 
 QUANTUM = 1e-9  # [m] a length and the values of a list are whole multiples of it
 LARGEST_TABLE = 40_000_000  # entries of the table of a dynamic programme
-SLACK = 1e-12  # [m] of a largest change
+SLACK = 1e-12  # [m] rounding error by which a largest change may be exceeded
 
 
 class Lists:
-    """The lists of the n places of a layout.
+    """Lists of allowed values for the n places of a layout.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Lists:
     Raises
     ------
     ValueError
-        For a length that the lists are too fine for.
+        If a length with lists this fine takes too large a table.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Lists:
         total: tuple[float, float] | None = None,
     ) -> None:
         n, longest = len(values), max(len(v) for v in values)
-        self.number = np.array([len(v) for v in values])
+        self.sizes = np.array([len(v) for v in values])
         self.values = np.full((n, longest), np.inf)
         for i, v in enumerate(values):
             self.values[i, : len(v)] = v
@@ -62,8 +62,8 @@ class Lists:
     def _set_units(self, total: tuple[float, float]) -> None:
         """Express values and sums as whole multiples of the largest unit they share."""
         n, longest = self.values.shape
-        listed = np.isfinite(self.values)
-        rise = np.where(listed, self.values - self.values[:, :1], 0.0)
+        is_listed = np.isfinite(self.values)
+        rise = np.where(is_listed, self.values - self.values[:, :1], 0.0)
         multiples = np.round(rise / QUANTUM).astype(np.int64)
         unit = int(np.gcd.reduce(multiples.ravel())) or 1
         self.units = multiples // unit
@@ -71,7 +71,7 @@ class Lists:
         base = float(self.values[:, 0].sum())
         self.low_sum = int(np.ceil((total[0] - base - QUANTUM) / step))
         self.high_sum = int(np.floor((total[1] - base + QUANTUM) / step))
-        regular = bool(np.all((self.units == np.arange(longest)) | ~listed))
+        regular = bool(np.all((self.units == np.arange(longest)) | ~is_listed))
         self.grid = step if regular and not self.coupled else 0.0
         size = n * (self.high_sum + 1) * (longest if self.coupled else 1)
         if self.grid == 0.0 and size > LARGEST_TABLE:
@@ -80,66 +80,66 @@ class Lists:
                 f"of {size} entries: use a coarser list or step, or leave the length free"
             )
 
-    def nearest(self, wanted: Floats) -> Floats:
-        """Find the nearest allowed layout to each of `wanted` (B, n) [m].
+    def nearest(self, targets: Floats) -> Floats:
+        """Find the nearest allowed layout to each of `targets` (B, n) [m].
 
         Raises
         ------
         ValueError
-            Where there is none.
+            If there is none.
         """
         if self.total is None and not self.coupled:
-            levels = self._place_by_place(wanted)
+            levels = self._place_by_place(targets)
         elif self.grid > 0.0:
-            levels = self._by_single_steps(wanted)
+            levels = self._by_single_steps(targets)
         else:
-            lists = self.values, self.number, self.units, self.change + SLACK
+            lists = self.values, self.sizes, self.units, self.change + SLACK
             sums = self.low_sum, self.high_sum
-            levels = np.array([_by_dynamic_programme(values, *lists, *sums) for values in wanted])
+            levels = np.array([_by_dynamic_programme(values, *lists, *sums) for values in targets])
         if levels.size and levels.min() < 0:
             raise ValueError(
                 "no layout of the values allowed has the length and the changes allowed"
             )
         return np.take_along_axis(self.values, levels.T, axis=1).T
 
-    def _place_by_place(self, wanted: Floats) -> Ints:
+    def _place_by_place(self, targets: Floats) -> Ints:
         """Find the indices (B, n) of the nearest values; the lower of two that are equally near."""
-        lists = zip(self.values, self.number, wanted.T, strict=True)
+        lists = zip(self.values, self.sizes, targets.T, strict=True)
         return np.stack(
             [np.searchsorted(0.5 * (v[1:m] + v[: m - 1]), x) for v, m, x in lists], axis=1
         )
 
-    def _by_single_steps(self, wanted: Floats) -> Ints:
+    def _by_single_steps(self, targets: Floats) -> Ints:
         """Find the indices (B, n) of the nearest values on grids with a sum.
 
         The k-th step up at a place costs 2k - 1 - 2 offset, in squared steps, more than the one
         before it: so the least expensive steps of all places are a layout, and the nearest one.
         """
         n, width = self.values.shape
-        offset = (wanted - self.values[:, 0]) / self.grid
+        offset = (targets - self.values[:, 0]) / self.grid
         steps = np.arange(1, width)
         cost = 2.0 * steps - 1.0 - 2.0 * offset[..., None]
-        cost[:, steps >= self.number[:, None]] = np.inf
-        most_steps = int((self.number - 1).sum())
+        cost[:, steps >= self.sizes[:, None]] = np.inf
+        most_steps = int((self.sizes - 1).sum())
         low, high = max(self.low_sum, 0), min(self.high_sum, most_steps)
         if low > high:
-            return np.full(wanted.shape, -1)
-        levels = np.empty(wanted.shape, dtype=np.int64)
-        for level, costs in zip(levels, cost.reshape(len(wanted), -1), strict=True):
+            return np.full(targets.shape, -1)
+        levels = np.empty(targets.shape, dtype=np.int64)
+        for level, costs in zip(levels, cost.reshape(len(targets), -1), strict=True):
             number = min(max(int((costs < 0.0).sum()), low), high)
-            taken = np.argpartition(costs, min(number, costs.size - 1))[:number]
-            level[:] = np.bincount(taken // (width - 1), minlength=n)
+            chosen = np.argpartition(costs, min(number, costs.size - 1))[:number]
+            level[:] = np.bincount(chosen // (width - 1), minlength=n)
         return levels
 
 
 @compile_alone
 def _by_dynamic_programme(
-    wanted: Floats, values: Floats, number: Ints, units: Ints, change: Floats,
+    targets: Floats, values: Floats, number: Ints, units: Ints, change: Floats,
     low_sum: int, high_sum: int,
 ) -> Ints:  # fmt: skip
     """Find the nearest indices (n,) over the sum so far and, with a largest change, the last value.
 
-    All units and `high_sum` are 0 where any sum is allowed. All indices are -1 where there is none.
+    All units and `high_sum` are 0 if any sum is allowed. All indices are -1 if there is no layout.
     """
     n, width = values.shape
     level = np.full(n, -1)
@@ -153,11 +153,11 @@ def _by_dynamic_programme(
     for i in range(n):
         next_cost = np.full((high_sum + 1, states), np.inf)
         for k in range(number[i]):
-            rise, square = units[i, k], (values[i, k] - wanted[i]) ** 2
+            rise, square = units[i, k], (values[i, k] - targets[i]) ** 2
             state = k if states > 1 else 0
             for previous in range(states):
-                tied = states > 1 and i > 0
-                if tied and abs(values[i, k] - values[i - 1, previous]) > change[i - 1]:
+                is_limited = states > 1 and i > 0
+                if is_limited and abs(values[i, k] - values[i - 1, previous]) > change[i - 1]:
                     continue
                 for total in range(rise, high_sum + 1):
                     c = cost[total - rise, previous] + square

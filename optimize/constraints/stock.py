@@ -2,7 +2,7 @@
 
 `assign` solves it for any costs: a linear programme, whose corners are whole numbers, through cvxpy
 and HiGHS. `nearest_from_stock` is the special case of squared distances, solved by sorting: the
-thinnest wanted gets the thinnest taken.
+thinnest target gets the thinnest chosen domino.
 """
 
 from __future__ import annotations
@@ -33,33 +33,33 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     Raises
     ------
     RuntimeError
-        Where the solver fails.
+        If the solver fails.
     """
     import cvxpy as cp
 
     places, kinds = costs.shape
-    limited = changes < places  # else the corners are whole numbers by themselves
-    taken = cp.Variable((places, kinds), boolean=limited)
-    rules = [cp.sum(taken, axis=1) == 1.0, cp.sum(taken, axis=0) <= count, taken >= 0.0]
-    if limited:
-        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], taken)) >= places - changes)
+    is_limited = changes < places  # else the corners are whole numbers by themselves
+    chosen = cp.Variable((places, kinds), boolean=is_limited)
+    rules = [cp.sum(chosen, axis=1) == 1.0, cp.sum(chosen, axis=0) <= count, chosen >= 0.0]
+    if is_limited:
+        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], chosen)) >= places - changes)
     scaled = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
-    programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled, taken))), rules)
+    programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled, chosen))), rules)
     programme.solve(solver=cp.HIGHS)
-    if taken.value is None:
+    if chosen.value is None:
         raise RuntimeError(f"the assignment was not solved: {programme.status}")
-    return np.asarray(np.argmax(taken.value, axis=1))
+    return np.asarray(np.argmax(chosen.value, axis=1))
 
 
-def nearest_from_stock(wanted: Floats, stock: Stock) -> Floats:
-    """Choose dominoes of the stock, nearest to the thicknesses wanted in the sum of squares.
+def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
+    """Choose dominoes of the stock, nearest to target thicknesses in the sum of squares.
 
     Parameters
     ----------
-    wanted
+    targets
         (B, n) thicknesses [m].
     stock
-        Dominoes that are left for these places, n or more.
+        Dominoes for these places, n or more.
 
     Returns
     -------
@@ -68,26 +68,26 @@ def nearest_from_stock(wanted: Floats, stock: Stock) -> Floats:
 
     Notes
     -----
-    The thicknesses taken are in the order of those wanted, so that only the dominoes that remain
-    have to be found: a dynamic programme over the sorted stock.
+    The chosen thicknesses have the order of the targets, so only the dominoes that are left over
+    have to be selected: a dynamic programme over the sorted stock.
     """
     dominoes = np.sort(stock.dominoes)
-    order = np.argsort(wanted, axis=1, kind="stable")
-    rising = np.take_along_axis(wanted, order, axis=1)
-    exact = len(dominoes) == wanted.shape[1]
-    taken = np.broadcast_to(dominoes, wanted.shape) if exact else _best_of_stock(rising, dominoes)
+    order = np.argsort(targets, axis=1, kind="stable")
+    rising = np.take_along_axis(targets, order, axis=1)
+    exact = len(dominoes) == targets.shape[1]
+    chosen = np.broadcast_to(dominoes, targets.shape) if exact else _best_subset(rising, dominoes)
     nearest = np.empty_like(rising)
-    np.put_along_axis(nearest, order, taken, axis=1)
+    np.put_along_axis(nearest, order, chosen, axis=1)
     return nearest
 
 
-def _best_of_stock(rising: Floats, dominoes: Floats) -> Floats:
+def _best_subset(rising: Floats, dominoes: Floats) -> Floats:
     """Choose n of the m sorted dominoes, in order, nearest to rising values (B, n)."""
     batch, n = rising.shape
     spare = len(dominoes) - n
     # cost[b, omitted]: of the places so far, without `omitted` of the sorted dominoes
     cost = np.zeros((batch, spare + 1))
-    skipped = np.zeros((n, batch, spare + 1), dtype=np.int64)
+    omissions = np.zeros((n, batch, spare + 1), dtype=np.int64)
     for i in range(n):
         # number of dominoes omitted before this place at the least cost, at most so many
         best = np.zeros((batch, spare + 1), dtype=np.int64)
@@ -95,12 +95,12 @@ def _best_of_stock(rising: Floats, dominoes: Floats) -> Floats:
             fewer = np.take_along_axis(cost, best[:, omitted - 1 : omitted], 1)[:, 0]
             better = cost[:, omitted] < fewer
             best[:, omitted] = np.where(better, omitted, best[:, omitted - 1])
-        skipped[i] = best
+        omissions[i] = best
         square = (dominoes[i : i + spare + 1] - rising[:, i : i + 1]) ** 2
         cost = np.take_along_axis(cost, best, axis=1) + square
     omitted = np.argmin(cost, axis=1)
-    taken = np.empty((batch, n))
+    chosen = np.empty((batch, n))
     for i in range(n - 1, -1, -1):
-        taken[:, i] = dominoes[i + omitted]
-        omitted = skipped[i, np.arange(batch), omitted]
-    return taken
+        chosen[:, i] = dominoes[i + omitted]
+        omitted = omissions[i, np.arange(batch), omitted]
+    return chosen

@@ -22,7 +22,7 @@ from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.result import SearchResult
 
-GROUND_PARTS = ("rise", "tilt")
+GROUND_PARTS = ("rise", "tilt")  # arrays of a layout that only uneven ground changes
 PATH = Path(__file__).with_name("best_known.json")
 RTOL = 1e-12  # relative error of the arrival times of a record
 MIN_GAIN = 1e-9  # relative gain that makes a new record
@@ -64,7 +64,7 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     Raises
     ------
     ValueError
-        The file is damaged; the message has the place and the reason.
+        If the file is damaged; the message has the place and the reason.
 
     Examples
     --------
@@ -82,8 +82,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
         return {name: read_model(BestKnown, record, name) for name, record in records.items()}
 
 
-def update(result: SearchResult, path: Path | None = None) -> bool:
-    """Keep the layout of a search as the best known of its scene, if it is better.
+def store_best(result: SearchResult, path: Path | None = None) -> bool:
+    """Store the layout of a search as the best known of its scene, if it is better.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def update(result: SearchResult, path: Path | None = None) -> bool:
     Returns
     -------
     bool
-        True where the layout is a new record, which is written.
+        True if the layout was stored as a new record.
     """
     path = path or PATH
     scene, layout = result.scene, result.layout
-    old, score = best_known(path).get(scene.name), closest_score(scene, layout)
+    old, score = best_known(path).get(scene.name), accurate_score(scene, layout)
     if old is not None and score <= old.score + MIN_GAIN * abs(old.score):
         return False
     record = {
@@ -116,6 +116,6 @@ def update(result: SearchResult, path: Path | None = None) -> bool:
     return True
 
 
-def closest_score(scene: Scene, layout: Layout) -> float:
+def accurate_score(scene: Scene, layout: Layout) -> float:
     """Return the score of a layout that is simulated to a relative error of 1e-12."""
     return scene.score(scene.simulate(layout, rtol=RTOL))

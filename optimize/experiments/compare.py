@@ -14,13 +14,13 @@ from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
-from optimize.experiments.task import Label, Task, TaskResult, describe_labels, scene_of
+from optimize.experiments.task import Label, Task, TaskResult, describe_labels, read_scene
 from optimize.methods import registry
 
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
-MAX_TASKS = 1_000_000
+MAX_TASKS = 1_000_000  # above this a list of them does not fit into memory
 
 
 def compare(
@@ -48,7 +48,7 @@ def compare(
         reproducible.
     seconds
         Time of each run [s], instead of `budget`; that of the uniform baseline, which all runs
-        share, counts into each. Equal seconds are a fair comparison only where every run has a core
+        share, counts into each. Equal seconds are a fair comparison only if every run has a core
         for itself: an executor must have no more workers than its machines have cores.
     options
         `executor`, `study`, `name` and `progress`: as of `run_experiment`.
@@ -61,10 +61,10 @@ def compare(
     Raises
     ------
     ValueError
-        An argument is empty, has an entry twice or is out of its range, or no run has a result; a
-        run that fails beside others is one of the `failures`.
+        If an argument is empty, has an entry twice or is out of its range, or if no run has a
+        result; a run that fails beside others is one of the `failures`.
     KeyboardInterrupt
-        Ctrl-C before the first result; later it ends the comparison with the results so far.
+        On Ctrl-C before the first result; later it ends the comparison with the results so far.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def compare(
     [2, 2]
     """
     if (seconds is None) == (budget is None):
-        raise ValueError("give each run a budget or seconds, one of the two")
+        raise ValueError(f"budget = {budget}, seconds = {seconds}: give exactly one of the two")
     loaded = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
     tasks = plan_tasks(loaded, methods, seeds, budget, seconds)
     return run_experiment(tasks, known_score=known_score, **options)
@@ -149,8 +149,8 @@ def require_distinct(**lists: Sequence[object]) -> None:
 
 
 def known_score(result: TaskResult) -> float:
-    """Return the score of the best known layout of a result's scene; -inf where there is none."""
-    scene, record = scene_of(result.scene), best_known().get(result.scene_name)
+    """Return the score of the best known layout of a result's scene; -inf if there is none."""
+    scene, record = read_scene(result.scene), best_known().get(result.scene_name)
     # a scene of the same name may be another one: the layout must satisfy its rules
     if record is None or scene.violations(record.layout):
         return -np.inf

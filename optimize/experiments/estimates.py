@@ -19,9 +19,9 @@ import numpy as np
 
 from domino_env.core.types import Floats
 
-TRIMMED = 0.25  # part of the weight at either end that an interquartile mean leaves out
-LEAST_RUNS = 5  # on each problem, for an interval: of fewer runs it covers too little
-RESAMPLES, OUTSIDE = 2000, 50  # of which at either end lie outside the interval: 2.5 %
+TRIM = 0.25  # part of the weight at either end that an interquartile mean leaves out
+LEAST_RUNS = 5  # of each problem, for an interval: with fewer runs it is too narrow
+RESAMPLES, EXCLUDED = 2000, 50  # number, and how many of either end are outside 95 %
 CHUNK = 50  # resamples at a time, so that curves of hundreds of points fit into memory
 
 Statistic = Callable[[Sequence[Floats]], Floats]
@@ -37,7 +37,7 @@ class Estimate:
     value
         Statistic of the runs.
     interval
-        Ends of the 95 % interval; None where a problem has fewer than `LEAST_RUNS` runs.
+        Ends of the 95 % interval; None if a problem has fewer than `LEAST_RUNS` runs.
     """
 
     value: Floats
@@ -66,11 +66,11 @@ def middle_mean(problems: Sequence[Floats]) -> Floats:
     weights = np.concatenate([np.full(p.shape[-1], 1.0 / p.shape[-1]) for p in problems])
     order = np.argsort(runs, axis=-1, kind="stable")
     runs, weights = np.take_along_axis(runs, order, axis=-1), weights[order] / len(problems)
-    upto = np.cumsum(weights, axis=-1)
-    edge = TRIMMED + 1e-9  # runs that lie beyond it with all of their weight are left out
-    weights = np.where((upto > edge) & (1.0 - upto + weights > edge), weights, 0.0)
-    kept = np.where(weights > 0.0, runs, 0.0)  # -inf at no weight
-    mean: Floats = (weights * kept).sum(axis=-1) / weights.sum(axis=-1)
+    cumulative = np.cumsum(weights, axis=-1)
+    edge = TRIM + 1e-9  # runs that lie beyond it with all of their weight are left out
+    weights = np.where((cumulative > edge) & (1.0 - cumulative + weights > edge), weights, 0.0)
+    values = np.where(weights > 0.0, runs, 0.0)  # -inf at no weight
+    mean: Floats = (weights * values).sum(axis=-1) / weights.sum(axis=-1)
     return mean
 
 
@@ -141,4 +141,4 @@ def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:
         resampled.append(statistic(samples))
     spread = np.concatenate(resampled, axis=-1)
     spread.sort(axis=-1)  # no interpolation: before the first layout a score is -inf
-    return Estimate(value, (spread[..., OUTSIDE], spread[..., -1 - OUTSIDE]))
+    return Estimate(value, (spread[..., EXCLUDED], spread[..., -1 - EXCLUDED]))

@@ -71,8 +71,8 @@ class Experiment:
         return list(dict.fromkeys(r.method for r in self.results))
 
     @property
-    def complete(self) -> list[str]:
-        """Names of the methods with runs on all problems; all methods where there is none."""
+    def complete_methods(self) -> list[str]:
+        """Names of the methods with runs on all problems; all methods if there is none."""
         problems = set(self.problems)
         complete = [m for m in self.methods if {r.problem for r in self.runs(m)} == problems]
         return complete or self.methods
@@ -87,7 +87,7 @@ class Experiment:
         """Measure of the limit of a run: "seconds", or the repeatable "evaluations"."""
         return "seconds" if self.tasks[0].budget is None else "evaluations"
 
-    def over_seeds(self, statistic: str) -> str:
+    def describe_seeds(self, statistic: str) -> str:
         """Return the number of seeds in words, after the name of a statistic over them."""
         number = len({r.seed for r in self.results})
         return "one seed" if number == 1 else f"{statistic} {number} seeds"
@@ -96,7 +96,7 @@ class Experiment:
         """Return the results of a method, on one problem or on all."""
         return [r for r in self.results if r.method == method and problem in (None, r.problem)]
 
-    def steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:
+    def best_steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:
         """Return times (K,) and best scores (K,) of a run, at every improvement and at the end."""
         trace = np.array(result.trace, dtype=np.float64)
         return trace[:, CLOCKS[clock or self.clock]], trace[:, 3]
@@ -113,14 +113,14 @@ class Experiment:
         clock
             Key of `CLOCKS`; None for that of the limit.
         """
-        improved, scores = self.steps(result, clock)
+        improved, scores = self.best_steps(result, clock)
         last = np.searchsorted(improved, times, side="right") - 1
         return np.where(last >= 0, scores[np.maximum(last, 0)], -np.inf)
 
     # shortfalls from the best known -------------------------------------------------------------
 
     def shortfall(self, result: TaskResult) -> float | None:
-        """Return the relative shortfall of a result; None where the best known score is zero."""
+        """Return the relative shortfall of a result; None if the best known score is zero."""
         best = self.best[result.problem]
         return None if best == 0.0 else (best - result.score) / abs(best)
 
@@ -132,19 +132,19 @@ class Experiment:
     def time_to(self, result: TaskResult, shortfall: float) -> float:
         """Return the time when a run first had at most a relative shortfall; inf if never."""
         best = self.best[result.problem]
-        times, scores = self.steps(result)
+        times, scores = self.best_steps(result)
         return first_time(times, scores >= best - shortfall * abs(best))
 
-    def times(self) -> Floats:
+    def curve_times(self) -> Floats:
         """Return times, evenly spread over the logarithm of the clock up to the limit of a run."""
-        first = max(EARLIEST[self.clock], min(self.steps(r)[0][0] for r in self.results))
+        first = max(EARLIEST[self.clock], min(self.best_steps(r)[0][0] for r in self.results))
         limit = self.tasks[0].budget or self.tasks[0].seconds or 0.0
         return np.geomspace(first, max(limit, 2.0 * first), SHORTFALL_POINTS)
 
     # normalised scores --------------------------------------------------------------------------
 
-    def normalised(self, result: TaskResult, scores: Floats | float) -> Floats:
-        """Return scores on the problem of a result, normalised; 0 where no gain is possible."""
+    def normalise(self, result: TaskResult, scores: Floats | float) -> Floats:
+        """Normalise scores on the problem of a result; 0 if no gain is possible."""
         scores = np.asarray(scores, dtype=np.float64)
         possible = self.best[result.problem] - result.uniform_score
         if not possible > 0.0:
@@ -153,7 +153,7 @@ class Experiment:
 
     def final_scores(self, method: str, problem: str | None = None) -> list[Floats]:
         """Return the normalised scores (R,) of the final layouts, by problem."""
-        return _by_problem(self.runs(method, problem), lambda r: self.normalised(r, r.score))
+        return _by_problem(self.runs(method, problem), lambda r: self.normalise(r, r.score))
 
     def mean_score(self, method: str, problem: str | None = None) -> Estimate:
         """Estimate the interquartile mean of the normalised scores of the final layouts."""
@@ -185,12 +185,12 @@ class Experiment:
         Returns
         -------
         float
-            -inf where some runs have no layout yet.
+            -inf if some runs have no layout yet.
         """
         times = np.array([seconds])
 
         def score(result: TaskResult) -> Floats:
-            return self.normalised(result, self.best_scores(result, times, "seconds")[0])
+            return self.normalise(result, self.best_scores(result, times, "seconds")[0])
 
         return float(middle_mean(_by_problem(self.runs(method, problem), score)))
 
@@ -218,19 +218,19 @@ class Experiment:
             (T,) interquartile means.
         """
         runs = self.runs(method, problem)
-        spans = [self.steps(r, clock)[0][[0, -1]] for r in runs]
+        spans = [self.best_steps(r, clock)[0][[0, -1]] for r in runs]
         first, last = np.maximum(np.max(spans, axis=0), earliest)
         times = np.geomspace(first, last, CURVE_POINTS)
-        scores = _by_problem(runs, lambda r: self.normalised(r, self.best_scores(r, times, clock)))
+        scores = _by_problem(runs, lambda r: self.normalise(r, self.best_scores(r, times, clock)))
         return times, interquartile_mean([group.T for group in scores])
 
     def seconds_past_uniform(self, result: TaskResult) -> float:
         """Return the time when a run passed the uniform baseline [s]; inf if never."""
-        times, scores = self.steps(result, "seconds")
-        return first_time(times, self.normalised(result, scores) > 0.0)
+        times, scores = self.best_steps(result, "seconds")
+        return first_time(times, self.normalise(result, scores) > 0.0)
 
-    def ranked(self, first: Collection[str], problem: str | None = None) -> list[str]:
-        """Return the methods, those named first before all others, each group best first."""
+    def rank(self, first: Collection[str], problem: str | None = None) -> list[str]:
+        """Return the methods by score, the best first, those in `first` before all others."""
         methods = [m for m in self.methods if self.runs(m, problem)]
         return sorted(
             methods, key=lambda m: (m not in first, -float(self.mean_score(m, problem).value))
@@ -257,7 +257,7 @@ def best_of_problems(
     known_score
         Function that returns the best score known beforehand; see `KnownScore`.
     fixed
-        True where better results leave a known score as it is, so that it favours no method.
+        True to keep a known score even if a result is better.
     """
     best: dict[str, float] = {}
     for problem, runs in group_runs(results, "problem").items():

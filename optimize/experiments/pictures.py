@@ -31,7 +31,7 @@ PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
 CLOCK_NAMES = {"seconds": "processor seconds", "evaluations": "environment steps"}
-EARLIEST = {"seconds": 1e-2, "evaluations": 10.0}  # drawn of each clock
+EARLIEST = {"seconds": 1e-2, "evaluations": 10.0}  # first time that is drawn, on each clock
 
 
 def draw_curves(
@@ -87,7 +87,7 @@ def draw_curves(
 
 def draw_over_time(experiment: Experiment, path: Path) -> None:
     """Draw the shortfall from the best known against run time, in a panel for each problem."""
-    times = experiment.times()
+    times = experiment.curve_times()
     panels: dict[str, dict[str, Curve]] = {}
     ends: dict[str, list[float]] = {}
     for problem, method in product(experiment.problems, experiment.methods):
@@ -107,7 +107,7 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
     headings = (
         f"Shortfall from the best known against {clock}",
-        f"{experiment.tasks[0].limit} for each run, {experiment.over_seeds(MEDIANS)}",
+        f"{experiment.tasks[0].limit} for each run, {experiment.describe_seeds(MEDIANS)}",
     )
     draw_curves(path, panels, headings, (clock, "shortfall from the best known"), prepare, best)
 
@@ -127,7 +127,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         Unit of its score; without one, scores are drawn, not gains.
     """
     keys, value = experiment.keys, "gain over uniform" if unit else "score"
-    groups = experiment.over_seeds(MEDIANS)
+    groups = experiment.describe_seeds(MEDIANS)
     if len(keys) > 1:
         groups = "medians and range over seeds and the other settings"
     scenes = amount(len(experiment.problems), "scene")
@@ -176,10 +176,10 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
         Methods whose lines are solid.
     """
     panels: dict[str, dict[str, Curve]] = {}
-    everywhere = set(experiment.complete)
-    together = [None] if len(experiment.problems) > 1 else []
-    for problem, method in product([*together, *experiment.problems], experiment.methods):
-        if experiment.runs(method, problem) and (problem or method in everywhere):
+    complete = set(experiment.complete_methods)
+    overview = [None] if len(experiment.problems) > 1 else []
+    for problem, method in product([*overview, *experiment.problems], experiment.methods):
+        if experiment.runs(method, problem) and (problem or method in complete):
             times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
             panel = panels.setdefault(problem or "all scenes", {})
             panel[method] = (times, mean.value, mean.interval)
@@ -205,7 +205,7 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
         2, 2, (4.6, 3.4), headline="Normalised scores at the end of the runs",
         subtitle="95 % intervals of five or more runs, all scenes with equal weights",
     )  # fmt: skip
-    order = [name for name in experiment.ranked(())[::-1] if name in experiment.complete]
+    order = [name for name in experiment.rank(())[::-1] if name in experiment.complete_methods]
     lines = plot_style.method_lines(experiment.methods)
     for y, name in enumerate(order):
         mean, colour = experiment.mean_score(name), lines[name]["color"]

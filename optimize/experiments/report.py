@@ -14,7 +14,7 @@ from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table, write_csv
 from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study
-from optimize.experiments.task import describe_labels, scene_of
+from optimize.experiments.task import describe_labels, read_scene
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
@@ -51,7 +51,7 @@ def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
     """Write the page, table and picture of a sweep; return their names."""
     from optimize.experiments.pictures import draw_over_settings
 
-    scene = scene_of(experiment.tasks[0].scene)
+    scene = read_scene(experiment.tasks[0].scene)
     title = f"{scene.name}, swept over {', '.join(experiment.keys)}"
     write_runs(experiment, folder / "sweep.csv")
     draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.unit)
@@ -100,7 +100,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
     sections += failures_section(experiment)
     return PAGE.format(
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
-        limit=experiment.tasks[0].limit, over=experiment.over_seeds("medians over"),
+        limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
         sections="\n".join(sections),
     )  # fmt: skip
 
@@ -147,13 +147,13 @@ def failures_section(experiment: Experiment) -> list[str]:
 def list_studies(store: Store) -> list[str]:
     """Return a table of the studies of a store, as lines for a terminal."""
     names = ("study", "kind", "tasks", "begun")
-    lines = [(s.name, s.kind, f"{s.tasks:,}", s.begun) for s in store.studies()]
+    lines = [(s.name, s.kind, f"{s.result_count:,}", s.begun) for s in store.studies()]
     return text_table(names, lines, right={"tasks"}) if lines else [f"{store.path} has no studies"]
 
 
 def summarise(study: Study) -> list[str]:
     """Return the settings of a study, and a table of its problems and methods."""
-    results = study.done().values()
+    results = study.results().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {study.begun}"
     text = [f"{study.name}: {about}", describe_labels(study.settings)]
     names = ("problem", "method", "tasks", "best", "median", "uniform", "gain")

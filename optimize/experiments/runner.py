@@ -16,8 +16,8 @@ from optimize.experiments.experiment import Experiment, Failure, KnownScore, bes
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
-FORMAT = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
-LINE = FORMAT.replace("|{bar}| ", "in ")  # where there is no terminal
+BAR_FORMAT = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
+PLAIN_FORMAT = BAR_FORMAT.replace("|{bar}| ", "in ")  # where there is no terminal
 
 
 def run_experiment(
@@ -37,7 +37,7 @@ def run_experiment(
     Parameters
     ----------
     tasks
-        Tasks, of which two may have the same key: they are run once.
+        Tasks; those with equal keys are run once.
     executor
         Executor of the tasks; None for this process, one task after the other.
     study
@@ -48,7 +48,7 @@ def run_experiment(
         Name of the experiment in the progress line.
     progress
         True for a progress line on standard error; None for one on a terminal, and elsewhere a new
-        line now and then.
+        line from time to time.
 
     Returns
     -------
@@ -58,23 +58,23 @@ def run_experiment(
     Raises
     ------
     ValueError
-        No task has a result, or the study cannot be written.
+        If no task has a result, or if the study cannot be written.
     ExecutorLost
-        The executor itself has ended.
+        If the executor itself has ended.
     """
     require_executor(executor)
     require_type("study", study, Study | None, "a Study, as open_store(path).begin() returns")
-    results = {} if study is None else study.done()
+    results = {} if study is None else study.results()
     failures: list[Failure] = []
     keys = {task.key: task for task in tasks}
     missing = [task for key, task in keys.items() if key not in results]
     interrupted = False
     with progress_bar(
-        progress, line=LINE, bar_format=FORMAT, total=len(keys), initial=len(keys) - len(missing),
-        desc=name, leave=False, smoothing=0.0, dynamic_ncols=True,
+        progress, line=PLAIN_FORMAT, bar_format=BAR_FORMAT, total=len(keys),
+        initial=len(keys) - len(missing), desc=name, leave=False, smoothing=0.0, dynamic_ncols=True,
     ) as line:  # fmt: skip
         local = ((task, task.run) for task in missing)
-        pairs = local if executor is None else _run_on(executor, missing)
+        pairs = local if executor is None else _submit(executor, missing)
         try:
             with closing(pairs):
                 for task, outcome in pairs:
@@ -96,22 +96,22 @@ def run_experiment(
             if not any(key in results for key in keys):
                 raise
             interrupted = True
-    available = tuple(
+    available_results = tuple(
         msgspec.structs.replace(results[task.key], labels=task.labels)
         for task in tasks
         if task.key in results
     )
-    if not available:
+    if not available_results:
         reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
         raise ValueError(f"no run has a result{reason}")
-    best = best_of_problems(available, known_score)
-    return Experiment(tuple(tasks), available, best, tuple(failures), interrupted)
+    best = best_of_problems(available_results, known_score)
+    return Experiment(tuple(tasks), available_results, best, tuple(failures), interrupted)
 
 
-def _run_on(
+def _submit(
     executor: Executor, tasks: Sequence[Task]
 ) -> Generator[tuple[Task, Callable[[], TaskResult]], None, None]:
-    """Yield tasks that an executor has finished, with functions that return or raise their end."""
+    """Yield finished tasks, each with a function that returns its result or raises its error."""
     with loss_as_error():
         pending = {executor.submit(task.run): task for task in tasks}
     try:

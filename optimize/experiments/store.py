@@ -1,4 +1,6 @@
-"""Store of studies: one SQLite file with the results of experiments, each kept as it comes.
+"""Store of studies: one SQLite file with the results of experiments.
+
+Every result is stored when its task is finished.
 
     store = open_store("runs/studies.sqlite")
     study = store.begin("friction", "sweep", {"budget": 5000})
@@ -53,7 +55,7 @@ class Study:
         Time of the beginning [UTC, ISO 8601].
     settings
         Settings that decide its tasks.
-    tasks
+    result_count
         Number of results when the study was read.
     """
 
@@ -61,17 +63,17 @@ class Study:
     kind: str
     begun: str
     settings: dict[str, Any]
-    tasks: int
+    result_count: int
     _number: int = field(repr=False)
     _store: Store = field(repr=False)
 
-    def done(self) -> dict[str, TaskResult]:
+    def results(self) -> dict[str, TaskResult]:
         """Return the results by key, in the order in which they were added.
 
         Raises
         ------
         ValueError
-            The store is damaged.
+            If the store is damaged.
         """
         query = "SELECT data FROM results WHERE study = ? ORDER BY number"
         with self._store.transaction() as connection:
@@ -85,8 +87,8 @@ class Study:
         Raises
         ------
         ValueError
-            The result cannot be stored: a full disk, a store that is locked for more than a minute,
-            or a number that is not finite. All earlier results are intact.
+            If the result cannot be stored: a full disk, a store that is locked for more than a
+            minute, or a number that is not finite. All earlier results are intact.
         """
         data = json.dumps(msgspec.to_builtins(result), allow_nan=False)
         task = result.key, result.scene_name, result.method, result.seed
@@ -119,8 +121,8 @@ class Store:
         Raises
         ------
         ValueError
-            The study of that name has another kind or other settings, the name or a setting is
-            impossible, or the store cannot be written.
+            If the study of that name has another kind or other settings, if the name or a setting
+            is invalid, or if the store cannot be written.
         """
         text = json.dumps(dict(settings), allow_nan=False)
         begun = datetime.now(UTC).isoformat(timespec="seconds")
@@ -146,8 +148,8 @@ class Store:
                 "FROM studies ORDER BY number"
             ).fetchall()
         return [
-            Study(name, kind, begun, json.loads(settings), tasks, number, self)
-            for name, kind, begun, settings, number, tasks in lines
+            Study(name, kind, begun, json.loads(settings), result_count, number, self)
+            for name, kind, begun, settings, number, result_count in lines
         ]
 
     def study(self, name: str) -> Study:
@@ -156,12 +158,12 @@ class Store:
         Raises
         ------
         ValueError
-            There is none; the message names the last ones.
+            If there is none; the message names the last ones.
         """
         studies = {study.name: study for study in self.studies()}
         if name not in studies:
-            known = ", ".join(f"'{study}'" for study in list(studies)[-10:]) or "none yet"
-            raise ValueError(f"{self.path} has no study '{name}' (there: {known})")
+            names = ", ".join(f"'{study}'" for study in list(studies)[-10:]) or "none yet"
+            raise ValueError(f"{self.path} has no study '{name}' (there: {names})")
         return studies[name]
 
     @contextmanager
@@ -171,7 +173,7 @@ class Store:
         Raises
         ------
         ValueError
-            SQLite fails, with the file, the reason and the next action.
+            If SQLite fails; the message has the file, the reason and the next action.
         """
         try:
             with closing(sqlite3.connect(self.path, LOCK_TIMEOUT)) as connection, connection:
@@ -192,7 +194,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     path
         SQLite file.
     create
-        True to begin an empty store where there is none.
+        True to create an empty store if there is none.
 
     Returns
     -------
@@ -202,12 +204,12 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     Raises
     ------
     ValueError
-        The file is damaged or no store, or cannot be written. Nothing has changed then.
+        If the file is damaged, is no store, or cannot be written; it is not changed.
     """
     path = as_path("path", path)
     if not path.exists() or not (create or path.stat().st_size):
         if not create:
-            raise ValueError(f"there is no store {path}: name the one that a study was kept in")
+            raise ValueError(f"there is no store {path}: give an existing file (--store)")
         require_writable(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
     store = Store(path)
@@ -223,21 +225,21 @@ def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, and return their number.
 
     The columns are the fields of `TaskResult`, in SI units, then one for each label
-    (``label.NAME`` where a field has that name). CSV has lists as JSON.
+    (``label.NAME`` if a field has that name). CSV has lists as JSON.
 
     Raises
     ------
     ValueError
-        The file has another ending.
+        If the file has another ending.
     OSError
-        The file cannot be written.
+        If the file cannot be written.
     ImportError
-        The extra ``parquet`` is missing.
+        If the extra ``parquet`` is missing.
     """
     kind = path.suffix.lower()
     if kind not in (".csv", ".parquet"):
         raise ValueError(f"{path}: a study is exported to a .csv or .parquet file")
-    lines = [_cells(study.name, result) for result in study.done().values()]
+    lines = [_cells(study.name, result) for result in study.results().values()]
     names = list(dict.fromkeys(name for line in lines for name in line))
     if kind == ".csv":
         for line in lines:
@@ -267,16 +269,16 @@ def best_result(study: Study, name: str) -> TaskResult:
     Raises
     ------
     ValueError
-        No result, or results of more than one scene, match.
+        If no result, or results of more than one scene, match.
     """
-    results = list(study.done().values())
+    results = list(study.results().values())
     matching = [r for r in results if name in (r.scene_name, r.problem)]
     number = len({r.scene for r in matching})
     if number != 1:
-        known = list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8]
+        names = list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8]
         raise ValueError(
             f"study '{study.name}' has {number or 'no'} scenes called '{name}': name one of "
-            f"{', '.join(known) or 'no results yet'}"
+            f"{', '.join(names) or 'no results yet'}"
         )
     return max(matching, key=lambda r: r.score)
 

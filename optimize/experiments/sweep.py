@@ -25,7 +25,7 @@ Value = Label | list[Any]
 Point = dict[str, Value]
 
 DEFAULT_BUDGET = 2000  # layouts of a search
-MAX_POINTS = 100_000
+MAX_POINTS = 100_000  # each is a scene that is checked before the first search
 WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
@@ -51,17 +51,17 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
     Raises
     ------
     ValueError
-        The text is none of these; the message has the syntax.
+        If the text has another form; the message has the syntax.
     """
     key, _, listing = (part.strip() for part in str(text).partition("="))
     try:
         if not listing or not all(key.split(".")):
             raise ValueError("a key or its values are missing")
         if ":" in listing:
-            words = _spread(listing)
+            texts = _spread_values(listing)
         else:
-            words = json.loads(listing) if listing.startswith("[") else listing.split(",")
-        values: list[Value] = [_value(key, w) if isinstance(w, str) else w for w in words]
+            texts = json.loads(listing) if listing.startswith("[") else listing.split(",")
+        values: list[Value] = [_parse_value(key, w) if isinstance(w, str) else w for w in texts]
         if not values or len({repr(value) for value in values}) < len(values):
             raise ValueError("give each value once")
         return key, values
@@ -69,8 +69,8 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
         raise ValueError(f"--set {text}: {error}; {SYNTAX}") from None
 
 
-def _spread(text: str) -> list[str]:
-    """Return the values of FROM:TO:NUMBER, with :log or without, as words."""
+def _spread_values(text: str) -> list[str]:
+    """Return the values of FROM:TO:NUMBER, with :log or without, as texts."""
     parts = text.split(":")
     log = parts[-1].strip() == "log"
     if len(parts) != 3 + log:
@@ -82,27 +82,27 @@ def _spread(text: str) -> list[str]:
     return [f"{value:.12g}" for value in spread]  # 0.3, not 0.30000000000000004
 
 
-def _value(key: str, word: str) -> Label:
-    """Return a word as a number where it is one, whole where the key holds whole numbers."""
+def _parse_value(key: str, text: str) -> Label:
+    """Convert a text to a number if it is one, to an integer if the key holds whole numbers."""
     try:
-        number = float(word)
+        number = float(text)
     except ValueError:
-        return word.strip()
+        return text.strip()
     return int(number) if key in WHOLE_KEYS and number.is_integer() else number
 
 
 def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
-    """Combine the values of all keys in every way, those of the last key changing first."""
+    """Return all combinations of the values of the keys; the last key changes first."""
     number = math.prod(map(len, axes.values()))
     if number > MAX_POINTS:
         raise ValueError(f"{number} points: a sweep has at most {MAX_POINTS}; split it")
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
-def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
+def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
     """Return the scene of a document in which the values of a point replace others.
 
-    A value for `fixed` replaces `min` and `max`, and so on.
+    A value of `fixed` or `values` replaces `min`, `max` and `step`, and the reverse.
 
     Parameters
     ----------
@@ -118,29 +118,29 @@ def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> S
     Raises
     ------
     ValueError
-        The values are no scene's, or nothing is left to search; the message begins with the file
-        and the coordinates of the point.
+        If the values do not describe a scene, or leave nothing free to search; the message begins
+        with the file and the coordinates of the point.
     """
     document = copy.deepcopy(base)
-    where = " at ".join(filter(None, (file, describe_labels(_labels(point)))))
+    place = " at ".join(filter(None, (file, describe_labels(_labels(point)))))
     for key, value in point.items():
         *tables, last = key.split(".")
         table = document
         for part in tables:
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                raise ValueError(f"{where}: '{key}': {part} is no table of the scene's file")
+                raise ValueError(f"{place}: '{key}': {part} is no table of the scene's file")
         if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
             # one form of a range replaces another; min, max and step are one form
             replaced = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
             for name_of_range in replaced:
                 table.pop(name_of_range, None)
         table[last] = copy.deepcopy(value)
-    scene = scene_from_document(document, name, where)
+    scene = scene_from_document(document, name, place)
     try:
         Problem(scene)
     except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
+        raise ValueError(f"{place}: {error}") from None
     return scene
 
 
@@ -168,7 +168,7 @@ def sweep(
     seeds
         Number of seeds, from 0, with which every method runs at every point.
     budget
-        Number of layouts that each search may simulate; 2000 where `seconds` is not given either.
+        Number of layouts that each search may simulate; 2000 if `seconds` is not given either.
     seconds
         Time of each search [s], instead.
     options
@@ -182,9 +182,10 @@ def sweep(
     Raises
     ------
     ValueError
-        An argument is impossible, or a point, before any search starts; or no search has a result.
+        If an argument or a point is invalid, before any search starts, or if no search has a
+        result.
     KeyboardInterrupt
-        Ctrl-C before the first result; later it ends the sweep with the results so far.
+        On Ctrl-C before the first result; later it ends the sweep with the results so far.
 
     Examples
     --------
@@ -214,21 +215,21 @@ def plan_sweep(
     Raises
     ------
     ValueError
-        An argument or a point is impossible.
+        If an argument or a point is invalid.
     """
     if isinstance(scene, Scene):
         base, name, file = scene.document(), scene.name, ""
-    else:  # only the points are checked: they may replace what is impossible in the file
+    else:  # only the points are checked: they may replace invalid values of the file
         base, name, file = read_named(scene)
     parsed = [parse_axis(axis) for axis in as_list(axes)]
     if not parsed:
-        raise ValueError(f"nothing is swept: --set KEY=…; {SYNTAX}")
+        raise ValueError(f"no key is varied: add --set; {SYNTAX}")
     require_distinct(keys=[key for key, _ in parsed])
     require("seeds", seeds, 1, whole=True)
     points = grid(dict(parsed))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
-    scenes = [scene_at(base, name, point, file) for point in points]
+    scenes = [make_scene(base, name, point, file) for point in points]
     labels = [_labels(point) for point in points]
     return plan_tasks(scenes, methods, range(seeds), budget, seconds, labels)
 

@@ -18,8 +18,8 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
-from optimize.evaluator import GRADIENT_COST, Evaluator, Step
-from optimize.searching import compile_for, find_baseline, search
+from optimize.evaluator import GRADIENT_COST, Evaluator, TraceEntry
+from optimize.searching import compile_simulations, find_baseline, search
 
 Label = float | int | str
 Sizes = tuple[float, ...]
@@ -38,13 +38,13 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     key, scene_name, method, seed, labels
         Those of the task.
     score, uniform_score
-        Scores of the best layout found, and of the uniform baseline.
+        Scores of the best layout, and of the uniform baseline.
     gain
-        score / uniform_score - 1; None where one of the two waves stops.
+        score / uniform_score - 1; None if one of the two waves stops.
     outcome
         Name of the `Outcome` of the best layout's wave.
     mean_speed
-        Speed of that wave [m/s]; 0 where it stops.
+        Speed of that wave [m/s]; 0 if it stops.
     spacing, thickness, height
         (N-1,), (N,), (N,): the best layout [m].
     evaluations, falls, seconds
@@ -75,7 +75,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     evaluations: int
     falls: int
     seconds: float
-    trace: list[Step]
+    trace: list[TraceEntry]
     simulations: int = 0
     gradients: int = 0
     updates: int = 0
@@ -91,7 +91,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def layout(self) -> Layout:
         """Best layout."""
-        scene = scene_of(self.scene)
+        scene = read_scene(self.scene)
         height = None if scene.growth is None else self.height[1:]
         return scene.layout(self.spacing, self.thickness[1:], height)
 
@@ -122,7 +122,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Digest of all that decides the result; the labels do not."""
+        """Digest of everything that determines the result; the labels do not."""
         return digest([self.scene, self.method, self.seed, self.budget, self.seconds])
 
     @property
@@ -134,7 +134,7 @@ class Task:
     @property
     def scene_name(self) -> str:
         """Name of the scene."""
-        return scene_of(self.scene).name
+        return read_scene(self.scene).name
 
     @property
     def limit(self) -> str:
@@ -154,9 +154,9 @@ class Task:
         ValueError
             See `optimize.search`.
         KeyboardInterrupt
-            The search was interrupted: its result is not that of the task.
+            If the search was interrupted: its result is not that of the task.
         """
-        scene, spent = scene_with_baseline(self.scene, self.seconds, clock)
+        scene, seconds_before = scene_with_baseline(self.scene, self.seconds, clock)
         gradients = 0
 
         def count(evaluator: Evaluator) -> None:
@@ -165,7 +165,7 @@ class Task:
 
         result = search(
             scene, self.method, self.budget, self.seed, seconds=self.seconds,
-            progress=False, callback=count, clock=clock, spent=spent,
+            progress=False, callback=count, clock=clock, seconds_before=seconds_before,
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
@@ -174,13 +174,13 @@ class Task:
             simulations=result.evaluations, gradients=gradients,
         )  # fmt: skip
 
-    def software(self) -> dict[str, str]:
+    def software_versions(self) -> dict[str, str]:
         """Return the versions of all software that a result may depend on."""
         return versions()
 
     def make_result(
         self,
-        trace: Sequence[Step],
+        trace: Sequence[TraceEntry],
         score: float,
         uniform_score: float,
         gain: float | None,
@@ -196,22 +196,22 @@ class Task:
         score, uniform_score, gain
             See `TaskResult`.
         wave
-            Wave of the best layout; None where there is no layout.
+            Wave of the best layout; None if there is no layout.
         work
             Numbers of simulations, gradients and updates.
         """
-        simulated: dict[str, Any] = dict(work)
+        values: dict[str, Any] = dict(work)
         if wave is not None:
-            simulated |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
+            values |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
             for part in ("spacing", "thickness", "height"):
-                simulated[part] = tuple(getattr(wave.layout, part).tolist())
+                values[part] = tuple(getattr(wave.layout, part).tolist())
         steps = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
         return TaskResult(
             key=self.key, scene_name=self.scene_name, method=self.method, seed=self.seed,
             score=float(score), uniform_score=float(uniform_score),
             gain=None if gain is None else float(gain),
             evaluations=steps[-1][0], falls=steps[-1][1], seconds=steps[-1][2], trace=steps,
-            labels=self.labels, versions=self.software(), scene=self.scene, **simulated,
+            labels=self.labels, versions=self.software_versions(), scene=self.scene, **values,
         )  # fmt: skip
 
 
@@ -242,13 +242,13 @@ def scene_with_baseline(
         See `optimize.search`.
     """
     scene = parse_scene(text, "scene", "scene")
-    compile_for(scene)
-    began = clock()
+    compile_simulations(scene)
+    start = clock()
     find_baseline(scene, seconds)
-    return scene, clock() - began
+    return scene, clock() - start
 
 
 @lru_cache(CACHED_SCENES)
-def scene_of(text: str) -> Scene:
+def read_scene(text: str) -> Scene:
     """Return the scene of a TOML text."""
     return parse_scene(text, "scene", "scene")

@@ -74,7 +74,7 @@ def verify_records(
     return verified
 
 
-def _shortened(layout: Layout) -> Layout:
+def _shorten(layout: Layout) -> Layout:
     """Return the first dominoes of a layout."""
     dominoes, pairs = slice(MAX_COUNT), slice(MAX_COUNT - 1)
     return Layout(
@@ -85,8 +85,8 @@ def _shortened(layout: Layout) -> Layout:
 
 def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> list[RigidWave]:
     """Simulate the best known and the uniform baseline on a floor, the engine the best known."""
-    physics, best = scene.physics, _shortened(layout)
-    baseline = _shortened(scene.uniform().layout)
+    physics, best = scene.physics, _shorten(layout)
+    baseline = _shorten(scene.uniform().layout)
     # the baseline of fixed pivots may be the better one: the search is less accurate
     layouts = {id(layout): layout for layout in (best_uniform_on(scene, baseline, floor), baseline)}
     waves = [simulate_standing(layout, physics, floor, RTOL) for layout in layouts.values()]
@@ -112,13 +112,13 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             score = placed.format_score(placed.score(rigid_wave), rigid_wave)
         # a layout of which a domino does not topple has no gain
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
-        lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
+        own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
         checks.append(Check(
             layout="uniform" if k == 1 else "best", simulator=rigid.simulator,
             floor=rigid.floor_friction, last=last if np.isfinite(last) else None,
             largest=common_difference(wave, rigid),
             uncertainty=uncertainty if np.isfinite(uncertainty) else None,
             staying_up=rigid.staying_up, gap=float(rigid.layout.spacing.mean()),
-            score=score, gain=lead,
+            score=score, gain=own_gain,
         ))  # fmt: skip
     return checks

@@ -19,7 +19,7 @@ from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import BestKnown, best_known
 
 SPACING, THICKNESS = "spacing", "thickness"
-NAME, TITLE = "own", "your own scene"  # of a scene that was changed
+NAME, TITLE = "own", "your own scene"  # of a changed scene
 GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
 NORMALISED = "normalised score (100 %: best known layout)"
 
@@ -32,7 +32,7 @@ class Design:
     scene
         The scene.
     layout
-        A layout that keeps its rules; None for about the best equal gaps.
+        A layout that keeps its rules; None for an approximate uniform baseline.
 
     Attributes
     ----------
@@ -41,9 +41,9 @@ class Design:
     layout
         The layout that is shown; during a drag or a search it is not yet in the history.
     wave
-        Its wave, as of `Scene.simulate`.
+        Its wave, simulated by `Scene.simulate`.
     score
-        Its score, as of `Scene.score`; None on a floor until it is set.
+        Its score by `Scene.score`; None on a floor until it is set.
     uniform
         Uniform baseline of the scene; None until it is set.
     first
@@ -52,7 +52,7 @@ class Design:
     Raises
     ------
     ValueError
-        For a scene without free values, and for a layout that breaks the scene's rules.
+        If the scene has no free values, or if the layout breaks its rules.
     """
 
     scene: Scene
@@ -63,19 +63,19 @@ class Design:
     def __init__(self, scene: Scene, layout: Layout | None = None) -> None:
         self.uniform: UniformBaseline | None = None
         self._steps: list[tuple[Scene, Layout]] = []
-        self._at = -1  # the step that is shown
+        self._position = -1  # the step that is shown
         self.open(scene, layout)
-        self.first = self._steps[0]
+        self.first_step = self._steps[0]
 
     # the history --------------------------------------------------------------------------------
 
     def open(self, scene: Scene, layout: Layout | None = None) -> None:
-        """Replace scene and layout, as one step of the history; arguments as of the class."""
+        """Replace scene and layout, as one step of the history; see the class for the arguments."""
         require_drawable(f"scene '{scene.name}'", scene.count)
-        _space(scene)  # raises for a scene without free values
-        layout = layout if layout is not None else _about_uniform(scene)
-        if broken := scene.violations(layout):
-            raise ValueError(f"not a layout of scene '{scene.name}': {'; '.join(broken)}")
+        _design_space(scene)  # raises for a scene without free values
+        layout = layout if layout is not None else _approximate_uniform(scene)
+        if violations := scene.violations(layout):
+            raise ValueError(f"not a layout of scene '{scene.name}': {'; '.join(violations)}")
         self.show(layout, scene)
         self.commit()
 
@@ -95,26 +95,26 @@ class Design:
         self.scene, self.layout, self.wave, self.score = scene, layout, wave, score
 
     def commit(self) -> None:
-        """Keep what is shown as a step of the history, unless nothing has changed."""
-        now = self.scene, self.layout
-        if not self._steps or now != self._steps[self._at]:
-            self._at += 1
-            self._steps[self._at :] = [now]
+        """Add scene and layout to the history as a step, unless nothing has changed."""
+        step = self.scene, self.layout
+        if not self._steps or step != self._steps[self._position]:
+            self._position += 1
+            self._steps[self._position :] = [step]
 
     @property
-    def kept(self) -> Layout:
+    def committed(self) -> Layout:
         """Layout of the last step of the history."""
-        return self._steps[self._at][1]
+        return self._steps[self._position][1]
 
-    def can_go(self, steps: int) -> bool:
-        """Return True where the history has a step so far from the present one."""
-        return 0 <= self._at + steps < len(self._steps)
+    def can_move(self, steps: int) -> bool:
+        """Return True if the history has a step that far from the present one."""
+        return 0 <= self._position + steps < len(self._steps)
 
-    def go(self, steps: int) -> None:
+    def move(self, steps: int) -> None:
         """Show another step of the history: -1 for the one before, 1 for the one after."""
-        if self.can_go(steps):
-            self._at += steps
-            scene, layout = self._steps[self._at]
+        if self.can_move(steps):
+            self._position += steps
+            scene, layout = self._steps[self._position]
             self.show(layout, scene)
 
     # changes ------------------------------------------------------------------------------------
@@ -132,41 +132,41 @@ class Design:
         index
             Gap 0 … N-2, or domino 1 … N-1.
         value
-            Size wanted [m].
+            Requested size [m], which is clipped to the bounds.
 
         Raises
         ------
         ValueError
-            The part is not free, or there is no such gap or domino.
+            If the part is not free, or if there is no such gap or domino.
         """
-        space, before = _space(self.scene), self.kept
+        space, before = _design_space(self.scene), self.committed
         pairs, height = self.scene.count - 1, before.height
         free = [name for name in (SPACING, THICKNESS) if getattr(self.scene, f"free_{name}")]
         require_choice("part", part, free)
-        first = int(part == THICKNESS)
-        require("index", index, first, first + pairs - 1, whole=True)
+        offset = int(part == THICKNESS)
+        require("index", index, offset, offset + pairs - 1, whole=True)
         require("value", value, unit="m")
-        entry = free.index(part) * pairs + index - first
-        unit = height if first else np.minimum(height[:-1], height[1:])
+        entry = free.index(part) * pairs + index - offset
+        unit = height if offset else np.minimum(height[:-1], height[1:])
         values = self._values(before)
         low, high = space.low, space.high
-        wanted = value / unit[index] if self.scene.in_heights else value
-        wanted = min(max(wanted, low[entry]), high[entry])
-        left = values[entry] - wanted  # what the others have to take up
-        values[entry] = wanted
+        target = value / unit[index] if self.scene.in_heights else value
+        target = min(max(target, low[entry]), high[entry])
+        difference = values[entry] - target  # for the other values to compensate
+        values[entry] = target
         if self.scene.length is not None:
             distance = np.abs(np.arange(space.dimension) % pairs - entry % pairs)
             nearest = np.argsort(distance, kind="stable")
-            for k in nearest[(nearest != entry) & space.movable[nearest]]:
-                moved = min(max(values[k] + left, low[k]), high[k])
-                left, values[k] = left - (moved - values[k]), moved
-            values[entry] += left
+            for k in nearest[(nearest != entry) & space.is_continuous[nearest]]:
+                changed = min(max(values[k] + difference, low[k]), high[k])
+                difference, values[k] = difference - (changed - values[k]), changed
+            values[entry] += difference
         self.show(self._nearest(space, values))
 
     def change(self, **fields: Any) -> None:
         """Change the scene, and keep the layout as far as the new rules allow.
 
-        Where the count changes, gaps and thicknesses are interpolated along the chain.
+        If the count changes, gaps and thicknesses are interpolated along the chain.
 
         Parameters
         ----------
@@ -176,10 +176,10 @@ class Design:
         Raises
         ------
         ValueError
-            See `Scene.replace`; the design stays as it is.
+            See `Scene.replace`; the design is not changed.
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
-        space = _space(scene)
+        space = _design_space(scene)
         parts = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (parts.shape[1], scene.count - 1))
         layout = self._nearest(space, np.concatenate([np.interp(after, before, p) for p in parts]))
@@ -187,7 +187,7 @@ class Design:
 
     def _values(self, layout: Layout) -> Floats:
         """Return the free values (n,) of a layout [m]."""
-        space = _space(self.scene)
+        space = _design_space(self.scene)
         return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
     @staticmethod
@@ -200,7 +200,7 @@ class Design:
 
     @property
     def stop(self) -> int | None:
-        """Number of the leading domino with which the wave stopped; None where it completes."""
+        """Number of the leading domino with which the wave stopped; None if it completes."""
         if self.wave.outcome == Outcome.PROPAGATED:
             return None
         return int(np.isfinite(self.wave.stall_margin).sum()) - 1
@@ -209,16 +209,16 @@ class Design:
         """Return the numbers of the layout by name, in words and units."""
         wave, score, scene = self.wave, self.score, self.scene
         speed = scene.unit == "m/s"
-        words = COMPUTING if score is None else scene.format_score(score, wave)
-        numbers = {"mean speed" if speed else "result": words}
+        text = COMPUTING if score is None else scene.format_score(score, wave)
+        numbers = {"mean speed" if speed else "result": text}
         if speed:
             numbers[GAIN] = COMPUTING
         if speed and score is not None and self.uniform is not None:
-            lead, record = gain(score, self.uniform.score), known_record(scene)
-            numbers[GAIN] = "–" if lead is None else f"{round(lead, 4) + 0.0:+.2%}"
+            own_gain, record = gain(score, self.uniform.score), known_record(scene)
+            numbers[GAIN] = "–" if own_gain is None else f"{round(own_gain, 4) + 0.0:+.2%}"
             most = gain(record.score, self.uniform.score) if record else None
-            if lead is not None and most:
-                numbers[NORMALISED] = f"{round(lead / most, 3) + 0.0:.1%}"
+            if own_gain is not None and most:
+                numbers[NORMALISED] = f"{round(own_gain / most, 3) + 0.0:.1%}"
         if wave.hit == wave.layout.count:
             last = float(wave.arrival_times[-1])
             numbers["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
@@ -228,13 +228,13 @@ class Design:
 
 
 @lru_cache(8)
-def _space(scene: Scene) -> DesignSpace:
+def _design_space(scene: Scene) -> DesignSpace:
     return DesignSpace(scene)
 
 
-def _about_uniform(scene: Scene) -> Layout:
-    """Return about the best layout of equal gaps, with fixed pivots: within a second or so."""
-    space, scene = _space(scene), scene.replace(floor_friction=None)
+def _approximate_uniform(scene: Scene) -> Layout:
+    """Approximate the uniform baseline on fixed pivots, in about a second."""
+    space, scene = _design_space(scene), scene.replace(floor_friction=None)
     if scene.count <= 100 and not scene.criterion.simulates_anew:
         layout = scene.uniform().layout
     else:

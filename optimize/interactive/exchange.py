@@ -1,4 +1,4 @@
-"""Exchange of designs with files, links and other programs; the browser names no path."""
+"""Exchange of designs with files, links and other programs; the browser sends no paths."""
 
 from __future__ import annotations
 
@@ -21,21 +21,22 @@ from domino_env.view.template import write_template
 from optimize.interactive.design import NAME, TITLE, Design
 
 LARGEST_UPLOAD = 8 * 2**20  # [bytes]; 5 000 dominoes are drawn at most, which take 1 MB
-LARGEST_LINK = 2**20  # [bytes] of what a link contains
-KEY = "design"  # of the query of a link
+LARGEST_LINK = 2**20  # [bytes] of the contents of a link
+KEY = "design"  # in the query of a link
 USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened to its gaps
 NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}
 
 
-def open_design(source: str | Path | Scene | Layout, like: Scene | None = None) -> Design:
+def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
     """Return the design of a scene, a layout, their name or path, a run folder or a link.
 
     Parameters
     ----------
     source
         The design.
-    like
-        Scene of a layout that has none, and keeps its rules; None for a scene of its own.
+    default
+        Scene for a layout file without a scene, if the layout keeps its rules; None for a new
+        scene that is made from the layout.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def open_design(source: str | Path | Scene | Layout, like: Scene | None = None) 
     if isinstance(source, Scene):
         return Design(source)
     if isinstance(source, Layout):
-        return Design(_scene_for(source, like), source)
+        return Design(_scene_for(source, default), source)
     if str(source).startswith(("http://", "https://")):
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = Path(source)
@@ -54,14 +55,14 @@ def open_design(source: str | Path | Scene | Layout, like: Scene | None = None) 
     if path.suffix.lower() not in (".csv", ".json"):
         return Design(load_scene(source))
     scene = scene_beside(path)
-    layout = read_layout(path, scene or like)
-    return Design(scene or _scene_for(layout, like), layout)
+    layout = read_layout(path, scene or default)
+    return Design(scene or _scene_for(layout, default), layout)
 
 
-def _scene_for(layout: Layout, like: Scene | None) -> Scene:
+def _scene_for(layout: Layout, default: Scene | None) -> Scene:
     """Return the scene of a layout: another one if the layout keeps its rules, else its own."""
-    if like is not None and not like.violations(layout):
-        return like
+    if default is not None and not default.violations(layout):
+        return default
     if layout.count < 2:
         raise ValueError("one domino has no gap: give a layout of two or more")
     thick, gaps = layout.thickness, layout.spacing
@@ -71,24 +72,24 @@ def _scene_for(layout: Layout, like: Scene | None) -> Scene:
         density=float(layout.density[0]), first_thickness=float(thick[0]),
         spacing=(min(USUAL_GAPS[0], float(gaps.min())), max(USUAL_GAPS[1], float(gaps.max()))),
         thickness=(float(thick[1:].min()), float(thick[1:].max())),
-        physics=like.physics if like else Physics(),
+        physics=default.physics if default else Physics(),
     )  # fmt: skip
 
 
-def read_files(files: Mapping[str, bytes], like: Scene | None = None) -> Design:
+def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Design:
     """Return the design of a scene (.toml), a layout (.csv, .json) or both.
 
     Parameters
     ----------
     files
-        Contents by the names that messages have.
-    like
+        Contents of files by their names in messages.
+    default
         See `open_design`.
 
     Raises
     ------
     ValueError
-        With file, place, value and what is allowed, as on the command line.
+        If a file is invalid; the message has file, place, value and accepted range.
     """
     names = {name: NAMES.get(Path(name).suffix.lower()) for name in files}
     scenes = [*names.values()].count(NAMES[".toml"])
@@ -102,7 +103,7 @@ def read_files(files: Mapping[str, bytes], like: Scene | None = None) -> Design:
         for name, path in paths.items():
             path.write_bytes(files[name])
         try:
-            return open_design(min(paths.values()), like)  # a layout finds the scene beside it
+            return open_design(min(paths.values()), default)  # a layout finds the scene beside it
         except ValueError as error:
             message = str(error)
             for name, path in paths.items():
@@ -111,12 +112,12 @@ def read_files(files: Mapping[str, bytes], like: Scene | None = None) -> Design:
 
 
 def receive(design: Design, files: Mapping[str, bytes]) -> str:
-    """Open files that a browser sends, and return what was opened, in words.
+    """Open files that a browser sends, and return a message with their names.
 
     Parameters
     ----------
     design
-        The design that is changed; not where a file is rejected.
+        The design, which is not changed if a file is rejected.
     files
         Contents by the names of files.
 
@@ -127,16 +128,16 @@ def receive(design: Design, files: Mapping[str, bytes]) -> str:
     """
     names = one_line(", ".join(files), 200)
     if (size := sum(map(len, files.values()))) > LARGEST_UPLOAD:
-        raise ValueError(f"{names}: {size:,} bytes, where at most {LARGEST_UPLOAD:,} are taken")
-    before, opened = design.scene, read_files(files, design.scene)
-    design.open(opened.scene, opened.layout)
-    if len(files) == 1 and opened.scene != before and (broken := before.violations(design.layout)):
-        return f"opened {names}; it is no layout of scene '{before.name}': {broken[0]}"
+        raise ValueError(f"{names}: {size:,} bytes: send at most {LARGEST_UPLOAD:,} at a time")
+    scene, other = design.scene, read_files(files, design.scene)
+    design.open(other.scene, other.layout)
+    if len(files) < 2 and design.scene != scene and (violations := scene.violations(design.layout)):
+        return f"opened {names}; it is no layout of scene '{scene.name}': {violations[0]}"
     return f"opened {names}"
 
 
 def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
-    """Return what a function writes to a path, to be sent to a browser as a file of this name."""
+    """Call a function that writes a file of this name, and return its contents."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
         write(path)
@@ -174,7 +175,7 @@ def read_link(text: str) -> Design:
     Raises
     ------
     ValueError
-        For a text that was cut or changed, and as of `read_files`.
+        If the text is incomplete or changed, or for the reasons of `read_files`.
     """
     with errors_with_path("the design in the link"):
         try:

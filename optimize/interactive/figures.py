@@ -21,10 +21,10 @@ from optimize.interactive.design import SPACING, THICKNESS
 
 Handler = Callable[[Any], None]
 
-MM = 1e3
-EDGES = 2.0  # heights beside a chain
-LONGEST = 60.0  # heights of a chain that is shown whole; of a longer one the beginning
-AHEAD = 0.7  # of the width: furthest place of the leading domino
+MM = 1e3  # [mm/m]
+MARGIN = 2.0  # width beside a chain, in heights of the tallest domino
+MAX_LENGTH = 60.0  # of a chain that is shown whole, in these heights
+LEADER_PLACE = 0.7  # largest distance of the leading domino from the left, over the width
 SPEED = "speed"
 COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of dominoes
 COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR)]
@@ -38,15 +38,15 @@ TITLES = {
 
 
 def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None:
-    """Show a chain: whole, or the part of a long one around the leader's place [m] or as before."""
-    tall = float(layout.height.max())
-    first = -float(layout.thickness[0]) - 0.3 * EDGES * tall
-    length = float(layout.pivots[-1, 0]) + EDGES * tall - first
-    wide = min(length, LONGEST * tall)
-    begin = view.start if leader is None else leader - AHEAD * wide
-    begin = max(first, min(begin, first + length - wide))
-    view.bounds = first, first + length  # first, as the present ones limit start and end
-    view.update(start=begin, end=begin + wide)
+    """Show the whole chain, or of a long one the part around the leader's place [m]."""
+    height = float(layout.height.max())
+    first = -float(layout.thickness[0]) - 0.3 * MARGIN * height
+    length = float(layout.pivots[-1, 0]) + MARGIN * height - first
+    width = min(length, MAX_LENGTH * height)
+    begin = view.start if leader is None else leader - LEADER_PLACE * width
+    begin = max(first, min(begin, first + length - width))
+    view.bounds = first, first + length  # set first, as bounds limit start and end
+    view.update(start=begin, end=begin + width)
 
 
 class Chain:
@@ -60,20 +60,20 @@ class Chain:
 
     def __init__(self, view: Range1d) -> None:
         self.figure = _figure(view, 130, "xpan", "")
-        self.figure.y_range = up = self._up = Range1d(-0.05, 0.1)
+        self.figure.y_range = y_range = self._y_range = Range1d(-0.05, 0.1)
         self.figure.yaxis.visible = self.figure.xaxis.visible = False
         self.figure.grid.visible = False
-        # one scale for both axes, which the page alone knows
-        keep = CustomJS(
-            args={"f": self.figure, "x": view, "y": up},
+        # equal scales of both axes, whose size in pixels only the browser knows
+        equal_scale = CustomJS(
+            args={"f": self.figure, "x": view, "y": y_range},
             code="const h = (x.end - x.start) * f.inner_height / f.inner_width;"
             "if (isFinite(h)) y.end = y.start + h",
         )
         for model, changes in (
-            (view, "start end"), (up, "start"), (self.figure, "inner_width inner_height"),
+            (view, "start end"), (y_range, "start"), (self.figure, "inner_width inner_height"),
         ):  # fmt: skip
             for change in changes.split():
-                model.js_on_change(change, keep)
+                model.js_on_change(change, equal_scale)
         self._ground = self.figure.line([], [], color=SOFT).data_source
         self._dominoes = ColumnDataSource({key: [] for key in COLUMNS})
         self.figure.rect(*COLUMNS[:5], source=self._dominoes, color="colour", line_color="white",
@@ -84,7 +84,7 @@ class Chain:
             self.figure.add_layout(annotation)
 
     def draw(self, layout: Layout, leans: Floats, leader: int, stop: int | None) -> None:
-        """Draw the chain at one instant, with a mark where it stops.
+        """Draw the chain at one instant, with an arrow at the domino with which it stops.
 
         Parameters
         ----------
@@ -95,21 +95,21 @@ class Chain:
         leader
             Number of the leading domino; -1 before the push.
         stop
-            Number of the leading domino with which the wave stops; None where it completes.
+            Number of the leading domino with which the wave stops; None if it completes.
         """
         pivots, centres = layout.pivots, outlines(layout, leans).mean(axis=1)
         state = np.sign(np.arange(layout.count) - leader) + 1
         values = *centres.T, layout.thickness, layout.height, -leans, np.take(COLOURS, state)
         self._dominoes.data = dict(zip(COLUMNS, values, strict=True))
-        tall = float(layout.height.max())
-        line = ground_line(layout, tall, tall)
+        height = float(layout.height.max())
+        line = ground_line(layout, height, height)
         self._ground.data = {"x": line[:, 0], "y": line[:, 1]}
-        self._up.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * tall)
+        self._y_range.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * height)
         self._finish.location = float(pivots[-1, 0])
         at, text = pivots[stop or 0], f"the wave stops at domino {stop}"
         right = (stop or 0) > layout.count // 2  # then a text has more room on the left
         self._stop.update(
-            x=float(at[0]), y=float(at[1]) + 1.15 * tall, visible=stop is not None,
+            x=float(at[0]), y=float(at[1]) + 1.15 * height, visible=stop is not None,
             x_offset=5 if right else -5, text_align="right" if right else "left",
             text=f"{text} ▼" if right else f"▼ {text}",
         )  # fmt: skip
@@ -129,11 +129,11 @@ class Curve:
     def __init__(self, view: Range1d, part: str) -> None:
         self._part = part
         self.figure = _figure(view, 190, "", TITLES[part])
-        self.figure.y_range = self._up = Range1d(0.0, 1.0)
+        self.figure.y_range = self._y_range = Range1d(0.0, 1.0)
         self.figure.xaxis.axis_label = "place along the chain [m]" if part == SPEED else None
         self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
-        looks = ((RESULT, "solid"), (UNIFORM, "dashed"), (BEST_KNOWN, "dotted"))
-        for source, (colour, dash) in zip(self.sources, looks, strict=True):
+        styles = ((RESULT, "solid"), (UNIFORM, "dashed"), (BEST_KNOWN, "dotted"))
+        for source, (colour, dash) in zip(self.sources, styles, strict=True):
             self.figure.line(
                 "x", "y", source=source, color=colour, line_dash=dash, nonselection_alpha=1.0
             )
@@ -143,12 +143,12 @@ class Curve:
         for source, wave in zip(self.sources, waves, strict=True):
             x = y = np.empty(0)
             if wave is not None:
-                place, thick = wave.layout.pivots[:, 0], wave.layout.thickness[1:]
-                x, y = 0.5 * (place[:-1] + place[1:] - thick), MM * wave.layout.spacing
+                place, thickness = wave.layout.pivots[:, 0], wave.layout.thickness[1:]
+                x, y = 0.5 * (place[:-1] + place[1:] - thickness), MM * wave.layout.spacing
                 if self._part == SPEED:
                     y = wave.local_speed
                 elif self._part == THICKNESS:
-                    x, y = place[1:] - 0.5 * thick, MM * thick
+                    x, y = place[1:] - 0.5 * thickness, MM * thickness
             number = np.arange(len(x)) + (self._part == THICKNESS)
             source.data = {"x": x, "y": y, "number": number}
         if self._part == SPEED:
@@ -158,21 +158,21 @@ class Curve:
     def fit(self, low: float, high: float) -> None:
         """Set the range of values."""
         room = 0.08 * (high - low) or 0.1 * high or 1.0
-        self._up.update(start=low - room, end=high + room)
+        self._y_range.update(start=low - room, end=high + room)
 
-    def let_drag(self, begin: Handler, go: Handler, end: Handler) -> None:
-        """Let points be dragged: call functions with the place and value of the pointer."""
+    def enable_drag(self, begin: Handler, move: Handler, end: Handler) -> None:
+        """Make the points draggable; the functions are called with the events of the pointer."""
         points = self.figure.scatter(
             "x", "y", source=self.sources[0], color=RESULT, size=8, nonselection_alpha=1.0,
             selection_color=BEST_KNOWN, hover_color=BEST_KNOWN,
         )  # fmt: skip
         tips = [("number", "@number"), (TITLES[self._part].split()[0].lower(), "@y{0.000} mm")]
-        # the tool keeps a touch from scrolling the page, and moves nothing by itself
+        # the tool prevents a touch from scrolling the page; it moves no points itself
         tool = PointDrawTool(renderers=[self.figure.scatter([], [])], add=False)
         self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips), tool)
         self.figure.toolbar.active_drag = tool
-        for kind, react in ((PanStart, begin), (Pan, go), (PanEnd, end)):
-            self.figure.on_event(kind, react)
+        for kind, handler in ((PanStart, begin), (Pan, move), (PanEnd, end)):
+            self.figure.on_event(kind, handler)
 
 
 def _figure(view: Range1d, height: int, tools: str, title: str) -> Any:

@@ -18,52 +18,52 @@ from optimize.searching import search
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
-FRAME = 0.05  # [s] between two layouts that are shown
-STEP = 0.01  # [s] of rest between two steps along the gradient, which are to be watched
+SHOW_INTERVAL = 0.05  # [s] between two layouts that are shown
+STEP_PAUSE = 0.01  # [s] between two steps along the gradient, so that a user can watch them
 
 Show = Callable[[Layout, float], None]
-"""Function that shows a layout of a search and the part of the search that is done."""
+"""Function that shows a layout of a search and the completed fraction of the search."""
 
 
-def find(
-    scene: Scene, method: str | Method, stopped: threading.Event, show: Show
+def run_search(
+    scene: Scene, method: str | Method, stop: threading.Event, show: Show
 ) -> tuple[Layout, str]:
-    """Search until the method is done or stopped, and return the best layout and a sentence.
+    """Search until the method ends or is stopped; return the best layout and a summary.
 
     Parameters
     ----------
     scene, method
         See `search`.
-    stopped
-        Ends the search where it is set.
+    stop
+        Event that ends the search when it is set.
     show
-        Called with the best layout so far, at most every `FRAME`.
+        Function that is called with the best layout so far, at most every `SHOW_INTERVAL`.
     """
-    last = 0.0
+    last_shown = 0.0
 
     def report(evaluator: Evaluator) -> None:
-        nonlocal last
-        if stopped.is_set():
+        nonlocal last_shown
+        if stop.is_set():
             raise BudgetSpent("stopped; this is the best so far")
-        if evaluator.finalists and time.perf_counter() > last + FRAME:
-            last = time.perf_counter()
+        if evaluator.finalists and time.perf_counter() > last_shown + SHOW_INTERVAL:
+            last_shown = time.perf_counter()
             show(evaluator.problem.layout(evaluator.best), evaluator.progress)
 
     result = search(scene, method, progress=False, callback=report)
-    return result.layout, f"{result.evaluations} layouts in {result.seconds:.1f} s: {result.ended}"
+    effort = f"{result.evaluations} layouts in {result.seconds:.1f} s"
+    return result.layout, f"{effort}: {result.stop_reason}"
 
 
-def improvement(layout: Layout) -> Method:
-    """Return the method that follows the gradient from a layout, slowly enough to be watched."""
+def improvement_method(layout: Layout) -> Method:
+    """Return the method that follows the gradient from a layout, slowly enough to watch."""
 
     def improve(evaluator: Evaluator, _: np.random.Generator) -> None:
         problem = evaluator.problem
-        project = problem.project if problem.coupled else None
-        local = LocalSearch(problem.design(layout), project)
+        local = LocalSearch(problem.design(layout), problem.projection)
         while not local.done:
             run_local_searches(evaluator, [local], 1)
-            time.sleep(STEP)
-        hint = "; values of a list or a box do not follow the gradient: Search tries them"
+            time.sleep(STEP_PAUSE)
+        hint = "; values from a list or a stock have no gradient: use Search"
         evaluator.status = "nothing nearby is better" + hint * problem.discrete
 
     return improve

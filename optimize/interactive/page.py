@@ -27,7 +27,7 @@ from domino_env.view.report import UNIFORM_NAME
 from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
 from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
-from optimize.interactive.jobs import find, improvement
+from optimize.interactive.jobs import improvement_method, run_search
 
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 FRAMES, INTERVAL = 150, 40  # of the animation, and [ms] from one to the next
 LONGEST_LINK = 30_000  # characters that servers and browsers accept in an address
 FLOOR_SECONDS = 30.0  # [s] that a uniform baseline on a floor may take
-REST = 0.3  # [s] without a change of the scene, after which its uniform baseline is computed
+# [s] without a change of the scene, after which its uniform baseline is computed
+UNIFORM_DELAY = 0.3
 WIDE = {"sizing_mode": "stretch_width"}
 STYLE = """
 h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
@@ -44,12 +45,12 @@ h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p
 .message { padding: 10px 16px; font-size: 14px; background: #fff; border-top: 2px solid #5c636d; }
 .error { color: #b03a00; border-color: #b03a00; }
 """
-# in sight of every button
+# at the bottom of the window, visible next to every button
 FOOT = {"position": "fixed", "bottom": "0", "left": "0", "z-index": "9"}
 NOTHING, KEPT = "nothing", "kept layout"
 
 Schedule = Callable[[Callable[[], None]], object]
-"""Function that runs another one in the thread of the page, soon."""
+"""Function that schedules another one in the thread of the page."""
 
 
 class Control(NamedTuple):
@@ -69,7 +70,7 @@ class Control(NamedTuple):
 
 
 def _bounds(part: str) -> tuple[Callable[[Scene], Any], Callable[[Scene, Any], dict[str, Any]]]:
-    """Return how the bounds of gaps or thicknesses are read and changed, in millimetres."""
+    """Return functions that read and change the bounds of gaps or thicknesses [mm]."""
 
     def read(scene: Scene) -> Any:
         free = getattr(scene, f"free_{part}") and not (part == THICKNESS and scene.stock)
@@ -113,14 +114,14 @@ CONTROLS = (
 
 
 class Page:
-    """All that one tab shows of a design, and how the design follows it.
+    """Contents of one tab of the browser: a design with pictures, numbers and controls.
 
     Parameters
     ----------
     design
         The design that the page changes.
     schedule
-        Function that runs another one in the thread of the page, soon.
+        Function that schedules another one in the thread of the page.
 
     Attributes
     ----------
@@ -132,11 +133,11 @@ class Page:
 
     def __init__(self, design: Design, schedule: Schedule) -> None:
         self.design, self._schedule = design, schedule
-        self._newest: dict[Callable[..., None], Any] = {}  # values that wait for their use
-        self._stopped: threading.Event | None = None  # ends the search that runs
-        self._moved: Control | None = None  # whose changes are one step of the history
-        self._uniform_of: Scene | None = None  # scene of the uniform baseline
-        self._kept: Layout | None = None
+        self._pending: dict[Callable[..., None], Any] = {}  # values of pending calls
+        self._stop_event: threading.Event | None = None  # ends the search that runs
+        self._last_control: Control | None = None  # whose changes are one step of the history
+        self._uniform_scene: Scene | None = None  # scene of the uniform baseline
+        self._kept_layout: Layout | None = None
         self._waves: list[Wave] = []  # of this layout, and of the one that it is compared with
         self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
         self._view = Range1d(-1.0, 1.0)
@@ -144,13 +145,13 @@ class Page:
         self.chain.figure.title.text = "Your layout"
         self.curves = {part: Curve(self._view, part) for part in TITLES}
         for part in (SPACING, THICKNESS):
-            self._let_drag(part)
-        self.view = self._arranged()
+            self._enable_drag(part)
+        self.view = self._make_view()
         self._show()
 
-    # what the page is made of -------------------------------------------------------------------
+    # contents -----------------------------------------------------------------------------------
 
-    def _arranged(self) -> Any:
+    def _make_view(self) -> Any:
         """Return the page: pictures and actions, and beside or below them the scene."""
 
         def line(*parts: Any) -> Any:
@@ -159,14 +160,14 @@ class Page:
         def card(title: str, *parts: Any) -> Any:
             return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
 
-        def with_change(widget: Any, react: Callable[[Any], None]) -> Any:
-            widget.param.watch(lambda event: self._soon(react, event.new), "value")
+        def with_change(widget: Any, handler: Callable[[Any], None]) -> Any:
+            widget.param.watch(lambda event: self._call_newest(handler, event.new), "value")
             return widget
 
         def button(name: str, action: Callable[..., Any], *values: Any) -> Any:
             kind = "primary" if name in ("Improve", "Search") else "default"
             widget = pn.widgets.Button(name=name, button_type=kind)
-            widget.on_click(lambda _: self._schedule(lambda: self._guarded(action, *values)))
+            widget.on_click(lambda _: self._schedule(lambda: self._call(action, *values)))
             self.buttons[name] = widget
             return widget
 
@@ -200,11 +201,11 @@ class Page:
         main = pn.Column(
             self.title, self.numbers,
             line(
-                button("Undo", self._edit, self.design.go, -1),
-                button("Redo", self._edit, self.design.go, 1),
-                button("Reset", self._edit, self.design.open, *self.design.first),
+                button("Undo", self._edit, self.design.move, -1),
+                button("Redo", self._edit, self.design.move, 1),
+                button("Reset", self._edit, self.design.open, *self.design.first_step),
                 button("Equal gaps", self._edit, self._equal_gaps),
-                button("Improve", lambda: self._run(improvement(self.design.kept))),
+                button("Improve", lambda: self._run(improvement_method(self.design.committed))),
                 button("Search", self._run, "auto"),
                 button("Stop", self._stop_here),
             ),
@@ -232,8 +233,8 @@ class Page:
         )  # fmt: skip
         return pn.FlexBox(main, side, align_items="flex-start", **WIDE)
 
-    def _let_drag(self, part: str) -> None:
-        """Let the points of a curve change gaps or thicknesses."""
+    def _enable_drag(self, part: str) -> None:
+        """Make the points of a curve change gaps or thicknesses when dragged."""
         points, offset = self.curves[part].sources[0], 0.0
 
         def begin(event: Any) -> None:
@@ -244,56 +245,56 @@ class Page:
             self.player.param.update(direction=0, value=0)
             points.selected.indices = [at]
 
-        def go(event: Any) -> None:
+        def move(event: Any) -> None:
             number = int(points.data["number"][points.selected.indices[0]])
-            self._soon(self.drag, part, number, max(event.y + offset, 0.0) / MM)
+            self._call_newest(self.drag, part, number, max(event.y + offset, 0.0) / MM)
 
         def end(_: Any) -> None:
             points.selected.indices = []
-            self._soon(self._edit, self.design.commit)  # after the drags that wait
+            self._call_newest(self._edit, self.design.commit)  # after the drags that wait
 
-        self.curves[part].let_drag(begin, go, end)
+        self.curves[part].enable_drag(begin, move, end)
 
-    # when things are done -----------------------------------------------------------------------
+    # calls --------------------------------------------------------------------------------------
 
-    def _soon(self, use: Callable[..., None], *values: Any) -> None:
-        """Call a function with values, soon; newer values replace those that wait.
+    def _call_newest(self, function: Callable[..., None], *values: Any) -> None:
+        """Schedule a call with values; newer values replace those of a pending call.
 
         It is called with the lock of the document, which Panel's watchers may lack.
         """
-        waits = use in self._newest
-        self._newest[use] = values
-        if not waits:
-            self._schedule(lambda: self._guarded(use, *self._newest.pop(use)))
+        is_pending = function in self._pending
+        self._pending[function] = values
+        if not is_pending:
+            self._schedule(lambda: self._call(function, *self._pending.pop(function)))
 
-    def _later(self, work: Callable[[], Any], use: Callable[[Any], None]) -> None:
-        """Call a function with the result of work in the background, or show why there is none."""
+    def _in_thread(self, work: Callable[[], Any], function: Callable[[Any], None]) -> None:
+        """Run `work` in a thread, and call a function with its result or show its error."""
 
         def run() -> None:
             try:
-                then = partial(use, work())
+                then = partial(function, work())
             except (ValueError, ArithmeticError) as error:
-                then = partial(self.tell, str(error), "error")
+                then = partial(self.notify, str(error), "error")
             self._schedule(then)
 
         threading.Thread(target=run, daemon=True).start()
 
-    def _guarded(self, action: Callable[..., Any], *values: Any) -> None:
-        """Call a function, or show why it cannot be done."""
+    def _call(self, action: Callable[..., Any], *values: Any) -> None:
+        """Call a function, or show its error."""
         try:
             action(*values)
         except (ValueError, ArithmeticError) as error:
-            self.tell(str(error), "error")
+            self.notify(str(error), "error")
 
-    def tell(self, words: str, kind: str = "") -> None:
-        """Show a sentence; the kind "error" has its own colour."""
-        message = f'<p role="status" class="message {kind}">{escape(words)}</p>'
-        self.message.object = message if words else ""
+    def notify(self, text: str, kind: str = "") -> None:
+        """Show a message; the kind "error" has its own colour."""
+        message = f'<p role="status" class="message {kind}">{escape(text)}</p>'
+        self.message.object = message if text else ""
 
     # from the design to the page ----------------------------------------------------------------
 
     def _show(self) -> None:
-        """Show the design after a step of the history, and compute in the background what lasts."""
+        """Show the design after a step of the history; start slow computations in threads."""
         design, scene, wave = self.design, self.design.scene, self.design.wave
         self.title.object = f"<h1>Domino studio: {escape(str(scene.title))}</h1>"
         for control, widget in self.controls.items():
@@ -312,10 +313,10 @@ class Page:
             if len(link) < LONGEST_LINK else "The layout is too long for a link: save its files."
         )  # fmt: skip
         for name, steps in (("Undo", -1), ("Redo", 1)):
-            self.buttons[name].disabled = not design.can_go(steps)
-        self.buttons["Stop"].disabled = self._stopped is None
-        if scene != self._uniform_of:
-            self._uniform_of, design.uniform = scene, None
+            self.buttons[name].disabled = not design.can_move(steps)
+        self.buttons["Stop"].disabled = self._stop_event is None
+        if scene != self._uniform_scene:
+            self._uniform_scene, design.uniform = scene, None
             self._complete("uniform", lambda: self._uniform(scene), lambda: design.scene == scene)
         if design.score is None:
             self._complete("score", lambda: scene.score(wave), lambda: design.wave is wave)
@@ -323,23 +324,23 @@ class Page:
         self._fit_view()
 
     def _uniform(self, scene: Scene) -> UniformBaseline | None:
-        time.sleep(REST)
+        time.sleep(UNIFORM_DELAY)
         return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
 
     def _complete(self, name: str, work: Callable[[], Any], is_current: Callable[[], bool]) -> None:
         """Compute an attribute of the design in the background; it may change in the meantime."""
 
-        def take(value: Any) -> None:
+        def update(value: Any) -> None:
             if is_current():
                 setattr(self.design, name, value)
                 self._redraw()
 
-        self._later(work, take)
+        self._in_thread(work, update)
 
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
         design, scene, uniform = self.design, self.design.scene, self.design.uniform
-        record, kept = known_record(scene), self._kept
+        record, kept = known_record(scene), self._kept_layout
         others = {
             UNIFORM_NAME: uniform.layout if uniform else None,
             "best known layout": record.layout if record else None,
@@ -355,8 +356,8 @@ class Page:
         self._waves, self._motions = [*waves.values()], []
         self.compared.figure.visible = other is not None
         self.compared.figure.title.text = self.compare.value.capitalize()
-        rivals = [ComparedLayout(name, wave) for name, wave in waves.items()]
-        verdict = f"<p><b>{escape(headline(rivals)['winner'])}</b></p>" if other else ""
+        compared_layouts = [ComparedLayout(name, wave) for name, wave in waves.items()]
+        verdict = f"<p><b>{escape(headline(compared_layouts)['winner'])}</b></p>" if other else ""
         cells = (
             f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
         )
@@ -368,14 +369,14 @@ class Page:
 
     def _draw_chains(self, frame: int | None = None) -> None:
         """Draw the dominoes at the time of the player; with a new frame the view follows them."""
-        layouts, part = [wave.layout for wave in self._waves], self.player.value / FRAMES
+        layouts, fraction = [wave.layout for wave in self._waves], self.player.value / FRAMES
         poses, clock = [(layout.tilt, -1) for layout in layouts], "0 s"
-        if part:  # a drag of a chain at rest does not wait for its motion
+        if fraction:  # a chain at rest needs no motion, so that a drag is fast
             self._motions = self._motions or [Motion(w.layout, w.physics) for w in self._waves]
             end = max(motion.end for motion in self._motions)
-            now = [part * end]
-            poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in self._motions]
-            clock = f"{now[0]:.3f} s of {end:.3f} s"
+            times = [fraction * end]
+            poses = [(m.angles(times)[0], int(m.leader(times)[0][0])) for m in self._motions]
+            clock = f"{times[0]:.3f} s of {end:.3f} s"
         self.clock.object = clock
         stops = (self.design.stop, None)
         for chain, layout, pose, stop in zip(
@@ -386,33 +387,33 @@ class Page:
             self._fit_view(float(layouts[0].pivots[max(poses[0][1], 0), 0]))
 
     def _fit_view(self, leader: float | None = None) -> None:
-        """Show the longest chain as of `set_view`."""
+        """Show the longest chain by `set_view`."""
         longest = max((wave.layout for wave in self._waves), key=lambda layout: layout.length)
         set_view(self._view, longest, leader)
 
     # from the page to the design ----------------------------------------------------------------
 
     def drag(self, part: str, number: int, value: float) -> None:
-        """Show what a drag changes; arguments as of `Design.drag`."""
+        """Drag and show the design; see `Design.drag` for the arguments."""
         self.design.drag(part, number, value)
         self._redraw()
 
     def _edit(self, action: Callable[..., Any], *values: Any) -> None:
         """Change the design, and show it."""
         self.stop()
-        self.tell("")
-        self._moved = None
-        self._guarded(action, *values)
+        self.notify("")
+        self._last_control = None
+        self._call(action, *values)
         self._show()
 
     def _change(self, control: Control, value: Any) -> None:
         """Change the scene; consecutive changes by one control are one step of the history."""
         scene = self.design.scene
         if value is not None and value != control.read(scene):
-            if self._moved is control:
-                self.design.go(-1)
+            if self._last_control is control:
+                self.design.move(-1)
             self._edit(lambda: self.design.change(**control.fields(scene, value)))
-            self._moved = control if self.design.scene != scene else None
+            self._last_control = control if self.design.scene != scene else None
 
     def _equal_gaps(self) -> None:
         if self.design.uniform is None:
@@ -421,14 +422,14 @@ class Page:
         self.design.commit()
 
     def _keep(self) -> None:
-        self._kept = self.design.layout
+        self._kept_layout = self.design.layout
         self._redraw()
         self.compare.value = KEPT
 
     def _receive(self, names: list[str], data: list[bytes] | None) -> None:
         if data:
             files = dict(zip(names, data, strict=True))
-            self._edit(lambda: self.tell(receive(self.design, files)))
+            self._edit(lambda: self.notify(receive(self.design, files)))
 
     def _save(self, name: str) -> None:
         """Send a file to the browser, which saves it."""
@@ -437,65 +438,65 @@ class Page:
 
         def send(data: BytesIO) -> None:
             self.download.param.update(file=data, filename=filename)
-            self.download._clicks += 1  # as if its button, which is hidden, were pressed
-            self.tell(f"saved {filename} where the browser puts downloads")
+            self.download._clicks += 1  # acts like a click on its hidden button
+            self.notify(f"saved {filename} in the downloads of the browser")
 
-        self._later(lambda: make_file(write, filename), send)
+        self._in_thread(lambda: make_file(write, filename), send)
 
     # actions in the background ------------------------------------------------------------------
 
     def stop(self) -> None:
-        """End a search of which no result is wanted any more."""
+        """End a search and discard its result."""
         self._stop_here()
-        self._stopped, self.progress.visible = None, False
+        self._stop_event, self.progress.visible = None, False
 
     def _stop_here(self) -> None:
         """End a search with the best so far."""
-        if self._stopped is not None:
-            self._stopped.set()
+        if self._stop_event is not None:
+            self._stop_event.set()
 
     def _run(self, method: str | Method) -> None:
-        """Run a search, and show how it climbs."""
+        """Run a search, and show its best layouts so far."""
         self.stop()
-        self.tell("")
-        stopped = self._stopped = threading.Event()
-        design, began = self.design, self.design.score
+        self.notify("")
+        stop_event = self._stop_event = threading.Event()
+        design, first_score = self.design, self.design.score
         self.progress.param.update(visible=True, value=-1)
         self.buttons["Stop"].disabled = False
 
-        def show(layout: Layout, part: float) -> None:
-            self._soon(self._show_search, stopped, layout, part)
+        def show(layout: Layout, fraction: float) -> None:
+            self._call_newest(self._show_search, stop_event, layout, fraction)
 
-        def take(result: tuple[Layout, str]) -> None:
-            if self._stopped is not stopped:
+        def update(result: tuple[Layout, str]) -> None:
+            if self._stop_event is not stop_event:
                 return
-            layout, words = result
+            layout, text = result
             design.show(layout)
-            if began is not None and design.score is not None and design.score < began:
-                design.show(design.kept)
-                words = f"no better layout was found; {words}"
+            if first_score is not None and design.score is not None and design.score < first_score:
+                design.show(design.committed)
+                text = f"no better layout was found; {text}"
             self._edit(design.commit)
-            self.tell(words)
+            self.notify(text)
 
-        self._later(lambda: find(design.scene, method, stopped, show), take)
+        self._in_thread(lambda: run_search(design.scene, method, stop_event, show), update)
 
-    def _show_search(self, stopped: threading.Event, layout: Layout, part: float) -> None:
-        if self._stopped is stopped:
-            self.progress.value = round(100 * part) or -1
+    def _show_search(self, stop_event: threading.Event, layout: Layout, fraction: float) -> None:
+        if self._stop_event is stop_event:
+            self.progress.value = round(100 * fraction) or -1
             self.design.show(layout)
             self._redraw()
 
     def _check_floor(self) -> None:
         wave, friction = self.design.wave, self.floor.value
-        self.tell("simulating the free-standing dominoes …")
+        self.notify("simulating the free-standing dominoes …")
 
-        def take(rigid: RigidWave) -> None:
+        def update(rigid: RigidWave) -> None:
             if self.design.wave is wave:
                 _, title, *lines = rigid_summary(rigid, wave)
-                self.tell(f"{title} {'; '.join(lines)}.")
+                self.notify(f"{title} {'; '.join(lines)}.")
 
-        self._later(lambda: simulate_standing(wave.layout, wave.physics, friction), take)
+        self._in_thread(lambda: simulate_standing(wave.layout, wave.physics, friction), update)
 
     def _try_noise(self) -> None:
         wave, scene, deviation = self.design.wave, self.design.scene, self.noise.value / MM
-        self._later(lambda: noise_summary(placement_noise(wave, scene, deviation)), self.tell)
+        self._in_thread(lambda: noise_summary(placement_noise(wave, scene, deviation)), self.notify)

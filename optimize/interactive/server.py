@@ -13,13 +13,14 @@ from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
 from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, open_design, read_link
-from optimize.searching import compile_for
+from optimize.searching import compile_simulations
 
 HOST = "localhost"
 CHECK = 1_000  # [ms] between checks for closed tabs
-UNUSED = 3  # of them without a tab, after there was one, end the server; a tab may be loaded anew
+# checks in a row without a tab that end the server; one may be a tab that reloads
+MAX_UNUSED = 3
 LIFETIME = 60_000  # [ms] until a slow browser has to connect
-TALL = 1200  # [px] of the page in a notebook
+HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = """
 {% extends base %}
 {% block postamble %}
@@ -32,9 +33,9 @@ padding: 8px 20px 80px 8px; max-width: 1500px; }</style>
 
 
 class Studio:
-    """A page on this machine on which a layout is designed; tabs do not disturb each other.
+    """A page on this machine on which a layout is designed; its tabs are independent.
 
-    A notebook shows the page where the object is the last value of a cell.
+    A notebook shows the page if the object is the last value of a cell.
 
     Parameters
     ----------
@@ -53,53 +54,54 @@ class Studio:
 
     def __init__(self, design: Design, port: int = 0) -> None:
         self.design, self.url = design, ""
-        self._port, self._first = port, design.first
+        self._port, self._first_step = port, design.first_step
 
     @property
     def layout(self) -> Layout:
         """Layout of the tab that was opened last."""
         return self.design.layout
 
-    def serve(self, opened: Callable[[str], object], *, until_closed: bool = True) -> None:
+    def serve(self, callback: Callable[[str], object], *, until_closed: bool = True) -> None:
         """Serve the page until Ctrl-C or, with `until_closed`, until the last tab is closed.
 
         Parameters
         ----------
-        opened
-            Called with the address once the page can be opened.
+        callback
+            Function that is called with the address once the page can be opened.
         until_closed
-            End with the last tab.
+            True to end with the last tab.
 
         Raises
         ------
         OSError
-            The port is taken.
+            If the port is taken.
         """
         from panel.io.server import get_server
         from tornado.ioloop import PeriodicCallback
 
-        compile_for(self._first[0], gradients=True)  # or the first search would hold the page up
+        # otherwise the first search would block the page
+        compile_simulations(self._first_step[0], gradients=True)
         asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
         server: Any = get_server(
             self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
             location=False, websocket_max_message_size=2 * LARGEST_UPLOAD,
             check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=LIFETIME,
         )  # fmt: skip
-        left = 0  # checks without a tab before the end
+        checks_left = 0  # checks without a tab before the end
 
         def end_without_tabs() -> None:
-            nonlocal left
+            nonlocal checks_left
             if any(session.connection_count for session in server.get_sessions()):
-                left = UNUSED
-            elif left == 1:
+                checks_left = MAX_UNUSED
+            elif checks_left == 1:
                 server.io_loop.stop()
-            left = max(left - 1, 0)
+            checks_left = max(checks_left - 1, 0)
 
         server.start()
         if until_closed:
             PeriodicCallback(end_without_tabs, CHECK).start()
         self.url = f"http://{HOST}:{server.port}/"
-        opened(self.url)
+        callback(self.url)
         try:
             server.io_loop.start()
         finally:
@@ -114,14 +116,14 @@ class Studio:
         from optimize.interactive.page import Page
 
         document: Any = pn.state.curdoc
-        self.design, problem = Design(*self._first), ""
+        self.design, message = Design(*self._first_step), ""
         try:
             if link := (pn.state.session_args or {}).get(KEY):
                 self.design = read_link(link[0].decode())
         except ValueError as error:
-            problem = str(error)
+            message = str(error)
         page = Page(self.design, document.add_next_tick_callback)
-        page.tell(problem, "error")
+        page.notify(message, "error")
         pn.state.on_session_destroyed(lambda _: page.stop())
         template = pn.Template(TEMPLATE)
         template.add_panel("page", page.view)
@@ -139,7 +141,7 @@ class Studio:
 
             threading.Thread(target=serve, daemon=True).start()
             ready.wait()
-        return f'<iframe src="{self.url}" style="width:100%;height:{TALL}px;border:0"></iframe>'
+        return f'<iframe src="{self.url}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
 
 
 def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Studio:
@@ -155,14 +157,14 @@ def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Stu
     Returns
     -------
     Studio
-        Object that a notebook shows as the page; `layout` is what was designed there.
+        Object that a notebook shows as the page; `layout` is the layout designed there.
 
     Raises
     ------
     ImportError
-        Without Panel; the message names what to install.
+        If Panel is missing; the message has the command that installs it.
     ValueError
-        For a scene or a layout that cannot be read, or that leaves nothing free.
+        If the scene or layout cannot be read, or if it leaves nothing free.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Search methods, one idea a file, loaded when asked for: see `optimize.methods.registry`."""
+"""Search methods, one file each, imported on demand: see `optimize.methods.registry`."""

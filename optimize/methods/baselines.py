@@ -10,14 +10,14 @@ import numpy as np
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
-PLANNED = 20_000  # evaluations that NGOpt assumes where there is no limit
-WIDE = 0.2  # first step of NGOpt, which it does not choose itself, as a part of the box
+BUDGET = 20_000  # evaluations that NGOpt assumes where there is no limit
+FIRST_DEVIATION = 0.2  # first step of NGOpt, which it does not choose itself, as a part of the box
 
 
 def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Evaluate layouts drawn at random, uniformly from the whole box."""
     while True:
-        evaluator.evaluate(rng.random((evaluator.bulk, evaluator.problem.dimension)))
+        evaluator.evaluate(rng.random((evaluator.batch_size, evaluator.problem.dimension)))
 
 
 def uniform(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -36,11 +36,11 @@ def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
     import nevergrad
 
     array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
-    array = array.set_mutation(sigma=WIDE).set_bounds(0.0, 1.0)
+    array = array.set_mutation(sigma=FIRST_DEVIATION).set_bounds(0.0, 1.0)
     array.random_state = np.random.RandomState(int(rng.integers(2**31)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        optimizer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or PLANNED)
+        optimizer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or BUDGET)
         while True:
             candidate = optimizer.ask()
             optimizer.tell(candidate, -evaluator.evaluate(candidate.value).score)

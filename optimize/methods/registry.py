@@ -47,8 +47,8 @@ METHODS = {
 }
 """Module and function of each search method, by its name; modules are those of this folder."""
 
-PEERS = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe", "optuna")}
-"""Methods of other projects to compare with: module and function, and the package needed."""
+THIRD_PARTY = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe", "optuna")}
+"""Third-party methods for comparison: module and function, and the package they need."""
 
 GROUP = "domino.methods"
 """Entry points of other packages: a method's name, and its function `run(evaluator, rng)`.
@@ -56,12 +56,12 @@ GROUP = "domino.methods"
 The function of a name such as `agent` makes a method of the text after a colon, as in `agent:RUN`.
 """
 
-WITH_TEXT = ("agent",)  # names that a colon and a text belong to
+WITH_ARGUMENT = ("agent",)  # names that take a text after a colon
 
 
-def installed_peers() -> list[str]:
-    """Return the names of the peers that are installed."""
-    return [name for name, (_, package) in PEERS.items() if find_spec(package) is not None]
+def installed_third_party() -> list[str]:
+    """Return the names of the third-party methods that are installed."""
+    return [name for name, (_, package) in THIRD_PARTY.items() if find_spec(package) is not None]
 
 
 def installed_methods() -> dict[str, EntryPoint]:
@@ -75,7 +75,7 @@ def load(name: str | Method) -> Method:
     Parameters
     ----------
     name
-        A key of `METHODS` or `PEERS`, the name of another package's method,
+        A key of `METHODS` or `THIRD_PARTY`, the name of another package's method,
         "package.module:function", or the function itself.
 
     Returns
@@ -86,22 +86,22 @@ def load(name: str | Method) -> Method:
     Raises
     ------
     ValueError
-        For an unknown name, with the nearest known one.
+        If the name is unknown; the message has the nearest known one.
     ImportError
-        For a missing package, with the extra that has it.
+        If a package is missing; the message has the extra that contains it.
     """
     if not isinstance(name, str):
-        return _checked(name, method_name(name))
-    word, colon, text = name.partition(":")
+        return _check_signature(name, method_name(name))
+    prefix, colon, text = name.partition(":")
     installed = {} if name in METHODS else installed_methods()
-    if word in installed and bool(colon) == (word in WITH_TEXT):
-        method = installed[word].load()
+    if prefix in installed and bool(colon) == (prefix in WITH_ARGUMENT):
+        method = installed[prefix].load()
         return cast("Method", method(text) if colon else method)
-    if colon and text and word not in (*METHODS, *installed):
-        return _checked(import_own(name), name)
-    names = [word + ":RUN" * (word in WITH_TEXT) for word in installed]
-    require_choice("method", name, [*METHODS, *PEERS, *names, "package.module:function"])
-    function, package = (METHODS[name], None) if name in METHODS else PEERS[name]
+    if colon and text and prefix not in (*METHODS, *installed):
+        return _check_signature(import_function(name), name)
+    names = [prefix + ":RUN" * (prefix in WITH_ARGUMENT) for prefix in installed]
+    require_choice("method", name, [*METHODS, *THIRD_PARTY, *names, "package.module:function"])
+    function, package = (METHODS[name], None) if name in METHODS else THIRD_PARTY[name]
     if package is not None:
         require_extra(f"method '{name}'", "peers", package)
     return cast("Method", resolve_name(f"optimize.methods.{function}"))
@@ -111,11 +111,11 @@ def method_name(method: str | Method) -> str:
     """Return the name of a method that is given by name or as the function itself."""
     if isinstance(method, str):
         return method
-    named = method if hasattr(method, "__qualname__") else type(method)
-    return f"{named.__module__}:{named.__qualname__}"
+    function = method if hasattr(method, "__qualname__") else type(method)
+    return f"{function.__module__}:{function.__qualname__}"
 
 
-def import_own(name: str) -> object:
+def import_function(name: str) -> object:
     """Import a function by `package.module:function`, also from the working folder.
 
     Raises
@@ -135,8 +135,8 @@ def import_own(name: str) -> object:
         ) from error
 
 
-def _checked(method: object, name: str) -> Method:
-    """Return a method; raise ValueError where it cannot be called as one."""
+def _check_signature(method: object, name: str) -> Method:
+    """Return a method; raise ValueError if it cannot be called as one."""
     try:
         with suppress(ValueError):  # compiled, without a signature
             inspect.signature(cast("Method", method)).bind(None, None)

@@ -59,17 +59,18 @@ from scipy import optimize
 
 from domino_env.core.types import Floats
 from optimize.evaluator import Evaluator
-from optimize.methods.starts import FewVariables, starts, uniform_design
+from optimize.methods.starts import ReducedProblem, starts, uniform_design
 from optimize.problem import Problem
 
 SIMPLEX = 0.1  # size of the first simplex, as a part of the box
-MANY = 200  # variables above which trust-constr uses the cheaper SR1
-INSIDE = 1e-3  # least distance of a start of trust-constr to the faces of the box
+MAX_BFGS = 200  # variables above which trust-constr uses the cheaper SR1
+LEAST_MARGIN = 1e-3  # least distance of a start of trust-constr to the faces of the box
 COBYQA_EVALUATIONS = 500  # of one run for each variable and one more
 DIRECT_EVALUATIONS = 100  # for each variable and box
 SMALLEST_BOX, SHIFT = 1e-6, 0.1  # least radius of a box of DIRECT; its random shift over the radius
 MEMBERS_PER_VARIABLE, LEAST_MEMBERS, MOST_MEMBERS = 3, 16, 256
-NEAREST = -2.0  # decimal exponent of the least distance of a first member to the uniform baseline
+# decimal exponent of the least distance of a first member to the uniform baseline
+NEAREST_EXPONENT = -2.0
 UNLIMITED = 10**9  # iterations and evaluations, where only the evaluator ends a method
 MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
 
@@ -108,13 +109,13 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
     arguments: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
     function: Any = partial(cost, evaluator)
     if solver in MOST_VARIABLES:
-        few = FewVariables(evaluator, MOST_VARIABLES[solver])
-        function, x = few.cost, few.nearest(start)
+        reduced = ReducedProblem(evaluator, MOST_VARIABLES[solver])
+        function, x = reduced.cost, reduced.nearest(start)
         arguments = {"bounds": [(0.0, 1.0)] * len(x)}
     if solver == "trust-constr":
-        x = np.clip(x, INSIDE, 1.0 - INSIDE)  # strictly inside, as the method begins
+        x = np.clip(x, LEAST_MARGIN, 1.0 - LEAST_MARGIN)  # strictly inside, as the method begins
         arguments["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
-        arguments["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
+        arguments["hess"] = optimize.BFGS() if len(x) <= MAX_BFGS else optimize.SR1()
     elif solver == "SLSQP":
         arguments["constraints"] = _linear_rules(evaluator.problem)
     elif solver == "COBYQA":
@@ -125,7 +126,7 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
     optimize.minimize(function, x, method=solver, options=options, **arguments)
 
 
-def _restarted(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
+def _restart(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="scipy")  # of gradients that did not change
@@ -148,21 +149,21 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
     return rules
 
 
-l_bfgs = partial(_restarted, "L-BFGS-B")
-slsqp = partial(_restarted, "SLSQP")
-trust_constr = partial(_restarted, "trust-constr")
-cobyqa = partial(_restarted, "COBYQA")
-powell = partial(_restarted, "Powell")
-nelder_mead = partial(_restarted, "Nelder-Mead")
+l_bfgs = partial(_restart, "L-BFGS-B")
+slsqp = partial(_restart, "SLSQP")
+trust_constr = partial(_restart, "trust-constr")
+cobyqa = partial(_restart, "COBYQA")
+powell = partial(_restart, "Powell")
+nelder_mead = partial(_restart, "Nelder-Mead")
 
 
 def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Run DIRECT on one box after the other."""
-    few = FewVariables(evaluator, MOST_VARIABLES["DIRECT"])
+    reduced = ReducedProblem(evaluator, MOST_VARIABLES["DIRECT"])
     evaluator.evaluate(uniform_design(evaluator.problem))
     radius = 1.0
     while True:
-        centre = few.nearest(evaluator.best)
+        centre = reduced.nearest(evaluator.best)
         if radius < SMALLEST_BOX:
             radius = 1.0
         # the middle of each box is evaluated first: random shifts make all of them different
@@ -170,7 +171,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
         centre = np.clip(centre + shift, 0.0, 1.0)
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
-            few.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * few.dimension,
+            reduced.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * reduced.dimension,
             maxiter=10**6, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
         )  # fmt: skip
         radius *= 0.5
@@ -200,7 +201,7 @@ def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> No
     members = min(max(LEAST_MEMBERS, MEMBERS_PER_VARIABLE * n), MOST_MEMBERS)
     while True:
         # around the baseline near and far: most layouts from all over the box would be poor
-        spread = 10.0 ** rng.uniform(NEAREST, 0.0, (members, 1))
+        spread = 10.0 ** rng.uniform(NEAREST_EXPONENT, 0.0, (members, 1))
         first = problem.project(np.clip(uniform + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
         first[0] = uniform
         optimize.differential_evolution(

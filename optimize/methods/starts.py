@@ -1,6 +1,6 @@
-"""Starts of searches, and schedules: layouts described by few numbers.
+"""Starts of searches, and coarse layouts, which few numbers describe.
 
-A schedule is a layout that is linear between knots. Good layouts change quickly at both ends and
+A coarse layout is linear between knots. Good layouts change quickly at both ends and
 hardly in the middle, so knots stand at every place of the ends and ever further apart towards the
 middle.
 """
@@ -15,8 +15,8 @@ from domino_env.core.types import Floats, Ints
 from optimize.evaluator import Evaluator
 from optimize.problem import Problem
 
-KICK = 0.1  # largest standard deviation of a perturbation, as a part of the box; least: a tenth
-GROWTH = 1.02  # of the distance from the end, from knot to knot, at first
+SPREAD = 0.1  # largest standard deviation of a perturbation, as a part of the box; least: a tenth
+FIRST_RATIO = 1.02  # of the distance from the end, from knot to knot, at first
 
 
 def uniform_design(problem: Problem) -> Floats:
@@ -36,29 +36,29 @@ def starts(evaluator: Evaluator, rng: np.random.Generator) -> Iterator[Floats]:
         if rng.random() < 0.5:
             yield problem.project(rng.random(problem.dimension)[None])[0]
         else:
-            kick = KICK * 10.0 ** (-rng.random()) * rng.standard_normal(problem.dimension)
-            yield problem.project(np.clip(evaluator.best + kick, 0.0, 1.0)[None])[0]
+            change = SPREAD * 10.0 ** (-rng.random()) * rng.standard_normal(problem.dimension)
+            yield problem.project(np.clip(evaluator.best + change, 0.0, 1.0)[None])[0]
 
 
 def knots(pairs: int, most: int) -> Ints:
     """Place at most `most` knots among 0 … pairs-1, both ends among them, as dense as possible."""
     if pairs <= most:
         return np.arange(pairs)
-    growth = GROWTH
-    while growth <= pairs:
+    ratio = FIRST_RATIO
+    while ratio <= pairs:
         offsets = [0.0]
         while offsets[-1] < 0.5 * pairs:
-            offsets.append(max(offsets[-1] + 1.0, offsets[-1] * growth))
+            offsets.append(max(offsets[-1] + 1.0, offsets[-1] * ratio))
         from_end = np.array(offsets[:-1]).astype(np.int64)
         places = np.unique(np.concatenate([from_end, pairs - 1 - from_end]))
         if len(places) <= most:
             return places
-        growth = 1.0 + 1.1 * (growth - 1.0)
+        ratio = 1.0 + 1.1 * (ratio - 1.0)
     return np.array([0, pairs - 1])
 
 
-def schedule(parts: int, pairs: int, most: int) -> Floats:
-    """Return the matrix from the values at the knots of a schedule to a design vector.
+def coarse_matrix(parts: int, pairs: int, most: int) -> Floats:
+    """Return the matrix from values at the knots of a coarse layout to a design vector.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
     Parameters
     ----------
     places
-        (m,) places, rising.
+        (m,) places in increasing order.
     pairs, parts
-        See `schedule`.
+        See `coarse_matrix`.
 
     Returns
     -------
@@ -96,8 +96,8 @@ def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
     return np.asarray(np.kron(np.eye(parts), np.stack(columns, axis=1)))
 
 
-class FewVariables:
-    """A problem in few variables: the design vector itself, or the knots of a schedule.
+class ReducedProblem:
+    """A problem in few variables: the design vector itself, or values at knots.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class FewVariables:
     def __init__(self, evaluator: Evaluator, most: int) -> None:
         self._evaluator = evaluator
         n, pairs = evaluator.problem.dimension, evaluator.problem.scene.count - 1
-        self._matrix = None if n <= most else schedule(n // pairs, pairs, most)
+        self._matrix = None if n <= most else coarse_matrix(n // pairs, pairs, most)
         self.dimension = n if self._matrix is None else self._matrix.shape[1]
 
     def nearest(self, design: Floats) -> Floats:

@@ -9,10 +9,10 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 import domino_env as de
-from agents import reacting, torch_score
+from agents import closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
 from agents.apg import require_smooth
-from agents.reacting import follows
+from agents.closed_loop import random_parts
 from agents.rollout import TRAINING_SEEDS, build
 from agents.sb3 import Learner
 
@@ -33,27 +33,27 @@ SCENES = {
 def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
     """Compare with differences of the mean score of the same episodes."""
     scene = SCENES[name]
-    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + (2 if follows(scene) else 1))
+    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + (2 if random_parts(scene) else 1))
     chosen = default_hyperparameters("apg", SHORT).replace(num_envs=2)
     learner = Learner(scene, "apg", chosen, 0)
     model, policy = learner.model, learner.model.policy
     layer = policy.mlp_extractor.policy_net[0]
-    if not follows(scene):
+    if not random_parts(scene):
         assert int(layer.weight.any(dim=0).sum()) == 9  # of the position alone
     policy.deviation, policy.penalty = 1e-9, 0.0
     with torch.no_grad():
         policy.action_net.bias += 0.1  # away from the uniform baseline
-        policy.action_net.weight.mul_(20.0 if follows(scene) else 5.0)  # it reacts
+        policy.action_net.weight.mul_(20.0 if random_parts(scene) else 5.0)  # it reacts
         if name == "draw":  # it wishes for one thickness
             policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
-            monkeypatch.setattr(reacting, "shipped_references", lambda: numbers)
+            monkeypatch.setattr(closed_loop, "shipped_references", lambda: numbers)
     learner.env.seed(TRAINING_SEEDS)
-    if follows(scene):
+    if random_parts(scene):
         mask = torch.from_numpy(model._mask)
-        reacting.Episodes(policy, learner.env, mask).loss().backward()
+        closed_loop.Episodes(policy, learner.env, mask).loss().backward()
     else:
-        model._simulated(learner.env)[0].backward()
+        model._open_loop_loss(learner.env)[0].backward()
     gradient, start = layer.bias.grad.numpy().copy(), layer.bias.detach().clone()
 
     def loss(bias: torch.Tensor) -> float:

@@ -100,13 +100,13 @@ def test_curves_are_read_on_both_clocks():
     learned = done.runs("ppo")[0]
     times = np.array([119.9, 120.0, 240.0])
     best = done.best_scores(learned, times)
-    assert done.normalised(learned, best).tolist() == [-np.inf, 0.0, 1.0]
-    assert done.steps(learned, "evaluations")[0].tolist() == [10.0, 20.0]
+    assert done.normalise(learned, best).tolist() == [-np.inf, 0.0, 1.0]
+    assert done.best_steps(learned, "evaluations")[0].tolist() == [10.0, 20.0]
     assert done.score_after("cma", 0.7) == 0.0
     assert done.seconds_past_uniform(learned) == 240.0
     for known, normalised in ((0.5, 0.0), (0.75, 2.0)):  # no gain is possible; a fixed reference
         best = best_of_problems(done.results, lambda _, known=known: known, fixed=True)
-        assert replace(done, best=best).normalised(learned, 1.0) == normalised
+        assert replace(done, best=best).normalise(learned, 1.0) == normalised
     assert best_of_problems(done.results, best_known_score, fixed=True) == {"small": 1.0}
 
 

@@ -26,12 +26,12 @@ def sprint():
 
 
 def test_features_outside_the_training_are_reported(sprint):
-    assert all(design(name).outside == () for name in ("sprint", "course", "sprint-thickness"))
+    assert not any(design(key).range_violations for key in ("sprint", "course", "sprint-thickness"))
     long = design(replace(sprint, count=100))
-    assert long.outside == ("count 100 is outside 15 to 80",)
+    assert long.range_violations == ("count 100 is outside 15 to 80",)
     assert long.score > 0.0
     both = replace(de.load_scene("sprint-thickness"), length=0.8)
-    assert design(both).outside == ("free thickness with a given length",)
+    assert design(both).range_violations == ("free thickness with a given length",)
     assert both.violations(design(both).layout) == []
 
 

@@ -15,7 +15,7 @@ import domino_env as de
 from agents import evaluate, load_policy
 from agents.designer.policy import Designer
 from agents.network import read_arrays
-from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, shipped
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names
 from domino_env.cli.main import main
 
 SPRINT = POLICIES / "sprint"
@@ -29,7 +29,7 @@ def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeyp
     assert find_folder("./sprint") == find_folder(Path("sprint")) == Path("sprint")
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", policy_names())
 def test_a_policy_that_ships_has_its_reported_score(name):
     rollout = evaluate(name)
     reported = json.loads((POLICIES / name / "policy.json").read_text("utf-8"))
@@ -40,7 +40,7 @@ def test_a_policy_that_ships_has_its_reported_score(name):
     assert f"| {rollout.score:.5f} |" in (POLICIES / name / "README.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("name", [*shipped(), DESIGNER])
+@pytest.mark.parametrize("name", [*policy_names(), DESIGNER])
 def test_every_policy_that_ships_has_a_card(name):
     card = (POLICIES / name / "README.md").read_text("utf-8")
     for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):

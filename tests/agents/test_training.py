@@ -195,7 +195,7 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
     training = Training(small_scenes(), algorithm, chosen, 200, 0, run.folder, False, num_scenes)
     names = {scene.name for scene in training.scenes}
     assert names == {f"small-{i}" for i in (range(3) if num_scenes else range(4092, 4096))}
-    sampled = training._learner(0).env.vector.reset()[1]["scene"]
+    sampled = training._make_learner(0).env.vector.reset()[1]["scene"]
     assert num_scenes is None or {scene.name for scene in sampled} <= names
     resumed = train("varied", folder=run.folder, resume=True)
     assert json.loads((run.folder / "config.json").read_text())["num_scenes"] == num_scenes

@@ -91,7 +91,7 @@ def linger(path: str) -> None:
 
 
 def test_bulk_scoring_gives_the_same_results(bits, scenes, pool, monkeypatch):
-    monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
+    monkeypatch.setattr("optimize.evaluator.CHUNK_DOMINOES", 200)  # many chunks
     distributed = search(scenes["both"], "random", budget=2013, executor=pool)
     assert bits(distributed) == bits(search(scenes["both"], "random", budget=2013))
 
@@ -178,7 +178,7 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
         ):
             run_experiment([*tasks, *more], executor, study)
     monkeypatch.setattr(Study, "add", add)
-    assert len(study.done()) >= 1
+    assert len(study.results()) >= 1
     assert results_of(tasks, None, study) == expected  # what is missing
 
 

@@ -114,7 +114,7 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
     ("project", np.zeros(6), r"designs has shape \(6,\)"),
     ("project", np.full((1, 6), np.inf), "design 0 has inf"),
     ("evaluate", "wide", "design.* = 'wide': give numbers"),
-    ("design", de.Layout([0.02], 0.0075), "the layout has 2 dominoes, and scene '.*' 7"),
+    ("design", de.Layout([0.02], 0.0075), "the layout has 2 dominoes: scene '.*' needs 7"),
 ])  # fmt: skip
 def test_impossible_designs_are_rejected(scenes, name, designs, message):
     with pytest.raises(ValueError, match=message):

@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 from optimize import Evaluator, search
-from optimize.run_folder import DERIVED, FILES, JOURNAL
+from optimize.run_folder import DERIVED_FILES, FILES, JOURNAL
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -82,17 +82,17 @@ def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp
 @pytest.mark.usefixtures("no_pictures")
 def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")
-    for name in ("notes.txt", *DERIVED):
+    for name in ("notes.txt", *DERIVED_FILES):
         (tmp_path / name).write_text("text")
     first = search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     again = search(scenes["spacing"], "random", budget=10, folder=tmp_path, resume=True)
     assert again.layout == first.layout
-    assert all((tmp_path / name).read_text() == "text" for name in DERIVED)
+    assert all((tmp_path / name).read_text() == "text" for name in DERIVED_FILES)
     assert "removed" not in caplog.text
     better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
     assert better.layout != first.layout
     assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))
-    assert f"removed {', '.join(DERIVED)}, made of an earlier layout" in caplog.text
+    assert f"removed {', '.join(DERIVED_FILES)}, made of an earlier layout" in caplog.text
 
 
 @pytest.mark.usefixtures("no_pictures")

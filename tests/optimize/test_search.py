@@ -51,7 +51,7 @@ def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatc
     monkeypatch.setattr(Scene, "uniform", slow)
     scene = replace(scenes["spacing"], count=8)
     result = search(scene, "random", seconds=4.0, clock=clock)
-    assert (result.ended, result.seconds) == ("limit of 4 s reached", 5.0)
+    assert (result.stop_reason, result.seconds) == ("limit of 4 s reached", 5.0)
     tasks = [Task(scene.to_toml(), "random", seed, seconds=4.0) for seed in range(3)]
     assert [task.run(clock=clock).seconds for task in tasks] == [5.0] * 3
     assert now == [10.0]  # found once for all tasks
@@ -101,9 +101,9 @@ def test_a_search_ends_where_its_second_half_gained_less_than_the_tolerance(
     half = max(score for n, _, _, score in result.trace if n <= result.evaluations // 2)
     assert result.evaluations >= 1000
     assert result.trace[-1][3] - half < (tolerance or 1e-4) * result.score
-    assert re.match(r"the second half of the search gained .* \(tolerance", result.ended)
+    assert re.match(r"the second half of the search gained .* \(tolerance", result.stop_reason)
     limited = search(scenes["both"], method, 2 * result.evaluations)
-    assert limited.ended.startswith("limit of ")
+    assert limited.stop_reason.startswith("limit of ")
     assert limited.score >= result.score
 
 
@@ -117,7 +117,7 @@ def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch):
 
 def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog):
     caplog.set_level("INFO", "domino_env")
-    monkeypatch.setattr("optimize.searching.LONG", 0.0)
+    monkeypatch.setattr("optimize.searching.LONG_SEARCH", 0.0)
     search(scenes["both"], "random", tolerance=0.5)
     assert "takes up to about" not in caplog.text
     search(scenes["both"], tolerance=0.5)
@@ -132,10 +132,10 @@ def test_ctrl_c_before_the_first_layout_is_raised(scenes, monkeypatch):
 
 def test_the_result_has_the_reason_of_the_end(scenes):
     scene = scenes["spacing"]
-    assert search(scene, "random", 7).ended == "limit of 7 layouts reached"
-    assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
-    assert search(scene, "uniform").ended == "done: the method has nothing left to try"
-    early = search(scene, "auto", 60).ended
+    assert search(scene, "random", 7).stop_reason == "limit of 7 layouts reached"
+    assert search(scene, "random", seconds=1e-9).stop_reason == "limit of 1e-09 s reached"
+    assert search(scene, "uniform").stop_reason == "done: the method has nothing left to try"
+    early = search(scene, "auto", 60).stop_reason
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
 
 
@@ -148,12 +148,12 @@ def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(
         alone = search(scenes["both"], seed=1)
     finally:
         numba.set_num_threads(threads)
-    assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.ended)
+    assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.stop_reason)
     limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
-    assert limited.ended.startswith(f"limit of {alone.evaluations - 1} layouts reached; ")
+    assert limited.stop_reason.startswith(f"limit of {alone.evaluations - 1} layouts reached; ")
     assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
     resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
-    assert (resumed.ended, bits(resumed)) == (alone.ended, bits(alone))
+    assert (resumed.stop_reason, bits(resumed)) == (alone.stop_reason, bits(alone))
 
 
 def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch):
@@ -176,5 +176,5 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
 
 def test_auto_keeps_a_schedule_at_once():
     result = search("tempo")
-    assert result.ended == "done: every domino is hit on schedule, to 1e-09 s"
+    assert result.stop_reason == "done: every domino is hit on schedule, to 1e-09 s"
     assert result.score > 1.0 - 1e-6

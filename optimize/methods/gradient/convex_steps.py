@@ -20,49 +20,51 @@ from optimize.methods.starts import starts
 from optimize.problem import Problem
 
 PLANES = 10  # gradients that the model keeps
-FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, relative to the box
-POOR, GOOD = 0.1, 0.7  # ratio to the predicted gain below and above which the region changes
+# radius of the trust region, relative to the box
+FIRST_RADIUS, MAX_RADIUS, MIN_RADIUS = 0.1, 0.4, 1e-6
+# ratio to the predicted gain below and above which the region changes
+POOR_RATIO, GOOD_RATIO = 0.1, 0.7
 GROW, SHRINK, SHRINK_FAST = 2.0, 0.4, 0.25  # factors of the radius; the last where no step gains
-AROUND = 4.0  # radii within which planes are kept
-GAIN = 1e-10  # a smaller predicted relative gain counts as none
+NEARBY = 4.0  # largest distance of the planes of the model, over the radius
+LEAST_GAIN = 1e-10  # a smaller predicted relative gain counts as none
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached."""
-    step = Step(evaluator.problem)
+    step = TrustRegionStep(evaluator.problem)
     for start in starts(evaluator, rng):
         _ascend(evaluator, step, start)
 
 
-class Step:
+class TrustRegionStep:
     """The best step of a model of planes within a trust region and all linear rules.
 
     Parameters
     ----------
     problem
-        Problem whose linear rules the steps keep.
+        Problem with the linear rules.
     """
 
     def __init__(self, problem: Problem) -> None:
         n = problem.dimension
-        self._d, rise = cp.Variable(n), cp.Variable()
+        self._step, rise = cp.Variable(n), cp.Variable()
         self._gradients = cp.Parameter((PLANES, n))
         self._heights = cp.Parameter(PLANES)
         self._low, self._high = cp.Parameter(n), cp.Parameter(n)
         rules: list[Any] = [
-            rise <= self._heights + self._gradients @ self._d,
-            self._d >= self._low,
-            self._d <= self._high,
+            rise <= self._heights + self._gradients @ self._step,
+            self._step >= self._low,
+            self._step <= self._high,
         ]
         self._equality = problem.equality
         if self._equality is not None:
             coefficients, _ = self._equality
-            self._missing, self._size = cp.Parameter(), float(np.abs(coefficients).max())
-            rules.append(coefficients / self._size @ self._d == self._missing)
+            self._residual, self._size = cp.Parameter(), float(np.abs(coefficients).max())
+            rules.append(coefficients / self._size @ self._step == self._residual)
         self._linear = problem.linear
         if self._linear is not None:
-            self._room = cp.Parameter(len(self._linear[1]))
-            rules.append(self._linear[0] @ self._d <= self._room)
+            self._slack = cp.Parameter(len(self._linear[1]))
+            rules.append(self._linear[0] @ self._step <= self._slack)
         self._program = cp.Problem(cp.Maximize(rise), rules)
 
     def best(
@@ -83,16 +85,16 @@ class Step:
         Returns
         -------
         tuple of (ndarray, float), or None
-            The step (n,) and its predicted gain; None where the solver fails.
+            The step (n,) and its predicted gain; None if the solver fails.
         """
         self._gradients.value, self._heights.value = gradients, heights
         self._low.value = -np.minimum(design, radius)
         self._high.value = np.minimum(1.0 - design, radius)
         if self._equality is not None:
             coefficients, total = self._equality
-            self._missing.value = (total - float(coefficients @ design)) / self._size
+            self._residual.value = (total - float(coefficients @ design)) / self._size
         if self._linear is not None:
-            self._room.value = np.maximum(self._linear[1] - self._linear[0] @ design, 0.0)
+            self._slack.value = np.maximum(self._linear[1] - self._linear[0] @ design, 0.0)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of an answer that is not exact
@@ -100,39 +102,39 @@ class Step:
         except cp.SolverError:
             return None
         predicted = self._program.value
-        if self._d.value is None or predicted is None or not np.isfinite(predicted):
+        if self._step.value is None or predicted is None or not np.isfinite(predicted):
             return None
-        return np.asarray(self._d.value), float(predicted)
+        return np.asarray(self._step.value), float(predicted)
 
 
-def _ascend(evaluator: Evaluator, step: Step, start: Floats) -> None:
+def _ascend(evaluator: Evaluator, step: TrustRegionStep, start: Floats) -> None:
     """Search from one start until the trust region has shrunk to nothing."""
     problem = evaluator.problem
     design = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
     result = evaluator.evaluate(design, gradient=True)
     score, gradient = result.score, result.gradient
     points = deque([(design, score, gradient)], maxlen=PLANES)
-    radius = FIRST
-    while radius > SMALLEST:
-        planes = [plane for plane in points if np.abs(plane[0] - design).max() <= AROUND * radius]
+    radius = FIRST_RADIUS
+    while radius > MIN_RADIUS:
+        planes = [plane for plane in points if np.abs(plane[0] - design).max() <= NEARBY * radius]
         # no plane may lie below the point itself: the score is not concave everywhere
         heights = [max(s + g @ (design - x) - score, 0.0) for x, s, g in planes]
         gradients = [g for _, _, g in planes]
-        missing = PLANES - len(planes)
-        gradients += [gradient] * missing
-        heights += [0.0] * missing
+        padding = PLANES - len(planes)
+        gradients += [gradient] * padding
+        heights += [0.0] * padding
         size = max(float(np.abs(gradient).max()), 1e-300)  # scales the programme
         best = step.best(design, np.array(gradients) / size, np.array(heights) / size, radius)
-        if best is None or best[1] * size <= GAIN * abs(score):
+        if best is None or best[1] * size <= LEAST_GAIN * abs(score):
             radius *= SHRINK_FAST
             continue
         candidate = problem.project(np.clip(design + best[0], 0.0, 1.0)[None])[0]
         result = evaluator.evaluate(candidate, gradient=True)
         points.append((candidate, result.score, result.gradient))
         ratio = (result.score - score) / (best[1] * size)
-        if ratio > GOOD:
-            radius = min(GROW * radius, LARGEST)
-        elif ratio < POOR:
+        if ratio > GOOD_RATIO:
+            radius = min(GROW * radius, MAX_RADIUS)
+        elif ratio < POOR_RATIO:
             radius *= SHRINK
         if result.score > score:
             design, score, gradient = candidate, result.score, result.gradient

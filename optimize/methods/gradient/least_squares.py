@@ -1,7 +1,7 @@
 """Levenberg-Marquardt within the box, for schedules (Moré 1978).
 
-The exact gradient of every arrival time is known, so all of them are met at once by least squares,
-where a method that uses only their mean square error converges slowly. With more variables than
+The exact gradient of every arrival time is known, so least squares fit all of them at once; a
+method that uses only their mean square error converges slowly. With more variables than
 times, the damped step is the shortest one that helps, and layouts stay near the start. The search
 then begins again elsewhere, because some starts end at a layout that cannot follow the schedule, or
 at a kink. A scene without a schedule has no residuals: local searches on its score replace them.
@@ -24,16 +24,18 @@ from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
 from optimize.methods.starts import starts
 
-ON_TIME = 1e-9  # [s] RMS error below which a layout is on time
+ON_TIME_ERROR = 1e-9  # [s] RMS error below which a layout is on time
 DAMPING = 1e-2  # at first, relative to the largest squared derivative
-HARDER, EASIER = 4.0, 10.0  # factor of the damping after a step that fails; divisor after others
-SMALLEST = 1e-14  # least damping, above the rounding of the squares
-TRIES = 12  # dampings tried before a layout counts as a minimum
-ROUNDS = 100  # steps from one start at most
-ROOM = 1e-12  # least room of a variable at a face of the box, which the bounded solver needs
-FEW = 4  # starts that show whether a schedule can be kept
-ON_SCHEDULE = f"every domino is hit on schedule, to {ON_TIME:g} s"
-SLOW, PATIENCE = 0.999, 8  # ratio of errors that counts as no gain, and rounds of it that end it
+# factor of the damping after a step that fails; divisor after others
+DAMPING_FACTOR, DAMPING_DIVISOR = 4.0, 10.0
+MIN_DAMPING = 1e-14  # least damping, above the rounding of the squares
+MAX_DAMPINGS = 12  # dampings tried before a layout counts as a minimum
+MAX_STEPS = 100  # steps from one start at most
+LEAST_ROOM = 1e-12  # least room of a variable at a face of the box, which the bounded solver needs
+STARTS = 4  # after which a schedule counts as one that cannot be kept
+ON_SCHEDULE = f"every domino is hit on schedule, to {ON_TIME_ERROR:g} s"
+# ratio of errors that counts as no gain, and rounds of it that end it
+SLOW_RATIO, PATIENCE = 0.999, 8
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -41,20 +43,19 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     problem = evaluator.problem
     for start in starts(evaluator, rng):
         if problem.scene.tempo is None:
-            project = problem.project if problem.coupled else None
-            run_local_searches(evaluator, [LocalSearch(start, project)], ROUNDS)
-        elif _least_squares(evaluator, start):
+            run_local_searches(evaluator, [LocalSearch(start, problem.projection)], MAX_STEPS)
+        elif _fit_schedule(evaluator, start):
             evaluator.status = ON_SCHEDULE
             return
 
 
-def is_soon_on_time(evaluator: Evaluator, rng: np.random.Generator) -> bool:
-    """Search from a few starts; return whether a layout on time was found."""
-    return any(_least_squares(evaluator, start) for start in islice(starts(evaluator, rng), FEW))
+def fits_schedule(evaluator: Evaluator, rng: np.random.Generator) -> bool:
+    """Return True if least squares from a few starts give a layout on time."""
+    return any(_fit_schedule(evaluator, start) for start in islice(starts(evaluator, rng), STARTS))
 
 
-def _least_squares(evaluator: Evaluator, design: Floats) -> bool:
-    """Search from one start; return whether a layout on time was found."""
+def _fit_schedule(evaluator: Evaluator, design: Floats) -> bool:
+    """Return True if least squares from one start (n,) give a layout on time."""
     problem = evaluator.problem
     design = problem.project(design[None])[0]
     scores, lateness, gradient = evaluator.lateness(design)
@@ -62,25 +63,25 @@ def _least_squares(evaluator: Evaluator, design: Floats) -> bool:
         return False
     damping = DAMPING
     idle = 0
-    for _ in range(ROUNDS):
-        if np.sqrt(np.mean(lateness**2)) < ON_TIME:
+    for _ in range(MAX_STEPS):
+        if np.sqrt(np.mean(lateness**2)) < ON_TIME_ERROR:
             return True
         scale = float(np.square(gradient).sum(axis=0).max())
-        for _ in range(TRIES):
+        for _ in range(MAX_DAMPINGS):
             step = _step(design, lateness, gradient, damping * scale)
             candidate = problem.project((design + step)[None])[0]
             result = evaluator.lateness(candidate)
             if result[0].score[0] > scores.score[0]:
                 break
-            damping *= HARDER
+            damping *= DAMPING_FACTOR
         else:
             return False
-        gained = np.square(result[1]).sum() < SLOW * np.square(lateness).sum()
-        idle = 0 if gained else idle + 1
+        has_gained = np.square(result[1]).sum() < SLOW_RATIO * np.square(lateness).sum()
+        idle = 0 if has_gained else idle + 1
         if idle == PATIENCE:
             return False
         design, (scores, lateness, gradient) = candidate, result
-        damping = max(damping / EASIER, SMALLEST)
+        damping = max(damping / DAMPING_DIVISOR, MIN_DAMPING)
     return False
 
 
@@ -88,9 +89,9 @@ def _step(design: Floats, lateness: Floats, gradient: Floats, damping: float) ->
     """Minimise |lateness + gradient·step|² + damping·|step|² within the box."""
     n = len(design)
     matrix = np.concatenate([gradient, np.sqrt(damping) * np.eye(n)])
-    right = np.concatenate([-lateness, np.zeros(n)])
-    low, high = -np.maximum(design, ROOM), np.maximum(1.0 - design, ROOM)
-    step = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    right_side = np.concatenate([-lateness, np.zeros(n)])
+    low, high = -np.maximum(design, LEAST_ROOM), np.maximum(1.0 - design, LEAST_ROOM)
+    step = np.linalg.lstsq(matrix, right_side, rcond=None)[0]
     if np.any((step < low) | (step > high)):
-        step = lsq_linear(matrix, right, bounds=(low, high), method="bvls").x
+        step = lsq_linear(matrix, right_side, bounds=(low, high), method="bvls").x
     return np.asarray(step)

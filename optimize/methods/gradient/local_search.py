@@ -25,43 +25,46 @@ from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-RISE, TURN = 1e-4, 0.5  # conditions of Armijo and weak Wolfe, relative to the first slope
-ANGLE = 1e-10  # least cosine between a step and the gradient, below which curvature is given up
-CURVED = 1e-12  # least cosine between a step and its change of the gradient that is kept
-BRACKET = 0.1  # relative width of the bracket at which a line search takes its best point
-DENSE = 200  # variables up to which the whole inverse curvature is kept
+ARMIJO, WEAK_WOLFE = 1e-4, 0.5  # conditions of Armijo and weak Wolfe, relative to the first slope
+# least cosine between a step and the gradient, below which the curvature is reset
+LEAST_COSINE = 1e-10
+LEAST_CURVATURE = 1e-12  # least cosine between a step and its change of the gradient that is kept
+BRACKET_WIDTH = 0.1  # relative width of the bracket at which a line search takes its best point
+MAX_DENSE = 200  # variables up to which the whole inverse curvature is kept
 MEMORY = 30  # pairs of step and change of the gradient that are kept for more variables
-TRIES = 14  # evaluations of one line search
-LARGEST = 0.15  # largest change of a variable in the first try of a line search, as part of the box
-FIRST = LARGEST / 3.0  # the same along the gradient, where nothing is known of the curvature
+MAX_TRIES = 14  # evaluations of one line search
+# largest change of a variable in the first try of a line search, as part of the box
+MAX_CHANGE = 0.15
+# the same for a step along the gradient, before the curvature is known
+FIRST_CHANGE = MAX_CHANGE / 3.0
 WINDOW = 8  # steps over which the gain is measured
-ENOUGH = 1e-7  # a smaller relative gain over them ends the search
+LEAST_GAIN = 1e-7  # a smaller relative gain over them ends the search
 
 
 class LocalSearch:
-    """One local search from one start, driven from outside, so that many can share a batch.
+    """One local search from one start, advanced by its caller, so that many share a batch.
 
     Parameters
     ----------
     start
         (n,) design vector to begin at; clipped to the box.
     project
-        Maps design vectors (B, n) to the nearest that keep the rules; None where the box is the
-        only rule.
+        Function from design vectors (B, n) to the nearest that keep the rules; None if the box is
+        the only rule.
     curvature
         (n,) positive guess of the inverse curvature of the score by each variable, for the first
         step; None for a short step along the gradient.
 
     Attributes
     ----------
-    wanted
+    candidate
         (n,) design vector whose score and gradient are needed next.
     design, score, gradient
         Best so far; -inf and zeros before the first evaluation.
     evaluations
         Number of evaluations so far.
     done
-        Nothing more can be gained.
+        True if nothing more can be gained.
     """
 
     def __init__(
@@ -71,22 +74,22 @@ class LocalSearch:
         curvature: Floats | None = None,
     ) -> None:
         self._project = project
-        self.wanted = self._feasible(start)
-        self.design = self.wanted
+        self.candidate = self._feasible(start)
+        self.design = self.candidate
         self.score, self.gradient = -np.inf, np.zeros(len(start))
         self.evaluations = 0
         self.done = False
         self._history: deque[float] = deque(maxlen=WINDOW + 1)
         self._guess = curvature
-        self._curvature = _Dense(len(start), curvature) if len(start) <= DENSE else _Limited()
-        self._answers = self._ascend()
-        next(self._answers)
+        self._curvature = _BFGS(len(start), curvature) if len(start) <= MAX_DENSE else _LBFGS()
+        self._steps = self._ascend()
+        next(self._steps)
 
     def update(self, score: float, gradient: Floats) -> None:
-        """Continue with the score and gradient (n,) of `wanted`."""
+        """Continue with the score and gradient (n,) of `candidate`."""
         self.evaluations += 1
         try:
-            self._answers.send((score, gradient))
+            self._steps.send((score, gradient))
         except StopIteration:
             self.done = True
 
@@ -96,7 +99,7 @@ class LocalSearch:
         return design if self._project is None else self._project(design[None])[0]
 
     def _ascend(self) -> Generator[None, tuple[float, Floats], None]:
-        """Step until nothing more is gained; receives the score and gradient of `wanted`."""
+        """Step until nothing more is gained; receives the score and gradient of `candidate`."""
         self.score, self.gradient = yield
         self._history.append(self.score)
         while True:
@@ -105,18 +108,18 @@ class LocalSearch:
                 return
             point = yield from self._line_search(direction)
             if point is None:
-                if self._curvature.fresh:
+                if self._curvature.is_initial:
                     return
-                self._curvature.forget()
+                self._curvature.reset()
                 continue
             design, score, gradient = point
-            self._curvature.add(design - self.design, self.gradient - gradient)
+            self._curvature.update(design - self.design, self.gradient - gradient)
             self.design, self.score, self.gradient = point
             self._history.append(score)
-            if len(self._history) > WINDOW and score - self._history[0] <= ENOUGH * abs(score):
+            if len(self._history) > WINDOW and score - self._history[0] <= LEAST_GAIN * abs(score):
                 return
 
-    def _inward(self, direction: Floats) -> Floats:
+    def _inward_part(self, direction: Floats) -> Floats:
         """Return the direction without components that lead out of the box."""
         low = (self.design <= 0.0) & (direction < 0.0)
         high = (self.design >= 1.0) & (direction > 0.0)
@@ -124,60 +127,60 @@ class LocalSearch:
 
     def _direction(self) -> Floats | None:
         """Return the direction of the next step; None at a maximum."""
-        gradient = self._inward(self.gradient)
+        gradient = self._inward_part(self.gradient)
         if not np.any(gradient):
             return None
-        step = self._curvature.times(gradient, gradient != 0.0)
+        step = self._curvature.multiply(gradient, gradient != 0.0)
         if step is not None:
-            step = self._inward(step)
-            if step @ gradient > ANGLE * np.linalg.norm(step) * np.linalg.norm(gradient):
+            step = self._inward_part(step)
+            if step @ gradient > LEAST_COSINE * np.linalg.norm(step) * np.linalg.norm(gradient):
                 return step
-            self._curvature.forget()
+            self._curvature.reset()
         if self._guess is not None:
             return gradient * self._guess
-        return gradient * (FIRST / float(np.abs(gradient).max()))
+        return gradient * (FIRST_CHANGE / float(np.abs(gradient).max()))
 
     def _line_search(
         self, direction: Floats
     ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
         """Return a point of the projected path that rises enough; None if none is near."""
         largest = float(np.abs(direction).max())
-        length = min(1.0, LARGEST / largest)
+        length = min(1.0, MAX_CHANGE / largest)
         low, high = 0.0, np.inf
         best = None
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             design = self._feasible(self.design + length * direction)
             change = design - self.design
             if not np.any(change):
                 break
-            self.wanted = design
+            self.candidate = design
             score, gradient = yield
-            if not score > self.score + RISE * max(float(self.gradient @ change), 0.0):
+            if not score > self.score + ARMIJO * max(float(self.gradient @ change), 0.0):
                 high = length
             else:
                 best = design, score, gradient
                 inside = np.where((design > 0.0) & (design < 1.0), direction, 0.0)
-                turned = gradient @ inside <= TURN * (self.gradient @ inside)
-                if turned or length * largest >= LARGEST:
+                is_flat = gradient @ inside <= WEAK_WOLFE * (self.gradient @ inside)
+                if is_flat or length * largest >= MAX_CHANGE:
                     return best
                 low = length
             length = 0.5 * (low + high) if high < np.inf else 2.0 * length
-            if best is not None and high - low < BRACKET * high:
+            if best is not None and high - low < BRACKET_WIDTH * high:
                 return best
         return best
 
 
 class CoarseToFine:
-    """A local search on a coarse schedule, then on finer ones, then on the design vector itself.
+    """Local search on coarse layouts, ever finer ones, and finally the design vector itself.
 
-    It is used as a `LocalSearch`.
+    It has the interface of `LocalSearch`.
 
     Parameters
     ----------
     start
         (n,) design vector to begin at.
     matrices
-        (n, m) matrices from the values of a schedule to a design vector, the coarsest first.
+        (n, m) matrices from m values to a design vector, the coarsest first; see `coarse_matrix`.
     project
         See `LocalSearch`.
     """
@@ -196,30 +199,30 @@ class CoarseToFine:
         self._begin(start)
 
     def _begin(self, design: Floats) -> None:
-        """Begin the search on the next schedule, or on the design vector after the last."""
+        """Begin the search on the next coarse layout, or on the design vector after the last."""
         self._matrix = self._matrices.pop(0) if self._matrices else None
         if self._matrix is None:
             self._search = LocalSearch(design, self._project)
         else:
-            self._search = LocalSearch(np.clip(self._coarse(self._matrix, design), 0.0, 1.0))
+            self._search = LocalSearch(np.clip(self._coarsen(self._matrix, design), 0.0, 1.0))
 
-    def _coarse(self, matrix: Floats, design: Floats) -> Floats:
-        """Return the values of the schedule that is nearest to a design vector."""
+    def _coarsen(self, matrix: Floats, design: Floats) -> Floats:
+        """Return the values (m,) of the coarse layout nearest to a design vector (n,)."""
         return np.asarray(np.linalg.lstsq(matrix, design, rcond=None)[0])
 
     @property
-    def wanted(self) -> Floats:
+    def candidate(self) -> Floats:
         """Design vector (n,) whose score and gradient are needed next."""
         if self._matrix is None:
-            return self._search.wanted
-        design = np.clip(self._matrix @ self._search.wanted, 0.0, 1.0)
+            return self._search.candidate
+        design = np.clip(self._matrix @ self._search.candidate, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
     def update(self, score: float, gradient: Floats) -> None:
-        """Continue with the score and gradient (n,) of `wanted`."""
+        """Continue with the score and gradient (n,) of `candidate`."""
         self.evaluations += 1
         if score > self.score:
-            self.score, self.design = score, self.wanted
+            self.score, self.design = score, self.candidate
         by_values = gradient if self._matrix is None else self._matrix.T @ gradient
         self._search.update(score, by_values)
         if self._search.done:
@@ -244,7 +247,7 @@ def advance(searches: Searches, gradients: int) -> Search:
     """
     ends = {id(search): search.evaluations + gradients for search in searches}
     while running := [s for s in searches if not s.done and s.evaluations < ends[id(s)]]:
-        answer = yield Request(np.array([s.wanted for s in running]), gradient=True)
+        answer = yield Request(np.array([s.candidate for s in running]), gradient=True)
         for search, score, gradient in zip(running, *answer, strict=True):
             search.update(float(score), gradient)
 
@@ -262,61 +265,61 @@ def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int)
     Raises
     ------
     BudgetSpent
-        Where fewer evaluations remain.
+        If fewer evaluations remain.
     """
     run_in_lockstep(evaluator, [advance(searches, gradients)])
 
 
-class _Dense:
+class _BFGS:
     """Inverse curvature as a matrix (BFGS)."""
 
     def __init__(self, n: int, guess: Floats | None) -> None:
         self._first = np.eye(n) if guess is None else np.diag(guess)
-        self._inverse, self._guessed = self._first, guess is not None
-        self.fresh = True
+        self._inverse, self._has_guess = self._first, guess is not None
+        self.is_initial = True
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Return to the first guess."""
         self._inverse = self._first
-        self.fresh = True
+        self.is_initial = True
 
-    def times(self, gradient: Floats, free: Bools) -> Floats | None:
-        """Return the step of the free variables; None while nothing is known."""
-        if self.fresh:
+    def multiply(self, gradient: Floats, free: Bools) -> Floats | None:
+        """Return the step (n,) of the free variables; None before the first update."""
+        if self.is_initial:
             return None
         return np.where(free, self._inverse @ gradient, 0.0)
 
-    def add(self, s: Floats, y: Floats) -> None:
-        """Learn from a step s and the change y of minus the gradient."""
+    def update(self, s: Floats, y: Floats) -> None:
+        """Update with a step s (n,) and the change y (n,) of minus the gradient."""
         y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
-        if product <= CURVED * np.linalg.norm(s) * np.linalg.norm(y):
+        if product <= LEAST_CURVATURE * np.linalg.norm(s) * np.linalg.norm(y):
             return
-        if self.fresh:
-            self._inverse = self._inverse * (1.0 if self._guessed else product / float(y @ y))
-            self.fresh = False
+        if self.is_initial:
+            self._inverse = self._inverse * (1.0 if self._has_guess else product / float(y @ y))
+            self.is_initial = False
         hy = self._inverse @ y
         self._inverse += (1.0 + y @ hy / product) / product * np.outer(s, s)
         self._inverse -= (np.outer(hy, s) + np.outer(s, hy)) / product
 
 
-class _Limited:
+class _LBFGS:
     """Inverse curvature as the last pairs of step and change of the gradient (L-BFGS)."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
 
     @property
-    def fresh(self) -> bool:
-        """True while nothing is known."""
+    def is_initial(self) -> bool:
+        """True before the first update."""
         return not self._pairs
 
-    def forget(self) -> None:
-        """Return to the beginning."""
+    def reset(self) -> None:
+        """Remove all pairs."""
         self._pairs.clear()
 
-    def times(self, gradient: Floats, free: Bools) -> Floats | None:
-        """Return the step of the free variables; None while nothing is known."""
+    def multiply(self, gradient: Floats, free: Bools) -> Floats | None:
+        """Return the step (n,) of the free variables; None before the first update."""
         if not self._pairs:
             return None
         step, coefficients = gradient.copy(), []
@@ -329,9 +332,9 @@ class _Limited:
             step += (a - float(y @ step) / product) * s
         return np.where(free, step, 0.0)
 
-    def add(self, s: Floats, y: Floats) -> None:
-        """Learn from a step s and the change y of minus the gradient."""
+    def update(self, s: Floats, y: Floats) -> None:
+        """Update with a step s (n,) and the change y (n,) of minus the gradient."""
         y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
-        if product > CURVED * np.linalg.norm(s) * np.linalg.norm(y):
+        if product > LEAST_CURVATURE * np.linalg.norm(s) * np.linalg.norm(y):
             self._pairs.append((s, y, product))

@@ -1,7 +1,7 @@
 """Searches in lockstep: requests of the same time are simulated as one batch.
 
 A search here is a generator that yields requests and is sent the answers. Large batches keep all
-cores busy, in the threads of the simulator, while everything that decides stays in one thread:
+cores busy, in the threads of the simulator, while one thread makes all decisions:
 results are bitwise the same for any number of threads.
 """
 
@@ -28,7 +28,7 @@ class Request:
     designs
         (B, n) design vectors.
     gradient
-        Their gradients are needed too; the gradient of a wave that stops is zero.
+        True to compute gradients too; the gradient of a wave that stops is zero.
     """
 
     designs: Floats
@@ -36,7 +36,7 @@ class Request:
 
 
 Answer = tuple[Floats, Floats]
-"""Scores (B,), and gradients (B, n) where they were requested."""
+"""Scores (B,), and gradients (B, n) if they were requested."""
 
 Search = Generator[Request | None, Answer, None]
 """A search; it yields None while it waits for the others."""
@@ -55,7 +55,7 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
     Raises
     ------
     BudgetSpent
-        Where fewer evaluations remain.
+        If fewer evaluations remain.
     """
     running = list(searches)
     requests: dict[Search, Request | None] = {}
@@ -63,27 +63,27 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
     while True:
         for search in list(running):
             try:
-                answered = search in answers
-                requests[search] = search.send(answers[search]) if answered else next(search)
+                has_answer = search in answers
+                requests[search] = search.send(answers[search]) if has_answer else next(search)
             except StopIteration:
                 if search is searches[0]:
                     return
                 running.remove(search)
                 del requests[search]
-        answers = _answers(evaluator, requests, gradient=False)
-        answers |= _answers(evaluator, requests, gradient=True)
+        answers = _evaluate(evaluator, requests, gradient=False)
+        answers |= _evaluate(evaluator, requests, gradient=True)
 
 
-def _answers(
+def _evaluate(
     evaluator: Evaluator, requests: dict[Search, Request | None], *, gradient: bool
 ) -> dict[Search, Answer]:
     """Evaluate all requests with a gradient, or all without one."""
-    wanted = {s: r.designs for s, r in requests.items() if r is not None and r.gradient is gradient}
-    if not wanted:
+    groups = {s: r.designs for s, r in requests.items() if r is not None and r.gradient is gradient}
+    if not groups:
         return {}
-    designs = np.concatenate(list(wanted.values()))
+    designs = np.concatenate(list(groups.values()))
     scores = evaluator.evaluate(designs, gradient, differences=False)
     gradients = scores.gradient if gradient else np.empty((len(designs), 0))
-    ends = np.cumsum([len(part) for part in wanted.values()])[:-1]
+    ends = np.cumsum([len(part) for part in groups.values()])[:-1]
     parts = zip(np.split(scores.score, ends), np.split(gradients, ends), strict=True)
-    return dict(zip(wanted, parts, strict=True))
+    return dict(zip(groups, parts, strict=True))

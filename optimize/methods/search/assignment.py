@@ -19,13 +19,13 @@ from optimize.methods.gradient.local_search import LocalSearch, run_local_search
 from optimize.methods.starts import starts
 from optimize.problem import Problem
 
-LONG, SHORT = 80, 10  # gradients of a thorough and of a quick local search
-EQUAL = 1e-9  # difference of two variables that count as the same domino
+THOROUGH, QUICK = 80, 10  # gradients of a thorough and of a quick local search
+SAME_DOMINO = 1e-9  # difference of two variables that count as the same domino
 CHANGES = (2, 4, 8, 16)  # places that a programme may change
 EXCHANGES = 200  # layouts of each kind that are tried
-FEW = 8  # layouts of those tried that are refined
-GAIN = 1e-6  # a smaller relative gain counts as none
-IDLE = 3  # rounds without gain that end a start
+MAX_REFINED = 8  # layouts of those tried that are refined
+LEAST_GAIN = 1e-6  # a smaller relative gain counts as none
+MAX_IDLE = 3  # rounds without gain that end a start
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -37,27 +37,26 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> None:
     """Change the order from one start until several rounds gain nothing."""
     problem = evaluator.problem
-    score, design = _refined(evaluator, problem.project(start[None]), LONG)
+    score, design = _refine(evaluator, problem.project(start[None]), THOROUGH)
     idle = 0
-    while problem.discrete and idle < IDLE:
+    while problem.discrete and idle < MAX_IDLE:
         neighbours = _neighbours(evaluator, design, rng, first=idle == 0)
         if len(neighbours) == 0:
             return
         scores = evaluator.evaluate(neighbours).score
-        best = neighbours[np.argsort(-scores, kind="stable")[:FEW]]
-        new_score, new_design = _refined(evaluator, best, SHORT)
-        if new_score > score + GAIN * abs(score):
+        best = neighbours[np.argsort(-scores, kind="stable")[:MAX_REFINED]]
+        new_score, new_design = _refine(evaluator, best, QUICK)
+        if new_score > score + LEAST_GAIN * abs(score):
             score, design, idle = new_score, new_design, 0
         else:
             idle += 1
     if problem.discrete:
-        _refined(evaluator, design[None], LONG)
+        _refine(evaluator, design[None], THOROUGH)
 
 
-def _refined(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[float, Floats]:
+def _refine(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[float, Floats]:
     """Return the best score and design vector of local searches from some layouts."""
-    project = evaluator.problem.project if evaluator.problem.coupled else None
-    searches = [LocalSearch(design, project) for design in designs]
+    searches = [LocalSearch(design, evaluator.problem.projection) for design in designs]
     run_local_searches(evaluator, searches, gradients)
     best = max(searches, key=lambda search: search.score)
     return best.score, best.design
@@ -68,22 +67,22 @@ def _neighbours(
 ) -> Floats:
     """Propose layouts (B, n) with another order, or other values from a list.
 
-    `first` is True where this design vector is changed for the first time.
+    `first` is True if this design vector is changed for the first time.
     """
     problem = evaluator.problem
     stock = problem.scene.stock is not None
     changed = []
     if stock:
-        changed += [_exchanged(problem, design, rng), _inserted(problem, design, rng)]
+        changed += [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
     if stock and first:
-        changed.append(_assigned(evaluator, design))
+        changed.append(_assignments(evaluator, design))
     if problem.scene.spacing_values or (problem.scene.thickness_values and not stock):
-        changed.append(_stepped(problem, design, rng))
+        changed.append(_steps(problem, design, rng))
     designs = problem.project(np.concatenate(changed))
     return unique_points(designs[np.any(designs != design, axis=1)])
 
 
-def _assigned(evaluator: Evaluator, design: Floats) -> Floats:
+def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
     """Propose the assignments of the largest predicted gain that change few places."""
     problem = evaluator.problem
     assert problem.scene.stock is not None
@@ -91,22 +90,22 @@ def _assigned(evaluator: Evaluator, design: Floats) -> Floats:
     kinds = np.array(stock.thickness)
     pairs = problem.scene.count - 1
     gradient = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
-    room = (problem.high - problem.low)[-pairs:]
-    thickness = problem.low[-pairs:] + design[-pairs:] * room
+    span = (problem.high - problem.low)[-pairs:]
+    thickness = problem.low[-pairs:] + design[-pairs:] * span
     current = np.abs(thickness[:, None] - kinds).argmin(axis=1)
-    costs = -(gradient[-pairs:] / room)[:, None] * (kinds - thickness[:, None])
+    costs = -(gradient[-pairs:] / span)[:, None] * (kinds - thickness[:, None])
     designs = np.repeat(design[None], len(CHANGES), axis=0)
     for i, changes in enumerate(CHANGES):
         chosen = assign(costs, np.array(stock.count), current, changes)
-        designs[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / room
+        designs[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / span
     return designs
 
 
-def _exchanged(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
+def _exchanges(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose exchanges of two dominoes, with the same gaps or the same pivots."""
     pairs = problem.scene.count - 1
     thickness = design[-pairs:]
-    first, second = np.nonzero(np.triu(np.abs(thickness[:, None] - thickness) > EQUAL))
+    first, second = np.nonzero(np.triu(np.abs(thickness[:, None] - thickness) > SAME_DOMINO))
     chosen = rng.permutation(len(first))[:EXCHANGES]
     first, second = first[chosen], second[chosen]
     designs = np.repeat(design[None], len(chosen), axis=0)
@@ -122,7 +121,7 @@ def _exchanged(problem: Problem, design: Floats, rng: np.random.Generator) -> Fl
     return np.clip(designs, 0.0, 1.0)
 
 
-def _inserted(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
+def _insertions(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose moves of one domino to another place; those between move up; the gaps stay."""
     pairs = problem.scene.count - 1
     thickness = design[-pairs:]
@@ -133,7 +132,7 @@ def _inserted(problem: Problem, design: Floats, rng: np.random.Generator) -> Flo
     return designs
 
 
-def _stepped(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
+def _steps(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
     """Propose steps of one value up or down and, with a length, of another the other way."""
     values = problem.scene.spacing_values or problem.scene.thickness_values
     assert values is not None

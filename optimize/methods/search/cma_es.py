@@ -25,16 +25,16 @@ from domino_env.core.types import Floats
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
-WIDE = 0.3  # first step, as a part of the box
-MANY = 200  # variables above which the covariance is kept diagonal
-CAREFUL = 0.003  # first step for more: a wide one would not converge
-TWICE = 2  # times the usual population: such a run ends in a good basin more often
-LARGEST = 64  # largest population, over the first
-NARROWER = 1.5  # decimal orders by which the first step of a small run may be narrower
-EDGE = 0.02  # least distance of a start to the faces of the box
+FIRST_STEP = 0.3  # first step, as a part of the box
+MAX_FULL = 200  # variables above which the covariance is kept diagonal
+FIRST_STEP_OF_MANY = 0.003  # first step for more: a wide one would not converge
+POPULATION_FACTOR = 2  # times the usual population: such a run ends in a good basin more often
+MAX_GROWTH = 64  # largest population, over the first
+MAX_NARROWING = 1.5  # decimal orders by which the first step of a small run may be narrower
+MARGIN = 0.02  # least distance of a start to the faces of the box
 # With a given length many design vectors describe the same layout. Without a penalty on the
 # distance to that layout the search drifts among them.
-DRIFT = 100.0  # penalty of the mean square distance, over the score
+PENALTY_FACTOR = 100.0  # penalty of the mean square distance, over the score
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -42,40 +42,40 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     problem = evaluator.problem
     n = problem.dimension
     start = uniform_design(problem)
-    wide = CAREFUL if n > MANY else WIDE
-    size = default = TWICE * (4 + int(3 * np.log(n)))
-    used = {"doubling": 0, "small": 0}
+    first_step = FIRST_STEP_OF_MANY if n > MAX_FULL else FIRST_STEP
+    size = default = POPULATION_FACTOR * (4 + int(3 * np.log(n)))
+    counts = {"doubling": 0, "small": 0}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
         while True:
-            if used["doubling"] <= used["small"]:
-                used["doubling"] += _descend(evaluator, rng, start, wide, size)
-                size = min(2 * size, LARGEST * default)
+            if counts["doubling"] <= counts["small"]:
+                counts["doubling"] += _run_once(evaluator, rng, start, first_step, size)
+                size = min(2 * size, MAX_GROWTH * default)
             elif rng.random() < 0.5:
-                used["small"] += _descend(evaluator, rng, start, wide, default)
+                counts["small"] += _run_once(evaluator, rng, start, first_step, default)
             else:
                 centre = evaluator.best if rng.random() < 0.5 else rng.random(n)
-                step = wide * 10.0 ** (-NARROWER * rng.random())
-                used["small"] += _descend(evaluator, rng, centre, step, default)
+                step = first_step * 10.0 ** (-MAX_NARROWING * rng.random())
+                counts["small"] += _run_once(evaluator, rng, centre, step, default)
 
 
-def _descend(
+def _run_once(
     evaluator: Evaluator, rng: np.random.Generator, start: Floats, step: float, size: int
 ) -> int:
     """Run until convergence; return the number of evaluations."""
     problem, n = evaluator.problem, len(start)
     start_evaluations = evaluator.evaluations
     centre = np.full(max(n, 2), 0.5)  # pycma needs two variables; the second may have no effect
-    centre[:n] = np.clip(start, EDGE, 1.0 - EDGE)
+    centre[:n] = np.clip(start, MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(centre, step, cma_options(rng, n, size))
-    penalty = DRIFT * abs(problem.scene.uniform().score)
+    penalty = PENALTY_FACTOR * abs(problem.scene.uniform().score)
     while not strategy.stop():
-        proposed = strategy.ask()
-        designs = np.array(proposed)[:, :n]
+        points = strategy.ask()
+        designs = np.array(points)[:, :n]
         costs = -evaluator.evaluate(designs).score
         if problem.equality is not None or problem.linear is not None:
             costs += penalty * np.mean((designs - problem.project(designs)) ** 2, axis=1)
-        strategy.tell(proposed, costs)
+        strategy.tell(points, costs)
     return evaluator.evaluations - start_evaluations
 
 
@@ -94,7 +94,7 @@ def cma_options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
     return {
         "bounds": [0.0, 1.0],
         "popsize": size,
-        "CMA_diagonal": n > MANY,
+        "CMA_diagonal": n > MAX_FULL,
         # with nan, pycma does not seed NumPy's global generator; all its draws come from `rng`
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),

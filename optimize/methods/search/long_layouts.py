@@ -29,35 +29,37 @@ from optimize.methods.gradient.local_search import CoarseToFine, run_local_searc
 from optimize.methods.starts import interpolation
 from optimize.problem import Problem
 
-LONG = 512  # dominoes from which on a layout is long
-SHORTEST, TIMES = 160, 4  # dominoes of the layout that is searched; ratio of the next count to it
-WELL_BELOW = 1.5  # least ratio of the count of the scene to that of the layout stretched last
-SEARCHED = 600  # evaluations of the shortest
-MOST, LEAST = 60, 12  # gradients of a layout four times as long, and of far longer ones
-WHOLE = 200  # gradients of the whole layout
-KEPT = 2  # layouts that are stretched further
+LONG_COUNT = 512  # dominoes from which on a layout is long
+# dominoes of the layout that is searched; ratio of the next count to it
+SHORT_COUNT, RATIO = 160, 4
+LAST_RATIO = 1.5  # least ratio of the count of the scene to that of the layout stretched last
+SHORT_EVALUATIONS = 600  # evaluations of the shortest
+MAX_STEPS, MIN_STEPS = 60, 12  # gradients of a layout four times as long, and of far longer ones
+WHOLE_STEPS = 200  # gradients of the whole layout
+BEAM = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
-KEEPS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that another plateau leaves
-RAMP = 40  # places of the transition to it
-STRETCHED = KEPT * len(PERIODS) + len(KEEPS)  # layouts that are stretched in all these ways
+ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that another plateau leaves
+TRANSITION = 40  # places of the transition to it
+VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # layouts that are stretched in all these ways
 GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady waves, ever closer
-ENDS, GROWTH = 60, 1.5  # places of each end that are free one by one; then their distance grows
+# places of each end that are free one by one; then their distance grows
+END_PLACES, DISTANCE_RATIO = 60, 1.5
 
 Search = Callable[[Evaluator, np.random.Generator], None]
 
 
 def is_long(scene: Scene) -> bool:
-    """Return whether long layouts of the scene resemble shorter ones.
+    """Return True if a scene is long and its layouts resemble shorter ones.
 
-    They do where speed counts and the rules are the same for every domino, whatever their number:
-    no stock, no growing heights, no uneven ground, no length with gaps from a list.
+    They do if the score rewards speed and the rules are the same for every domino and any count: no
+    stock, no growing heights, no uneven ground, no length with gaps from a list.
     """
     listed = scene.spacing_values is not None or scene.thickness_values is not None
-    same = scene.is_homogeneous and not (listed and scene.length is not None)
-    return scene.count >= LONG and scene.criterion.rewards_speed and same
+    is_homogeneous = scene.is_homogeneous and not (listed and scene.length is not None)
+    return scene.count >= LONG_COUNT and scene.criterion.rewards_speed and is_homogeneous
 
 
-def best_stretched(
+def search_stretched(
     evaluator: Evaluator, rng: np.random.Generator, search: Search
 ) -> tuple[float, Floats]:
     """Search a short layout of the scene, stretch it, and refine it on the way.
@@ -81,37 +83,37 @@ def best_stretched(
     Raises
     ------
     BudgetSpent
-        Where fewer evaluations remain.
+        If fewer evaluations remain.
     """
     scene = evaluator.problem.scene
-    plateau = best_steady(scene)
-    shorter = Problem(_shortened(scene, SHORTEST))
-    with evaluator.borrow(shorter, SEARCHED) as borrowed:
-        search(borrowed, rng)
-    designs = [borrowed.best]
-    _score_stretched(evaluator, borrowed.best)  # a result, should time run out on the way
+    plateau = fastest_steady(scene)
+    shorter = Problem(_shorten(scene, SHORT_COUNT))
+    with evaluator.borrow(shorter, SHORT_EVALUATIONS) as short_evaluator:
+        search(short_evaluator, rng)
+    designs = [short_evaluator.best]
+    _score_stretched(evaluator, short_evaluator.best)  # a result in case time runs out later
     for count in _counts(scene.count):
-        shorter = Problem(_shortened(scene, count))
-        gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
-        arms: list[Stretched] = []
-        with evaluator.borrow(shorter, KEPT * gradients + STRETCHED) as borrowed:
-            arms = _stretched(borrowed, designs, plateau)
-            run_local_searches(borrowed, arms, gradients)
-        designs = [arm.design for arm in arms] or [borrowed.best]
-    arms = _stretched(evaluator, designs, plateau)
-    run_local_searches(evaluator, arms, LEAST)
-    best = max(arms, key=lambda arm: arm.score)
-    run_local_searches(evaluator, [best], WHOLE)
+        shorter = Problem(_shorten(scene, count))
+        gradients = max(MIN_STEPS, MAX_STEPS * RATIO * SHORT_COUNT // count)
+        searches: list[StretchedSearch] = []
+        with evaluator.borrow(shorter, BEAM * gradients + VERSIONS) as short_evaluator:
+            searches = _stretch(short_evaluator, designs, plateau)
+            run_local_searches(short_evaluator, searches, gradients)
+        designs = [local.design for local in searches] or [short_evaluator.best]
+    searches = _stretch(evaluator, designs, plateau)
+    run_local_searches(evaluator, searches, MIN_STEPS)
+    best = max(searches, key=lambda local: local.score)
+    run_local_searches(evaluator, [best], WHOLE_STEPS)
     return best.score, best.design
 
 
-def best_steady(scene: Scene) -> tuple[float, float] | None:
+def fastest_steady(scene: Scene) -> tuple[float, float] | None:
     """Find the uniform layout with the fastest steady wave, whatever its start.
 
     Returns
     -------
     tuple or None
-        Gap and thickness [m]; None where a length leaves no choice, or no uniform layout has a
+        Gap and thickness [m]; None if a length leaves no choice, or if no uniform layout has a
         steady wave.
 
     Notes
@@ -143,23 +145,23 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
     return (float(place[0]), float(place[1])) if best > 0.0 else None
 
 
-def _score_stretched(evaluator: Evaluator, short: Floats) -> None:
+def _score_stretched(evaluator: Evaluator, short_design: Floats) -> None:
     """Evaluate a shorter layout that is stretched to the count of the scene."""
     problem = evaluator.problem
     pairs = problem.scene.count - 1
-    longer = repeated(short.reshape(problem.dimension // pairs, -1), pairs, 1)
+    longer = repeat_middle(short_design.reshape(problem.dimension // pairs, -1), pairs, 1)
     evaluator.evaluate(problem.project(longer.reshape(1, -1)))
 
 
 def _counts(count: int) -> list[int]:
     """Return the numbers of dominoes on the way to `count`, the last of them well below it."""
-    counts = [TIMES * SHORTEST]
-    while WELL_BELOW * counts[-1] < count:
-        counts.append(TIMES * counts[-1])
+    counts = [RATIO * SHORT_COUNT]
+    while LAST_RATIO * counts[-1] < count:
+        counts.append(RATIO * counts[-1])
     return counts[:-1]
 
 
-def _shortened(scene: Scene, count: int) -> Scene:
+def _shorten(scene: Scene, count: int) -> Scene:
     """Return the scene with fewer dominoes, and a length in proportion."""
     length = scene.length
     if length is not None:
@@ -167,32 +169,32 @@ def _shortened(scene: Scene, count: int) -> Scene:
     return scene.replace(name=f"{scene.name[:80]}, {count} dominoes", count=count, length=length)
 
 
-def _stretched(
-    evaluator: Evaluator, shorts: Sequence[Floats], plateau: tuple[float, float] | None
-) -> list[Stretched]:
+def _stretch(
+    evaluator: Evaluator, short_designs: Sequence[Floats], plateau: tuple[float, float] | None
+) -> list[StretchedSearch]:
     """Begin local searches at the best stretched versions of layouts of fewer dominoes."""
     problem = evaluator.problem
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
-    begins = []
-    for short in shorts:
-        columns = short.reshape(parts, -1)
-        begins.append([repeated(columns, pairs, period) for period in PERIODS])
-    if len(shorts) < KEPT and plateau is not None:
+    starts = []
+    for short_design in short_designs:
+        columns = short_design.reshape(parts, -1)
+        starts.append([repeat_middle(columns, pairs, period) for period in PERIODS])
+    if len(short_designs) < BEAM and plateau is not None:
         flat = problem.design(problem.scene.layout(*plateau)).reshape(parts, -1)
-        begins.append([with_plateau(begins[0][0], flat, head, tail) for head, tail in KEEPS])
-    arms = []
-    for versions in begins:
+        starts.append([insert_plateau(starts[0][0], flat, head, tail) for head, tail in ENDS])
+    searches = []
+    for versions in starts:
         designs = problem.project(np.array([version.ravel() for version in versions]))
         scores = evaluator.evaluate(designs).score
         i = int(np.argmax(scores))
-        arm = Stretched(designs[i], parts, problem.project if problem.coupled else None)
-        arm.score = float(scores[i])
-        arms.append(arm)
-    return arms
+        local = StretchedSearch(designs[i], parts, problem.projection)
+        local.score = float(scores[i])
+        searches.append(local)
+    return searches
 
 
-def repeated(columns: Floats, pairs: int, period: int) -> Floats:
+def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
     """Stretch a layout by repeating some places of its middle.
 
     Parameters
@@ -218,7 +220,7 @@ def repeated(columns: Floats, pairs: int, period: int) -> Floats:
     return columns[:, source]
 
 
-def with_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
+def insert_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
     """Replace the middle of a design by a plateau, with linear transitions.
 
     Parameters
@@ -236,13 +238,13 @@ def with_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
         (parts, pairs) design.
     """
     places = np.arange(columns.shape[1])
-    weight = np.clip((places - head) / RAMP, 0.0, 1.0)
+    weight = np.clip((places - head) / TRANSITION, 0.0, 1.0)
     if tail:
-        weight = np.minimum(weight, np.clip((places[::-1] - tail) / RAMP, 0.0, 1.0))
+        weight = np.minimum(weight, np.clip((places[::-1] - tail) / TRANSITION, 0.0, 1.0))
     return columns + weight * (flat - columns)
 
 
-class Stretched(CoarseToFine):
+class StretchedSearch(CoarseToFine):
     """A local search of the ends, the plateau and the transitions, then of the whole design.
 
     Parameters
@@ -263,13 +265,13 @@ class Stretched(CoarseToFine):
         self._knots = (np.arange(parts)[:, None] * pairs + places).ravel()
         super().__init__(start, [csr_array(interpolation(places, pairs, parts))], project)
 
-    def _coarse(self, matrix: Floats, design: Floats) -> Floats:
+    def _coarsen(self, matrix: Floats, design: Floats) -> Floats:
         return np.asarray(design[self._knots])
 
 
 def _places(pairs: int) -> Ints:
     """Return every place of the ends, and ever fewer towards the middle."""
-    offsets = list(range(min(ENDS, pairs // 2)))
-    while GROWTH * offsets[-1] < 0.5 * pairs:
-        offsets.append(int(GROWTH * offsets[-1]))
+    offsets = list(range(min(END_PLACES, pairs // 2)))
+    while DISTANCE_RATIO * offsets[-1] < 0.5 * pairs:
+        offsets.append(int(DISTANCE_RATIO * offsets[-1]))
     return np.unique([*offsets, *(pairs - 1 - offset for offset in offsets)])

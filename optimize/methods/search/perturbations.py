@@ -18,42 +18,42 @@ import numpy as np
 from domino_env.core.types import Floats
 
 Perturbation = Callable[[Floats, Floats, np.random.Generator], Floats]
-"""(design, donor, rng) -> a changed design; the donor is another good design, parts of which some
-perturbations take. Designs are columns, (parts, pairs)."""
+"""(design, donor, rng) -> a changed design; some perturbations copy parts of the donor, which is
+another good design. Designs are columns, (parts, pairs)."""
 
-TIGHT_AT_MOST = 8  # tight gaps at the end
-NEAR = 1e-3  # distance to a face of the box that counts as on it
-WIDE = 0.5  # a wide gap, where all of a design are tight
+MAX_TIGHT = 8  # tight gaps at the end
+FACE_DISTANCE = 1e-3  # distance to a face of the box that counts as on it
+WIDE_GAP = 0.5  # value of a wide gap if all gaps of a design are tight
 SMALLEST_PASSES, MOST_PASSES = 1, 5  # of the filter that removes ripples
-FEWEST_FREE = 4  # gaps before the tight end that can have ripples
+LEAST_FREE = 4  # gaps before the tight end that can have ripples
 STRETCH_PART = 0.7  # probability that a stretch is smoothed, and not all
 # decimal exponents of the smallest and largest change, as a part of the box
-KICKS, STRETCH_KICKS, BENDS = (-2.5, -0.8), (-2.0, -0.5), (-2.0, -0.7)
+CHANGES, STRETCH_CHANGES, BENDS = (-2.5, -0.8), (-2.0, -0.5), (-2.0, -0.7)
 WIDEST_BEND = 0.25  # standard deviation of a bend over the number of places, at most
-LAST_PLACES = 6  # that make the end
+END_PLACES = 6  # that make the end
 NEIGHBOURS = 4  # places within which two values are exchanged
 
 
-def tight_end(design: Floats, count: int) -> Floats:
+def set_tight_gaps(design: Floats, count: int) -> Floats:
     """Give a design exactly `count` tight gaps at its end; the gaps before them move along."""
-    tight = ends_tight(design)
-    changed = shifted(design, count - tight) if tight else design.copy()
+    tight = count_tight_gaps(design)
+    changed = shift_second_half(design, count - tight) if tight else design.copy()
     if count:
         changed[0, -count:] = 0.0
-    if count < changed.shape[1] and changed[0, -count - 1] <= NEAR:
-        wide = np.flatnonzero(design[0] > NEAR)
-        changed[0, -count - 1] = design[0, wide[-1]] if len(wide) else WIDE
+    if count < changed.shape[1] and changed[0, -count - 1] <= FACE_DISTANCE:
+        wide = np.flatnonzero(design[0] > FACE_DISTANCE)
+        changed[0, -count - 1] = design[0, wide[-1]] if len(wide) else WIDE_GAP
     return changed
 
 
-def ends_tight(design: Floats) -> int:
+def count_tight_gaps(design: Floats) -> int:
     """Count the gaps at the end that are at their lower bound."""
-    wide = np.flatnonzero(design[0] > NEAR)
+    wide = np.flatnonzero(design[0] > FACE_DISTANCE)
     return int(design.shape[1] - 1 - wide[-1]) if len(wide) else int(design.shape[1])
 
 
-def shifted(design: Floats, places: int) -> Floats:
-    """Move the second half towards the start; the plateau in the middle gives way."""
+def shift_second_half(design: Floats, places: int) -> Floats:
+    """Move the second half towards the start; the middle becomes shorter or longer."""
     pairs = design.shape[1]
     indices = np.arange(pairs)
     source = np.where(indices >= pairs // 2 - max(places, 0), indices + places, indices)
@@ -63,17 +63,17 @@ def shifted(design: Floats, places: int) -> Floats:
 # perturbations ----------------------------------------------------------------------------------
 
 
-def another_tight_gap(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def change_tight_gaps(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Add a tight gap at the end, or remove one."""
-    tight = ends_tight(design)
+    tight = count_tight_gaps(design)
     change = 1 if tight == 0 or rng.random() < 0.5 else -1
-    return tight_end(design, min(tight + change, design.shape[1] - 1, TIGHT_AT_MOST))
+    return set_tight_gaps(design, min(tight + change, design.shape[1] - 1, MAX_TIGHT))
 
 
-def shift_the_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def shift_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Move the part before the tight end one or two places on or back; the end stays."""
-    tight = ends_tight(design)
-    changed = shifted(design, int(rng.choice([-2, -1, 1, 2])))
+    tight = count_tight_gaps(design)
+    changed = shift_second_half(design, int(rng.choice([-2, -1, 1, 2])))
     if tight:
         changed[:, -tight:] = design[:, -tight:]
     return changed
@@ -81,10 +81,10 @@ def shift_the_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Fl
 
 def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Remove ripples from a stretch, or from all but the tight end."""
-    free = design.shape[1] - ends_tight(design)
-    if free < FEWEST_FREE:
-        return kick(design, donor, rng)
-    start, end = _stretch(free, rng) if rng.random() < STRETCH_PART else (1, free - 1)
+    free = design.shape[1] - count_tight_gaps(design)
+    if free < LEAST_FREE:
+        return change_all(design, donor, rng)
+    start, end = _random_stretch(free, rng) if rng.random() < STRETCH_PART else (1, free - 1)
     changed = design.copy()
     for _ in range(int(rng.integers(SMALLEST_PASSES, MOST_PASSES + 1))):
         inner = changed[:, start:end]
@@ -93,17 +93,17 @@ def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     return changed
 
 
-def kick(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def change_all(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Change all values that are not at a face of the box at random."""
-    step = 10.0 ** rng.uniform(*KICKS) * rng.standard_normal(design.shape)
-    return _where_inside(design, step)
+    step = 10.0 ** rng.uniform(*CHANGES) * rng.standard_normal(design.shape)
+    return _add_inside(design, step)
 
 
-def kick_a_stretch(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def change_stretch(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Change a few neighbours at random."""
-    start, end = _stretch(design.shape[1], rng)
+    start, end = _random_stretch(design.shape[1], rng)
     changed = design.copy()
-    size = 10.0 ** rng.uniform(*STRETCH_KICKS)
+    size = 10.0 ** rng.uniform(*STRETCH_CHANGES)
     changed[:, start:end] += size * rng.standard_normal((len(design), end - start))
     return changed
 
@@ -114,7 +114,7 @@ def bend(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     width = rng.uniform(1.0, max(WIDEST_BEND * pairs, 2.0))
     bump = np.exp(-0.5 * ((np.arange(pairs) - rng.uniform(0, pairs)) / width) ** 2)
     size = rng.choice([-1.0, 1.0], len(design)) * 10.0 ** rng.uniform(*BENDS)
-    return _where_inside(design, size[:, None] * bump)
+    return _add_inside(design, size[:, None] * bump)
 
 
 def join(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
@@ -126,24 +126,24 @@ def join(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
 
 def exchange(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Take a stretch from another good layout."""
-    start, end = _stretch(design.shape[1], rng)
+    start, end = _random_stretch(design.shape[1], rng)
     changed = design.copy()
     changed[:, start:end] = donor[:, start:end]
     return changed
 
 
-def put_in(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def repeat_place(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Double one place and leave out another; the values between them move along."""
     doubled, omitted = (int(place) for place in rng.integers(design.shape[1], size=2))
     longer = np.insert(design, doubled, design[:, doubled], axis=1)
     return np.asarray(np.delete(longer, omitted + (omitted > doubled), axis=1))
 
 
-def free_the_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+def change_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Replace a value at the end: by a face of the box or by any value."""
     changed = design.copy()
     part = int(rng.integers(len(design)))
-    place = int(rng.integers(1, min(LAST_PLACES, design.shape[1]) + 1))
+    place = int(rng.integers(1, min(END_PLACES, design.shape[1]) + 1))
     changed[part, -place] = rng.choice([0.0, 1.0, rng.random()])
     return changed
 
@@ -159,13 +159,13 @@ def swap(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     return changed
 
 
-def _where_inside(design: Floats, step: Floats) -> Floats:
+def _add_inside(design: Floats, step: Floats) -> Floats:
     """Add a step to the values that are not at a face of the box."""
-    inside = (design > NEAR) & (design < 1.0 - NEAR)
+    inside = (design > FACE_DISTANCE) & (design < 1.0 - FACE_DISTANCE)
     return np.asarray(np.where(inside, design + step, design))
 
 
-def _stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
+def _random_stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
     """Return the start and end of a random stretch of up to about a third of the places."""
     length = int(rng.integers(1, max(2, min(pairs, 2 + pairs // 3))))
     start = int(rng.integers(0, max(1, pairs - length + 1)))
@@ -173,6 +173,6 @@ def _stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
 
 
 PERTURBATIONS: tuple[Perturbation, ...] = (
-    another_tight_gap, shift_the_end, smooth, kick, kick_a_stretch, bend, join, exchange, put_in,
-    free_the_end, swap,
+    change_tight_gaps, shift_end, smooth, change_all, change_stretch, bend, join, exchange,
+    repeat_place, change_end, swap,
 )  # fmt: skip

@@ -39,39 +39,46 @@ from optimize.methods.gradient import least_squares
 from optimize.methods.gradient.local_search import CoarseToFine, advance
 from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 from optimize.methods.search import assignment, perturbations, two_fidelities
-from optimize.methods.search.long_layouts import best_stretched, is_long
-from optimize.methods.search.perturbations import PERTURBATIONS, TIGHT_AT_MOST
-from optimize.methods.starts import schedule, uniform_design
+from optimize.methods.search.long_layouts import is_long, search_stretched
+from optimize.methods.search.perturbations import MAX_TIGHT, PERTURBATIONS
+from optimize.methods.starts import coarse_matrix, uniform_design
 from optimize.problem import Problem
 
-FIRST = 12  # gradients of every start in the first round
-WIDE = 8  # children that are refined together
-DRAWN = 32  # children that are scored to select these
-SHORT, MORE, LONGEST_RUN = 10, 60, 240  # gradients of a child, of one near the best, of a new best
-NEAR = 3e-4  # relative distance to the best that counts as near
-IMPROVED = 1e-6  # relative gain of a child that counts as success of its perturbation
-RANK = 0.35  # probability that the best layout is a parent, then the next best, and so on
-FROM_ISLAND, TWICE = 0.5, 0.25  # probability of a migrant as donor, and of a second perturbation
+FIRST_GRADIENTS = 12  # gradients of every start in the first round
+BATCH = 8  # children that are refined together
+CHILDREN = 32  # children that are scored to select these
+# gradients of a child, of one near the best, of a new best
+CHILD_GRADIENTS, NEAR_GRADIENTS, BEST_GRADIENTS = 10, 60, 240
+MARGIN = 3e-4  # relative distance to the best that counts as near
+SUCCESS = 1e-6  # relative gain of a child that counts as success of its perturbation
+# probability that the best layout is a parent, then the next best, and so on
+PARENT_PROBABILITY = 0.35
+# probability of a migrant as donor, and of a second perturbation
+MIGRANT_PROBABILITY, SECOND_PROBABILITY = 0.5, 0.25
 REWARD, PENALTY = 1.5, 0.97  # factors of the weight of a perturbation that gained, or did not
 WEIGHTS = 0.2, 5.0  # least and largest weight: every perturbation remains possible
-ELITE = 8  # layouts that children come from
-COARSE = (28, 110)  # variables of the schedules on which local searches of long layouts begin
-FEW = 2  # random starts of a long layout, where each takes long
-LONG = 200  # places above which a layout is long
-MOST_TIGHT = TIGHT_AT_MOST - 2  # tight gaps at the end of the starts; perturbations add more
+ELITE_SIZE = 8  # layouts that children come from
+# variables of the coarse layouts with which local searches of long layouts begin
+COARSE_VARIABLES = (28, 110)
+LONG_STARTS = 2  # random starts of a long layout, where each takes long
+LONG_PLACES = 200  # places above which a layout is long
+MAX_TIGHT_STARTS = MAX_TIGHT - 2  # tight gaps at the end of the starts; perturbations add more
 LONG_TIGHT = 4  # the only number tried in a long layout, whose end hardly matters
-THICK = 2  # last dominoes of a start with the largest thickness
-BENDS, ENDS = 4, 2  # most bends and most changes of the end of a random start
-GAIN = 3e-6  # a smaller relative gain counts as none
-PATIENCE = (6, GAIN)  # generations without a relative gain after which a search has settled
-LARGE, ISLAND = (4, 2e-5), (2, 1e-4)  # the same for the main search of many dominoes, and an island
-LONGEST = 2000  # dominoes above which another stretched layout gains more than generations
-ALIKE = 1e-3  # largest distance of two designs that count as one
+THICK_DOMINOES = 2  # last dominoes of a start with the largest thickness
+MAX_BENDS, MAX_END_CHANGES = 4, 2  # most bends and most changes of the end of a random start
+LEAST_GAIN = 3e-6  # a smaller relative gain counts as none
+PATIENCE = (6, LEAST_GAIN)  # generations without a relative gain after which a search has settled
+# the same for the main search of many dominoes, and an island
+LARGE_PATIENCE, ISLAND_PATIENCE = (4, 2e-5), (2, 1e-4)
+MAX_COUNT = 2000  # dominoes above which another stretched layout gains more than generations
+ALIKE_DISTANCE = 1e-3  # largest distance of two designs that count as one
 ISLANDS = 3  # independent searches beside the main one
-ALONE = 64  # dominoes above which one island at a time begins when the main search has settled
-AGREE = 5e-5  # relative distance within which two of them agree
-ENOUGH = 3  # islands that agree with the best before the search is done
-MANY, NOTHING = 8, 1e-5  # islands after which none has to agree, once the late gain is so small
+# dominoes above which one island at a time begins when the main search has settled
+MAX_PARALLEL = 64
+AGREEMENT = 5e-5  # relative distance within which two of them agree
+ENOUGH_ISLANDS = 3  # islands that agree with the best before the search is done
+# islands after which none has to agree, once the late gain is so small
+MANY_ISLANDS, NO_GAIN = 8, 1e-5
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -85,18 +92,18 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         return
     search = _Search(evaluator, _Elite(evaluator.problem))
     if scene.tempo is not None:
-        if least_squares.is_soon_on_time(evaluator, rng):
+        if least_squares.fits_schedule(evaluator, rng):
             evaluator.status = least_squares.ON_SCHEDULE
             return
-        search.ends.append((evaluator.best_score, evaluator.best))
+        search.optima.append((evaluator.best_score, evaluator.best))
     evaluator.status = "no independent searches have ended yet; a longer search may find more"
     if is_long(scene):
         search.stretch(rng)
-        if scene.count > LONGEST:
+        if scene.count > MAX_COUNT:
             return
-    elif scene.count <= LONG:  # the starts fill a batch by themselves
+    elif scene.count <= LONG_PLACES:  # the starts fill a batch by themselves
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
-    islands = 1 if scene.count > ALONE else ISLANDS
+    islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
     main, *generators = rng.spawn(1 + islands)
     run_in_lockstep(evaluator, [search.main(main), *map(search.island, generators)])
 
@@ -113,13 +120,13 @@ def starts(problem: Problem) -> Floats:
     columns = _columns(problem, problem.design(uniform))
     designs = [columns]
     if problem.scene.free_spacing:
-        most = min(MOST_TIGHT, columns.shape[1] - 1)
-        counts = range(1, most + 1) if columns.shape[1] <= LONG else [LONG_TIGHT]
-        designs += [perturbations.tight_end(columns, count) for count in counts]
+        most = min(MAX_TIGHT_STARTS, columns.shape[1] - 1)
+        counts = range(1, most + 1) if columns.shape[1] <= LONG_PLACES else [LONG_TIGHT]
+        designs += [perturbations.set_tight_gaps(columns, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(designs):
             thick = design.copy()
-            thick[-1, -THICK:] = 1.0
+            thick[-1, -THICK_DOMINOES:] = 1.0
             designs.append(thick)
     return unique_points(np.array([design.ravel() for design in designs]))
 
@@ -134,18 +141,18 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     """
     uniform = _columns(problem, uniform_design(problem))
     designs = []
-    for _ in range(WIDE if uniform.shape[1] <= LONG else FEW):
+    for _ in range(BATCH if uniform.shape[1] <= LONG_PLACES else LONG_STARTS):
         design = uniform.copy()
         for part in design[1 if problem.scene.free_spacing else 0 :]:
             if rng.random() < 0.5:
                 part[:] = rng.random()
-        for _ in range(int(rng.integers(BENDS + 1))):
+        for _ in range(int(rng.integers(MAX_BENDS + 1))):
             design = perturbations.bend(design, design, rng)
         if problem.scene.free_spacing:
-            most = min(TIGHT_AT_MOST, uniform.shape[1] - 1)
-            design = perturbations.tight_end(design, int(rng.integers(0, most + 1)))
-        for _ in range(int(rng.integers(ENDS + 1))):
-            design = perturbations.free_the_end(design, design, rng)
+            most = min(MAX_TIGHT, uniform.shape[1] - 1)
+            design = perturbations.set_tight_gaps(design, int(rng.integers(0, most + 1)))
+        for _ in range(int(rng.integers(MAX_END_CHANGES + 1))):
+            design = perturbations.change_end(design, design, rng)
         designs.append(np.clip(design.ravel(), 0.0, 1.0))
     return problem.project(np.array(designs))
 
@@ -183,46 +190,46 @@ class _Elite:
         """Add a layout, unless one that is alike is as good."""
 
         def is_alike(known: Floats) -> bool:
-            return float(np.abs(known - design).max()) < ALIKE
+            return float(np.abs(known - design).max()) < ALIKE_DISTANCE
 
         if any(known_score >= score and is_alike(known) for known_score, known in self.ranked):
             return
         different = [layout for layout in self.ranked if not is_alike(layout[1])]
         different.append((score, design.copy()))  # after layouts of equal score
-        self.ranked = sorted(different, key=lambda layout: -layout[0])[:ELITE]
+        self.ranked = sorted(different, key=lambda layout: -layout[0])[:ELITE_SIZE]
 
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
         """Return a perturbed layout, and the index of its perturbation."""
-        ranks = np.minimum(rng.geometric(RANK, 2) - 1, len(self.ranked) - 1)
+        ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(self.ranked) - 1)
         parent, donor = (_columns(self.problem, self.ranked[r][1]) for r in ranks)
-        if self.migrants and rng.random() < FROM_ISLAND:
+        if self.migrants and rng.random() < MIGRANT_PROBABILITY:
             donor = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
-        move = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
-        child = PERTURBATIONS[move](parent, donor, rng)
-        if rng.random() < TWICE:
-            move = int(rng.integers(len(PERTURBATIONS)))
-            child = PERTURBATIONS[move](child, donor, rng)
-        return np.clip(child.ravel(), 0.0, 1.0), move
+        index = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
+        child = PERTURBATIONS[index](parent, donor, rng)
+        if rng.random() < SECOND_PROBABILITY:
+            index = int(rng.integers(len(PERTURBATIONS)))
+            child = PERTURBATIONS[index](child, donor, rng)
+        return np.clip(child.ravel(), 0.0, 1.0), index
 
     def children(self, rng: np.random.Generator) -> tuple[Floats, list[int]]:
         """Return a generation of perturbed layouts, and the indices of their perturbations."""
-        drawn = [self.child(rng) for _ in range(DRAWN)]
-        return np.array([design for design, _ in drawn]), [move for _, move in drawn]
+        samples = [self.child(rng) for _ in range(CHILDREN)]
+        return np.array([design for design, _ in samples]), [index for _, index in samples]
 
-    def joined(self, migrant: Floats, rng: np.random.Generator) -> Floats:
+    def join(self, migrant: Floats, rng: np.random.Generator) -> Floats:
         """Join the best layout and a migrant, the start of one to the end of the other."""
         best = _columns(self.problem, self.ranked[0][1])
         migrant = _columns(self.problem, migrant)
         pairs = best.shape[1]
-        cuts = rng.choice(pairs, min(DRAWN // 2, pairs), replace=False)
+        cuts = rng.choice(pairs, min(CHILDREN // 2, pairs), replace=False)
         is_start = np.arange(pairs) < cuts[:, None, None]
         joined = [np.where(is_start, best, migrant), np.where(is_start, migrant, best)]
         return np.concatenate(joined).reshape(2 * len(cuts), -1)
 
-    def learn(self, move: int, *, gained: bool) -> None:
+    def update_weight(self, index: int, *, gained: bool) -> None:
         """Change the weight of a perturbation by its success."""
-        weight = self.weights[move] * (REWARD if gained else PENALTY)
-        self.weights[move] = np.clip(weight, *WEIGHTS)
+        weight = self.weights[index] * (REWARD if gained else PENALTY)
+        self.weights[index] = np.clip(weight, *WEIGHTS)
 
 
 @dataclass
@@ -235,68 +242,68 @@ class _Search:
         Evaluator of the problem.
     elite
         Best layouts of the main search.
-    ends
+    optima
         Best score and design vector of each island that has ended.
-    settled
+    is_settled
         True once the main search has gained nothing for some generations.
     """
 
     evaluator: Evaluator
     elite: _Elite
-    ends: list[tuple[float, Floats]] = field(default_factory=list)
-    settled: bool = False
+    optima: list[tuple[float, Floats]] = field(default_factory=list)
+    is_settled: bool = False
 
     def stretch(self, rng: np.random.Generator) -> None:
-        """Begin a long layout as a stretched shorter one; a very long one ends so too."""
+        """Begin with a stretched shorter layout; a very long layout is searched only so."""
         problem = self.elite.problem
         uniform = uniform_design(problem)
         self.elite.add(float(self.evaluator.evaluate(uniform).score), uniform)
-        self.elite.add(*best_stretched(self.evaluator, rng, run))
-        while problem.scene.count > LONGEST and not self.done():
-            self.ends.append(best_stretched(self.evaluator, rng, run))
-            self.elite.add(*self.ends[-1])
+        self.elite.add(*search_stretched(self.evaluator, rng, run))
+        while problem.scene.count > MAX_COUNT and not self.is_done():
+            self.optima.append(search_stretched(self.evaluator, rng, run))
+            self.elite.add(*self.optima[-1])
 
     def main(self, rng: np.random.Generator) -> Search:
         """Race the starts, perturb, and join with the layouts of the islands."""
         if not self.elite.ranked:
             yield from _race(self.elite, starts(self.elite.problem))
-        settled = LARGE if self.elite.problem.scene.count > ALONE else PATIENCE
-        yield from _settle(self.elite, rng, *settled)
-        self.settled = True
+        patience = LARGE_PATIENCE if self.elite.problem.scene.count > MAX_PARALLEL else PATIENCE
+        yield from _settle(self.elite, rng, *patience)
+        self.is_settled = True
         joined = 0
-        while not self.done():
-            while joined == len(self.ends):
+        while not self.is_done():
+            while joined == len(self.optima):
                 yield None
-            for score, design in self.ends[joined:]:
+            for score, design in self.optima[joined:]:
                 joined += 1
                 self.elite.add(score, design)
                 self.elite.migrants.append(design)
-                yield from _generation(self.elite, self.elite.joined(design, rng), rng)
-            yield from _settle(self.elite, rng, *settled)
+                yield from _generation(self.elite, self.elite.join(design, rng), rng)
+            yield from _settle(self.elite, rng, *patience)
 
     def island(self, rng: np.random.Generator) -> Search:
         """Search from random starts, again and again."""
-        large = self.elite.problem.scene.count > ALONE
-        while large and not self.settled:
+        large = self.elite.problem.scene.count > MAX_PARALLEL
+        while large and not self.is_settled:
             yield None
         while True:
             elite = _Elite(self.elite.problem)
             yield from _race(elite, random_starts(self.elite.problem, rng))
-            yield from _settle(elite, rng, *(ISLAND if large else PATIENCE))
-            self.ends.append(elite.ranked[0])
+            yield from _settle(elite, rng, *(ISLAND_PATIENCE if large else PATIENCE))
+            self.optima.append(elite.ranked[0])
 
-    def done(self) -> bool:
-        """Return whether to stop, and report how reliable the best is."""
-        best = max([self.elite.score, *(score for score, _ in self.ends)])
+    def is_done(self) -> bool:
+        """Return True at the end of the search; report the reliability of the best layout."""
+        best = max([self.elite.score, *(score for score, _ in self.optima)])
         # of a schedule, only the distance to the score 1 counts
         scale = abs(best) if self.elite.problem.scene.tempo is None else 1.0 - best
-        agree = sum(score >= best - AGREE * scale for score, _ in self.ends)
-        report = f"{agree} of {len(self.ends)} independent searches agree to {AGREE:.3%}"
+        agree = sum(score >= best - AGREEMENT * scale for score, _ in self.optima)
+        report = f"{agree} of {len(self.optima)} independent searches agree to {AGREEMENT:.3%}"
         self.evaluator.status = f"{report}, {self.elite.idle} perturbations without gain"
-        if agree >= ENOUGH:
+        if agree >= ENOUGH_ISLANDS:
             return True
         self.evaluator.status += "; a longer search may find more"
-        return len(self.ends) >= MANY and self.evaluator.late_gain < NOTHING
+        return len(self.optima) >= MANY_ISLANDS and self.evaluator.late_gain < NO_GAIN
 
 
 def _race(elite: _Elite, designs: Floats) -> Search:
@@ -305,13 +312,13 @@ def _race(elite: _Elite, designs: Floats) -> Search:
     order = np.argsort(-scores, kind="stable")
     for i in order:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(elite.problem, COARSE)
+    levels = _levels(elite.problem, COARSE_VARIABLES)
     yield from _halve(elite, [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0])
 
 
 def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
     """Advance local searches in rounds; after each, the worse half ends and gradients double."""
-    gradients = FIRST
+    gradients = FIRST_GRADIENTS
     while arms:
         yield from advance(arms, gradients)
         arms.sort(key=lambda arm: -arm.score)
@@ -323,19 +330,19 @@ def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
 
 def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float) -> Search:
     """Run generations until several in a row, and layouts with other ends, gain nothing."""
-    tried: set[int] = set()
+    tried_counts: set[int] = set()
     while True:
         idle = 0
         while idle < patience:
             best_score = elite.score
-            children, moves = elite.children(rng)
-            yield from _generation(elite, children, rng, moves)
+            children, indices = elite.children(rng)
+            yield from _generation(elite, children, rng, indices)
             idle = 0 if elite.score > best_score + gain * abs(best_score) else idle + 1
         best = _columns(elite.problem, elite.ranked[0][1])
-        tight = perturbations.ends_tight(best)
-        if not elite.problem.scene.free_spacing or tight in tried:
+        tight = perturbations.count_tight_gaps(best)
+        if not elite.problem.scene.free_spacing or tight in tried_counts:
             return
-        tried.add(tight)
+        tried_counts.add(tight)
         best_score = elite.score
         yield from _other_ends(elite, best, tight)
         if elite.score <= best_score + gain * abs(best_score):
@@ -345,9 +352,9 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
 def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
     """Refine layouts with other numbers of tight gaps; their thicknesses move along or stay."""
     designs = []
-    for count in range(min(TIGHT_AT_MOST, best.shape[1])):
+    for count in range(min(MAX_TIGHT, best.shape[1])):
         if count != tight:
-            changed = perturbations.tight_end(best, count)
+            changed = perturbations.set_tight_gaps(best, count)
             designs += [changed.ravel(), np.concatenate([changed[:1], best[1:]]).ravel()]
     projected = elite.problem.project(unique_points(np.array(designs)))
     levels = _levels(elite.problem, ())
@@ -355,49 +362,49 @@ def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
 
 
 def _generation(
-    elite: _Elite, drawn: Floats, rng: np.random.Generator, moves: Sequence[int] = ()
+    elite: _Elite, samples: Floats, rng: np.random.Generator, indices: Sequence[int] = ()
 ) -> Search:
     """Score perturbed layouts and refine some of them.
 
-    `moves` are the indices of their perturbations; empty where none is to learn from them.
+    `indices` are those of their perturbations, whose weights are updated; empty for none.
     """
-    designs = elite.problem.project(drawn)
+    designs = elite.problem.project(samples)
     scores, _ = yield Request(designs)
     best_score = elite.score
     order = np.argsort(-scores, kind="stable")
     # the best by their score, and some by chance: a local search may gain more from these
-    chosen = [*order[: WIDE // 2], *rng.permutation(order[WIDE // 2 :])[: WIDE // 2]]
-    for i in order[: WIDE // 2]:
+    chosen = [*order[: BATCH // 2], *rng.permutation(order[BATCH // 2 :])[: BATCH // 2]]
+    for i in order[: BATCH // 2]:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(elite.problem, COARSE[1:])
+    levels = _levels(elite.problem, COARSE_VARIABLES[1:])
     arms = {int(i): CoarseToFine(designs[i], *levels) for i in chosen if scores[i] > 0.0}
-    yield from advance(list(arms.values()), SHORT)
-    promising = [i for i, arm in arms.items() if arm.score > best_score - NEAR * abs(best_score)]
+    yield from advance(list(arms.values()), CHILD_GRADIENTS)
+    promising = [i for i, arm in arms.items() if arm.score > best_score - MARGIN * abs(best_score)]
     promising.sort(key=lambda i: -arms[i].score)
-    yield from advance([arms[i] for i in promising[: WIDE // 2]], MORE)
+    yield from advance([arms[i] for i in promising[: BATCH // 2]], NEAR_GRADIENTS)
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
-        gained = arm.score == best and best > best_score * (1.0 + IMPROVED)
-        if moves:
-            elite.learn(moves[i], gained=gained)
+        gained = arm.score == best and best > best_score * (1.0 + SUCCESS)
+        if indices:
+            elite.update_weight(indices[i], gained=gained)
         if gained:
-            yield from advance([arm], LONGEST_RUN)
+            yield from advance([arm], BEST_GRADIENTS)
             elite.add(arm.score, arm.design)
-    gained = elite.score > best_score + GAIN * abs(best_score)
+    gained = elite.score > best_score + LEAST_GAIN * abs(best_score)
     elite.idle = 0 if gained else elite.idle + len(designs)
 
 
 def _levels(
     problem: Problem, most: Sequence[int]
 ) -> tuple[list[Floats], Callable[[Floats], Floats] | None]:
-    """Return schedules of fewer variables than places, and the projection where it is needed."""
+    """Return matrices of coarse layouts, and the projection if it is needed."""
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
-    matrices = [schedule(parts, pairs, parts * m) for m in most if m < pairs]
-    return matrices, problem.project if problem.coupled else None
+    matrices = [coarse_matrix(parts, pairs, parts * m) for m in most if m < pairs]
+    return matrices, problem.projection
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:
-    """Return a design as (parts, pairs): gaps, where they are free, then thicknesses."""
+    """Return a design as (parts, pairs): gaps, if they are free, then thicknesses."""
     return design.reshape(-1, problem.scene.count - 1)

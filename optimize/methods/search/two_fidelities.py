@@ -38,19 +38,22 @@ from optimize.problem import Problem
 
 Method = Callable[[Evaluator, np.random.Generator], None]
 
-RUNS, ANALYTIC = 2, 3000  # analytic searches, and evaluations of each
-TOGETHER = 8  # layouts that are simulated free-standing in one batch
+ANALYTIC_RUNS, ANALYTIC_EVALUATIONS = 2, 3000  # analytic searches, and evaluations of each
+BATCH = 8  # layouts that are simulated free-standing in one batch
 LEAST_DISTANCE = 0.02  # of two candidates: largest difference of their design vectors
-WORSE = 0.02  # relative distance to the analytic best up to which a layout is a candidate
+MAX_SHORTFALL = 0.02  # relative distance to the analytic best up to which a layout is a candidate
 PARENTS, SEARCHES, STEPS = 4, 24, 80  # layouts that are changed, local searches, gradients of each
-RANK = 0.5  # probability that the best layout is a parent, then the next best, and so on
-ALIKE = 1e-3  # largest difference of layouts of which only one is simulated free-standing
-PATIENCE, GAIN = 5, 3e-5  # rounds without a relative gain after which the search is done
-BOX = 0.1  # largest distance of a variable from the best at which the ratio is taken as linear
-COEFFICIENT = 1e-3  # prior deviation of the logarithm of the ratio across the range of a variable
-NEIGHBOURS = 2.0  # places over which coefficients are alike
+# probability that the best layout is a parent, then the next best, and so on
+PARENT_PROBABILITY = 0.5
+ALIKE_DISTANCE = 1e-3  # largest difference of layouts of which only one is simulated free-standing
+PATIENCE, LEAST_GAIN = 5, 3e-5  # rounds without a relative gain after which the search is done
+# largest distance of a variable from the best at which the ratio is taken as linear
+LINEAR_RANGE = 0.1
+# prior deviation of the logarithm of the ratio across the range of a variable
+PRIOR_DEVIATION = 1e-3
+CORRELATED_PLACES = 2.0  # places over which coefficients are alike
 SHARED = 0.5  # part of the prior variance that neighbours share
-FAR = 0.3  # correlation length of the residuals, as a distance of design vectors
+CORRELATION_LENGTH = 0.3  # correlation length of the residuals, as a distance of design vectors
 NOISE = 3e-5  # relative, of a free-standing score beside those of similar layouts
 
 
@@ -72,13 +75,13 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
     layouts.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
     while idle < PATIENCE:
-        best_score, designs = layouts.score, _proposed(layouts, rng)
+        best_score, designs = layouts.score, _propose(layouts, rng)
         if not len(designs):
             return
         layouts.evaluate(designs)
-        idle = 0 if layouts.score > best_score + GAIN * abs(best_score) else idle + 1
-        spent = f"{evaluator.evaluations} free-standing layouts simulated"
-        evaluator.status = f"{spent}, the last {idle} rounds without gain"
+        idle = 0 if layouts.score > best_score + LEAST_GAIN * abs(best_score) else idle + 1
+        effort = f"{evaluator.evaluations} free-standing layouts simulated"
+        evaluator.status = f"{effort}, the last {idle} rounds without gain"
 
 
 def _candidates(
@@ -89,10 +92,10 @@ def _candidates(
     The number of evaluations is fixed, so that a search that is resumed repeats them.
     """
     finalists: list[tuple[float, Floats]] = []
-    for generator in rng.spawn(RUNS):
+    for generator in rng.spawn(ANALYTIC_RUNS):
         if evaluator.progress >= 1.0:
             raise BudgetSpent
-        analytic_evaluator = Evaluator(analytic, ANALYTIC, evaluator.remaining_seconds)
+        analytic_evaluator = Evaluator(analytic, ANALYTIC_EVALUATIONS, evaluator.remaining_seconds)
         with suppress(BudgetSpent):
             method(analytic_evaluator, generator)
         finalists += analytic_evaluator.finalists
@@ -101,9 +104,9 @@ def _candidates(
     chosen: list[Floats] = []
     for score, design in finalists:
         distance = min((float(np.abs(design - previous).max()) for previous in chosen), default=1.0)
-        if distance > LEAST_DISTANCE and score > best - WORSE * abs(best):
+        if distance > LEAST_DISTANCE and score > best - MAX_SHORTFALL * abs(best):
             chosen.append(design)
-    return np.array(chosen[:TOGETHER])
+    return np.array(chosen[:BATCH])
 
 
 class _SimulatedLayouts:
@@ -114,11 +117,11 @@ class _SimulatedLayouts:
         self.designs = np.empty((0, analytic.dimension))
         self.scores, self.ratios = np.empty(0), np.empty(0)
         place = np.arange(analytic.dimension)
-        alike = np.exp(-0.5 * ((place[:, None] - place[None]) / NEIGHBOURS) ** 2)
+        kernel = np.exp(-0.5 * ((place[:, None] - place[None]) / CORRELATED_PLACES) ** 2)
         pairs = analytic.scene.count - 1
-        alike[place[:, None] // pairs != place[None] // pairs] = 0.0  # gaps and thicknesses differ
-        own = np.eye(analytic.dimension)
-        self.prior = COEFFICIENT**2 * (SHARED * alike + (1.0 - SHARED) * own)
+        kernel[place[:, None] // pairs != place[None] // pairs] = 0.0  # gaps and thicknesses differ
+        identity = np.eye(analytic.dimension)
+        self.prior = PRIOR_DEVIATION**2 * (SHARED * kernel + (1.0 - SHARED) * identity)
 
     @property
     def score(self) -> float:
@@ -145,7 +148,7 @@ class _SimulatedLayouts:
         is_known = np.isfinite(self.ratios)
         designs, ratios = self.designs[is_known], self.ratios[is_known]
         offset = self._offset(designs)
-        distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / BOX
+        distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / LINEAR_RANGE
         weight = 1.0 / (NOISE * (1.0 + distance)) ** 2
         level = weight / max(float(weight.sum()), 1.0)
         centred = offset - level @ offset
@@ -157,20 +160,20 @@ class _SimulatedLayouts:
         drawn[0] = mean
         return np.asarray(drawn)
 
-    def corrected(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
+    def correct(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
         """Return scores (B,) and gradients (B, n) of the analytic model times the ratio."""
         analytic = self.analytic.evaluate(designs, True, differences=False)
         completes = analytic.score > 0.0
         exponent = np.sum(coefficients * self._offset(designs), axis=1)
         factor = np.where(completes, np.exp(exponent), 1.0)
-        inside = (np.abs(designs - self.best) < BOX) & completes[:, None]
+        inside = (np.abs(designs - self.best) < LINEAR_RANGE) & completes[:, None]
         scores = analytic.score * factor
         by_ratio = scores[:, None] * np.where(inside, coefficients, 0.0)
         return scores, factor[:, None] * analytic.gradient + by_ratio
 
-    def predicted(self, designs: Floats, coefficients: Floats) -> Floats:
+    def predict(self, designs: Floats, coefficients: Floats) -> Floats:
         """Predict the scores (B,) of designs (B, n) by coefficients (n,) and the residuals."""
-        scores, _ = self.corrected(designs, np.repeat(coefficients[None], len(designs), axis=0))
+        scores, _ = self.correct(designs, np.repeat(coefficients[None], len(designs), axis=0))
         is_known = np.isfinite(self.ratios)
         if not is_known.any():
             return scores
@@ -178,53 +181,53 @@ class _SimulatedLayouts:
         best = int(np.argmax(self.scores[is_known]))
         residuals = ratios - ratios[best] - self._offset(simulated) @ coefficients
         covariance = _correlation(simulated, simulated)
-        covariance += (NOISE / COEFFICIENT) ** 2 * np.eye(len(simulated))
+        covariance += (NOISE / PRIOR_DEVIATION) ** 2 * np.eye(len(simulated))
         expected = _correlation(designs, simulated) @ np.linalg.solve(covariance, residuals)
         return np.where(scores > 0.0, scores * np.exp(expected), scores)
 
     def _offset(self, designs: Floats) -> Floats:
         """Return the distances from the best, limited to the range in which the ratio is linear."""
-        return np.clip(designs - self.best, -BOX, BOX)
+        return np.clip(designs - self.best, -LINEAR_RANGE, LINEAR_RANGE)
 
 
 def _correlation(first: Floats, second: Floats) -> Floats:
     """Return the correlation (B, C) of the residuals of designs (B, n) and (C, n), from 0 to 1."""
     square = np.sum((first[:, None] - second[None]) ** 2, axis=2)
-    return np.asarray(np.exp(-0.5 * square / FAR**2))
+    return np.asarray(np.exp(-0.5 * square / CORRELATION_LENGTH**2))
 
 
-def _proposed(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
+def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
     """Return (B, n) layouts of high predicted score that are not alike."""
     problem, analytic = layouts.evaluator.problem, layouts.analytic
     order = np.argsort(-layouts.scores, kind="stable")[:PARENTS]
     pairs = problem.scene.count - 1
     designs = [layouts.best]
     for _ in range(SEARCHES - 1):
-        ranks = np.minimum(rng.geometric(RANK, 2) - 1, len(order) - 1)
+        ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(order) - 1)
         parent, donor = (layouts.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
         changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
         designs.append(np.clip(changed.ravel(), 0.0, 1.0))
     coefficients = layouts.coefficients(SEARCHES, rng)
-    arms = [LocalSearch(design, analytic.project) for design in designs]
-    _refine(layouts, arms, coefficients)
-    ends = np.array([arm.design for arm in arms])
-    predicted = layouts.predicted(ends, coefficients[0])
+    searches = [LocalSearch(design, analytic.project) for design in designs]
+    _refine(layouts, searches, coefficients)
+    ends = np.array([search.design for search in searches])
+    predicted = layouts.predict(ends, coefficients[0])
     chosen: list[int] = []
     for i in np.argsort(-predicted, kind="stable"):
         simulated = np.concatenate([layouts.designs, ends[chosen]])
-        if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE and len(chosen) < TOGETHER:
+        if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE_DISTANCE and len(chosen) < BATCH:
             chosen.append(int(i))
     return ends[chosen]
 
 
-def _refine(layouts: _SimulatedLayouts, arms: list[LocalSearch], coefficients: Floats) -> None:
+def _refine(layouts: _SimulatedLayouts, searches: list[LocalSearch], coefficients: Floats) -> None:
     """Advance local searches on the corrected model in lockstep, each with its own coefficients."""
     for _ in range(STEPS):
-        running = [i for i, arm in enumerate(arms) if not arm.done]
+        running = [i for i, search in enumerate(searches) if not search.done]
         if not running:
             return
         layouts.evaluator.require_more()
-        wanted = np.array([arms[i].wanted for i in running])
-        scores, gradients = layouts.corrected(wanted, coefficients[running])
+        candidates = np.array([searches[i].candidate for i in running])
+        scores, gradients = layouts.correct(candidates, coefficients[running])
         for i, score, gradient in zip(running, scores, gradients, strict=True):
-            arms[i].update(float(score), gradient)
+            searches[i].update(float(score), gradient)

@@ -91,7 +91,7 @@ def test_json_for_other_programs(output_of, file):
 @pytest.mark.parametrize(("words", "message"), [
     ("simulate nothing.csv", "No such file or directory: 'nothing.csv'"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
-    ("studies --store EMPTY", "there is no store empty.csv: name the one that a study was kept in"),
+    ("studies --store EMPTY", "there is no store empty.csv: give an existing file (--store)"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
     ("simulate ONE --deviation 1", "--deviation = 1.0 mm: give a finite number, at most 0 (half"),
     ("compare sprint --methods ,", "methods is empty: give at least one"),

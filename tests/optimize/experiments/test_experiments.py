@@ -16,7 +16,7 @@ from optimize import compare, search, sweep
 from optimize.experiments import best_known, report, runner
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
-from optimize.experiments.sweep import parse_axis, plan_sweep, scene_at
+from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -129,7 +129,7 @@ def test_every_scene_has_a_record_that_is_valid(name):
     record, scene = best_known.best_known()[name], de.load_scene(name)
     assert scene.violations(record.layout) == []
     known = 1e-11 if scene.floor_friction is None else 3e-4  # as closely as a score is known
-    score = best_known.closest_score(scene, record.layout)
+    score = best_known.accurate_score(scene, record.layout)
     assert score == pytest.approx(record.score, rel=known)
     assert score >= scene.uniform().score * (1.0 - known)
 
@@ -138,7 +138,7 @@ def test_a_record_is_kept_where_it_is_better(scenes, tmp_path):
     path, scene = tmp_path / "best.json", scenes["both"]
     assert best_known.best_known(path) == {}
     uniform, better = (search(scene, method, budget=300) for method in ("uniform", "auto"))
-    kept = [best_known.update(result, path) for result in (uniform, uniform, better, uniform)]
+    kept = [best_known.store_best(result, path) for result in (uniform, uniform, better, uniform)]
     assert kept == [True, False, True, False]
     record = best_known.best_known(path)["both"]
     assert (record.method, record.seed) == ("auto", 0)
@@ -183,7 +183,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     base = scenes["spacing"]
 
     def changed(scene: de.Scene, point: dict) -> de.Scene:
-        return scene_at(scene.document(), scene.name, point)
+        return make_scene(scene.document(), scene.name, point)
 
     scene = changed(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
     physics = base.physics.replace(friction=0.1)

@@ -49,7 +49,7 @@ def test_results_come_back_bitwise(path, result):
     study = open_store(path).begin("one", "sweep", {})
     study.add(result)
     study.add(ugly)
-    again = open_store(path).study("one").done()
+    again = open_store(path).study("one").results()
     assert again == {result.key: result, ugly.key: ugly}
     assert [type(v) for v in again[ugly.key].labels.values()] == [float, int, float, str]
 
@@ -60,9 +60,9 @@ def test_the_first_result_of_a_key_stays_in_each_study(path, result):
     one.add(result)
     one.add(msgspec.structs.replace(result, score=99.0))
     two.add(msgspec.structs.replace(result, score=1.0))
-    assert one.done()[result.key].score == result.score
-    assert two.done()[result.key].score == 1.0
-    assert [(s.name, s.tasks) for s in store.studies()] == [("one", 1), ("two", 1)]
+    assert one.results()[result.key].score == result.score
+    assert two.results()[result.key].score == 1.0
+    assert [(s.name, s.result_count) for s in store.studies()] == [("one", 1), ("two", 1)]
 
 
 def test_a_study_continues_only_with_what_it_was_begun_with(path):
@@ -80,7 +80,7 @@ def test_results_that_are_not_finite_are_rejected(path, result):
     study = open_store(path).begin("one", "sweep", {})
     with pytest.raises(ValueError, match="not JSON compliant"):
         study.add(msgspec.structs.replace(result, score=float("nan")))
-    assert study.done() == {}
+    assert study.results() == {}
 
 
 # several processes ------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def test_a_writer_that_is_killed_leaves_all_its_results(path, result):
     with suppress(EOFError):
         while receiver.poll():
             kept.append(receiver.recv())
-    done = open_store(path).study("killed").done()
+    done = open_store(path).study("killed").results()
     assert len(done) in (len(kept), len(kept) + 1)  # the last may not have been reported
     assert all(numbered(result, int(key, 16)) == stored for key, stored in done.items())
 
@@ -137,7 +137,7 @@ def test_damaged_stores_are_rejected(good, path, statement, message):
         connection.commit()
     before = path.read_bytes()
     with pytest.raises(ValueError, match=message) as error:
-        open_store(path).study("one").done()
+        open_store(path).study("one").results()
     assert str(path) in str(error.value)
     assert path.read_bytes() == before
 
@@ -151,7 +151,7 @@ def test_a_locked_store_keeps_the_results_so_far(path, result, monkeypatch):
         with pytest.raises(ValueError, match="is locked; results stored before are kept"):
             study.add(numbered(result, 1))
     study.add(numbered(result, 1))
-    assert len(study.done()) == 2
+    assert len(study.results()) == 2
 
 
 def test_other_files_are_rejected(tmp_path):

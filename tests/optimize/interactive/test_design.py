@@ -11,7 +11,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from optimize.interactive.design import SPACING, THICKNESS, Design
-from optimize.interactive.jobs import find, improvement
+from optimize.interactive.jobs import improvement_method, run_search
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
@@ -68,16 +68,16 @@ def test_a_drag_is_one_step_of_the_history() -> None:
     design.commit()
     dragged = design.layout
     design.change(count=30)
-    design.go(-1)
+    design.move(-1)
     assert (design.scene, design.layout) == (SPRINT, dragged)
-    design.go(-1)
+    design.move(-1)
     assert design.layout == first
-    assert not design.can_go(-1)
-    design.go(1)
+    assert not design.can_move(-1)
+    design.move(1)
     assert design.layout == dragged
     design.drag(SPACING, 3, 0.02)
     design.commit()
-    assert not design.can_go(1)
+    assert not design.can_move(1)
 
 
 @pytest.mark.parametrize("fields", [
@@ -142,15 +142,15 @@ def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
 
 @pytest.mark.parametrize("kind", ["bounds", "length", "list"])
 def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
-    monkeypatch.setattr("optimize.interactive.jobs.FRAME", 0.0)
-    monkeypatch.setattr("optimize.interactive.jobs.STEP", 0.0)
+    monkeypatch.setattr("optimize.interactive.jobs.SHOW_INTERVAL", 0.0)
+    monkeypatch.setattr("optimize.interactive.jobs.STEP_PAUSE", 0.0)
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
     design, scores = Design(scene), list[float]()
 
     def show(layout: de.Layout, _: float) -> None:
         scores.append(scene.score(layout))
 
-    layout, words = find(scene, improvement(design.layout), threading.Event(), show)
+    layout, words = run_search(scene, improvement_method(design.layout), threading.Event(), show)
     assert scene.violations(layout) == []
     assert scene.score(layout) == pytest.approx(max(scores), rel=1e-9)
     assert scores == sorted(scores)
@@ -165,6 +165,6 @@ def test_a_search_that_is_stopped_returns_its_best() -> None:
         layouts.append(layout)
         stopped.set()
 
-    layout, words = find(SPRINT, "auto", stopped, show)
+    layout, words = run_search(SPRINT, "auto", stopped, show)
     assert "stopped" in words
     assert SPRINT.score(layout) >= SPRINT.score(layouts[0]) - 1e-6

@@ -7,14 +7,14 @@ import pytest
 
 from optimize.methods.gradient.local_search import CoarseToFine, LocalSearch
 from optimize.methods.search.perturbations import PERTURBATIONS
-from optimize.methods.starts import schedule
+from optimize.methods.starts import coarse_matrix
 
 
 def run(arm: LocalSearch | CoarseToFine, answer: Callable) -> None:
     """Evaluate until it is done."""
     while not arm.done and arm.evaluations < 2000:
-        assert np.all((arm.wanted >= 0.0) & (arm.wanted <= 1.0))
-        arm.update(*answer(arm.wanted))
+        assert np.all((arm.candidate >= 0.0) & (arm.candidate <= 1.0))
+        arm.update(*answer(arm.candidate))
 
 
 def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
@@ -30,7 +30,7 @@ def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
 
 
 def coarse_to_fine(start: np.ndarray) -> CoarseToFine:
-    return CoarseToFine(start, [schedule(1, len(start), 8), schedule(1, len(start), 20)])
+    return CoarseToFine(start, [coarse_matrix(1, len(start), 8), coarse_matrix(1, len(start), 20)])
 
 
 @pytest.mark.parametrize(("search", "n"), [

@@ -10,7 +10,7 @@ from optimize.methods.search import long_layouts
 def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
     monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(long_layouts, "SEARCHED", 40)
+    monkeypatch.setattr(long_layouts, "SHORT_EVALUATIONS", 40)
     scene = replace(de.load_scene("marathon"), count=512)
     expected = search(scene, budget=36, seed=3)
     assert expected.evaluations == 36

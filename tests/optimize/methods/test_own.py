@@ -60,7 +60,7 @@ def test_a_method_is_named_or_given(folder, scenes):
 
 def test_a_method_that_catches_every_exception_ends(folder, scenes):
     result = search(scenes["spacing"], "my_methods:stubborn", budget=20)
-    assert result.ended == "limit of 20 layouts reached"
+    assert result.stop_reason == "limit of 20 layouts reached"
 
 
 def test_it_runs_in_other_processes(folder, scenes):

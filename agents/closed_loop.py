@@ -1,12 +1,12 @@
-"""Analytic policy gradients of policies that observe what is random.
+"""Analytic policy gradients of closed-loop policies, which observe random quantities.
 
-An episode is played in the environment itself, and its gradient is exact for the errors and pieces
-that were drawn. Entries of an observation that the policy does not follow are zero for it.
+An episode is run in the environment itself, and its gradient is exact for its random errors and
+pieces. Entries of an observation that the policy does not use are set to zero.
 
-- Pieces in random order: the policy follows position, hand, box and the latest thicknesses, which
-  do not depend on the gaps. It takes the pieces that the rule takes (`agents.draw`) and learns its
-  wishes by regression; the gradient is that by the gaps.
-- Placement noise and a schedule: the policy follows position, lateness, the next intervals, and the
+- Pieces in random order: the policy uses position, hand, box and the latest thicknesses, which do
+  not depend on the gaps. It takes the pieces of the rule (`agents.draw`) and learns its desired
+  thicknesses by regression; the gradient is with respect to the gaps.
+- Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
   latest gaps and thicknesses. The gradient passes through what is observed of earlier dominoes: the
   arrival times are linearised, with their exact derivatives by all gaps and thicknesses.
 """
@@ -23,20 +23,20 @@ from domino_env import Scene
 from domino_env.core.types import Floats
 
 RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
-WISHES = 10.0  # weight of the mean square error of the wishes, beside a return in per cent
-HAND = "thicknesses", "hand", "stock"  # parts that are followed besides the position
+THICKNESS_WEIGHT = 10.0  # of the mean square error of desired thicknesses, beside a return [%]
+HAND = "thicknesses", "hand", "stock"  # parts that are used besides the position
 TEMPO = "lateness", "intervals", "gaps", "thicknesses"
 
 
-def follows(scene: Scene) -> tuple[str, ...]:
-    """Return the random parts of an observation that a policy can follow; none for other scenes."""
+def random_parts(scene: Scene) -> tuple[str, ...]:
+    """Return the names of random parts of an observation that a policy uses; none if not random."""
     if scene.hand and scene.spacing_values is None and scene.largest_change is None:
         return HAND
     return TEMPO if scene.placement_deviation and scene.as_placed.tempo is not None else ()
 
 
 class Episodes:
-    """Episodes of B environments, played with noise.
+    """Episodes of B environments, with noise on the actions.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Episodes:
     env
         A `DominoVecEnv` of one scene.
     mask
-        (O,) 1 for the entries of an observation that are followed.
+        (O,) 1 for the entries of an observation that are used.
     """
 
     def __init__(self, actor: Any, env: Any, mask: torch.Tensor) -> None:
@@ -55,23 +55,23 @@ class Episodes:
         size = env.action_space.shape[0]
         self.noise = antithetic_noise(number, pairs, size)
         observations = torch.zeros(number, pairs, len(mask))
-        wishes = rule(scene, shipped_references()["rule"]) if scene.hand else None
-        self.wishes, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
+        policy = rule(scene, shipped_references()["rule"]) if scene.hand else None
+        self.desired_thickness, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
         observed, running = env.reset(), np.ones(number, np.bool_)
         for n in range(pairs):
             observations[:, n] = torch.from_numpy(observed) * mask
             with torch.no_grad():
                 actions = self.actions(observations[:, n], n)[1].double().numpy()
-            if wishes is not None:
-                self.wishes[:, n] = torch.from_numpy(wishes(observed)[:, 1])
-                actions[:, 1] = self.wishes[:, n]
+            if policy is not None:
+                self.desired_thickness[:, n] = torch.from_numpy(policy(observed)[:, 1])
+                actions[:, 1] = self.desired_thickness[:, n]
             observed, _, ended, infos = env.step(actions)
             for b in np.flatnonzero(ended & running):
                 self.infos[b] = infos[b]
             running &= ~ended
         complete = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
         self.observations, self.noise = observations[complete], self.noise[complete]
-        self.wishes = self.wishes[complete]
+        self.desired_thickness = self.desired_thickness[complete]
         layouts = [self.infos[b]["layout"] for b in complete]
         self.spacing = np.array([layout.spacing for layout in layouts]).reshape(-1, pairs)
         thickness = np.array([layout.thickness[1:] for layout in layouts])
@@ -87,9 +87,9 @@ class Episodes:
         uniform = self.scene.uniform().score
         if not len(self.spacing):  # all waves stopped
             return 0.0 * self.actor.action_net.bias.sum()
-        return self._loss_of_hand(uniform) if self.scene.hand else self._loss_of_tempo(uniform)
+        return self._hand_loss(uniform) if self.scene.hand else self._tempo_loss(uniform)
 
-    def _loss_of_hand(self, uniform: float) -> Any:
+    def _hand_loss(self, uniform: float) -> Any:
         normal = self.actor.get_distribution(self.observations.flatten(0, 1)).distribution
         mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
         actions = (mean + deviation * self.noise).double()[..., 0]
@@ -99,21 +99,21 @@ class Episodes:
         score = (torch.from_numpy(gradient.spacing) * _sizes(actions, self.scene.spacing)).sum(
             dim=1
         )
-        error = (mean[..., 1] - self.wishes) ** 2
-        return -100.0 / uniform * score.mean() + WISHES * error.mean()
+        error = (mean[..., 1] - self.desired_thickness) ** 2
+        return -100.0 / uniform * score.mean() + THICKNESS_WEIGHT * error.mean()
 
-    def _loss_of_tempo(self, uniform: float) -> Any:
+    def _tempo_loss(self, uniform: float) -> Any:
         scene, tempo = self.scene, self.scene.as_placed.tempo
         assert tempo is not None
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
-        due = torch.from_numpy(tempo.schedule(scene.count))
+        schedule = torch.from_numpy(tempo.schedule(scene.count))
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # zero but for their gradient
         for n in range(scene.count - 1):
             observed = self.observations[:, n].clone()
             if n:
-                past = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
-                late = times[:, n - 1] - due[n - 1] + (past * changes).sum(dim=(1, 2))
-                lateness = late / (3.0 * tempo.tolerance)
+                earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
+                delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
+                lateness = delay / (3.0 * tempo.tolerance)
                 observed[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
                 bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
                 for k, (name, (low, high)) in enumerate(bounds.items()):
@@ -125,8 +125,8 @@ class Episodes:
             sizes = [_sizes(actions[:, 0], scene.spacing), _sizes(actions[:, 1], scene.thickness)]
             change = torch.stack([size - size.detach() for size in sizes], dim=1)
             changes = torch.cat([changes, change[:, None]], dim=1)
-        moved = (by_gap * changes[:, None, :, 0] + by_thickness * changes[:, None, :, 1]).sum(dim=2)
-        error = ((times + moved - due) ** 2).mean(dim=1).sqrt()
+        shift = (by_gap * changes[:, None, :, 0] + by_thickness * changes[:, None, :, 1]).sum(dim=2)
+        error = ((times + shift - schedule) ** 2).mean(dim=1).sqrt()
         return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Learning algorithms from outside, named `package.module:fit`.
+"""Third-party learning algorithms, named `package.module:fit`.
 
 `fit(make_env, steps, seed)` gets a function that makes single Gymnasium environments, and returns
 an object with the method `predict` of Stable-Baselines3, which maps observations (B, O) to a tuple
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from agents.policy import ScenePolicy
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.types import Singles
-from optimize.evaluator import Step
+from optimize.evaluator import TraceEntry
 from optimize.methods import registry
 
 Fit = Callable[[Callable[[], DominoChain], int, int], Any]
-STEPS = 100_000  # dominoes to place where no number is given
+STEPS = 100_000  # dominoes to place if no number is given
 
 
 class CountedChain(DominoChain):
@@ -44,17 +44,17 @@ class CountedChain(DominoChain):
 
 
 def load_fit(name: str) -> Fit | None:
-    """Import a learning algorithm; None where the name is not that of one.
+    """Import a learning algorithm; return None if the name is not that of one.
 
     Raises
     ------
     ValueError
-        For a function that cannot be imported.
+        If the function cannot be imported, or has other arguments.
     """
     module, colon, _ = name.partition(":")
     if not colon or module in (*registry.METHODS, *registry.installed_methods()):
         return None
-    function = cast("Fit", registry.import_own(name))
+    function = cast("Fit", registry.import_function(name))
     for number in (3, 2):
         with suppress(TypeError):
             inspect.signature(function).bind(*[None] * number)
@@ -65,10 +65,10 @@ def load_fit(name: str) -> Fit | None:
     )
 
 
-def train_outside(
+def train_third_party(
     name: str, target: Scene | SceneDistribution, steps: int | None, seed: int
-) -> tuple[ScenePolicy, list[Step], dict[str, int]]:
-    """Train with an algorithm from outside.
+) -> tuple[ScenePolicy, list[TraceEntry], dict[str, int]]:
+    """Train with a third-party algorithm.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ def train_outside(
     """
     fit, work = load_fit(name), Counter[str]()
     assert fit is not None
-    began = sum(os.times()[:4])
+    start = sum(os.times()[:4])
     model = fit(lambda: CountedChain(target, work), steps or STEPS, seed)
-    seconds = sum(os.times()[:4]) - began
+    seconds = sum(os.times()[:4]) - start
     if not callable(getattr(model, "predict", None)):
         raise ValueError(
             f"{name} returned {type(model).__name__}, which has no method predict: return an "
