@@ -238,12 +238,12 @@ def _initial_observations(env: Any) -> tuple[list[Scene], torch.Tensor]:
     scenes = list(env.vector.scenes)
     longest = max(scene.count for scene in scenes)
     observations = np.zeros((len(first), longest - 1, size), np.float32)
-    for episode, scene, observed in zip(observations, scenes, first, strict=False):
+    for episode, scene, observation in zip(observations, scenes, first, strict=False):
         pairs, near = scene.count - 1, closeness(scene.count)
-        placed = np.arange(pairs)[:, None] / pairs
-        episode[:pairs, progress] = np.concatenate([placed, near[:-1], near[:0:-1]], axis=1)
+        position = np.arange(pairs)[:, None] / pairs
+        episode[:pairs, progress] = np.concatenate([position, near[:-1], near[:0:-1]], axis=1)
         if features is not None:
-            episode[:, features] = observed[features]
+            episode[:, features] = observation[features]
     return scenes, torch.from_numpy(observations)
 
 
@@ -256,10 +256,10 @@ def _evaluate(
     step = len(scenes) if len(set(scenes)) == 1 else 1
     for first in range(0, len(scenes), step):
         scene, batch = scenes[first], slice(first, first + step)
-        gaps, thick, tall = (
+        gaps, thicknesses, heights = (
             part[batch, : scene.count - 1].contiguous() for part in (spacing, thickness, height)
         )
-        sizes = gaps, thick, None if scene.growth is None else tall
+        sizes = gaps, thicknesses, None if scene.growth is None else heights
         results, reach = _Score.apply(scene, RTOL, *sizes)  # type: ignore[no-untyped-call]
         scores.append(results)
         for b, score in enumerate(results.tolist()):

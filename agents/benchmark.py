@@ -312,8 +312,8 @@ def best_known_score(result: TaskResult) -> float:
     scores = read_search_scores(target.name, len(tests))
     if scores is None:
         return -np.inf
-    searched = np.flatnonzero(np.isfinite(scores))
-    return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in searched]))
+    indices = np.flatnonzero(np.isfinite(scores))
+    return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in indices]))
 
 
 def _gain(gain: float | None) -> float:

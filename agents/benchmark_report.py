@@ -111,7 +111,7 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
     """
     if not path.exists():
         return []
-    known = {target.name: target for target in targets}
+    by_name = {target.name: target for target in targets}
     results = list[TaskResult]()
     with path.open(newline="", encoding="utf-8") as file, errors_with_path(path):
         lines = csv.DictReader(file)
@@ -121,10 +121,10 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
             )
         for line in lines:
             name = line["scene"]
-            if name not in known:
-                known[name] = load_any(name)
-            if line["scene_hash"] == target_hash(known[name]):
-                results.append(_result(line, known[name].to_toml()))
+            if name not in by_name:
+                by_name[name] = load_any(name)
+            if line["scene_hash"] == target_hash(by_name[name]):
+                results.append(_result(line, by_name[name].to_toml()))
     return results
 
 
@@ -212,10 +212,10 @@ def table(
     columns = ["algorithm", "runs", "interquartile mean", "median", "optimality gap"]
     columns += [f"after {time:g} s" for time in TIMES]
     columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
-    included = set(experiment.methods if names is None else names)
+    selection = set(experiment.methods if names is None else names)
     lines = []
     for name in experiment.rank([m for m in experiment.methods if is_learner(m)], scene):
-        if name not in included:
+        if name not in selection:
             continue
         runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
         past = sum(r.score > r.uniform_score for r in runs)

@@ -57,18 +57,18 @@ class Episodes:
         observations = torch.zeros(number, pairs, len(mask))
         policy = rule(scene, shipped_references()["rule"]) if scene.hand else None
         self.desired_thickness, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
-        observed, running = env.reset(), np.ones(number, np.bool_)
+        observation, running = env.reset(), np.ones(number, np.bool_)
         for n in range(pairs):
-            observations[:, n] = torch.from_numpy(observed) * mask
+            observations[:, n] = torch.from_numpy(observation) * mask
             with torch.no_grad():
                 actions = self.actions(observations[:, n], n)[1].double().numpy()
             if policy is not None:
-                self.desired_thickness[:, n] = torch.from_numpy(policy(observed)[:, 1])
+                self.desired_thickness[:, n] = torch.from_numpy(policy(observation)[:, 1])
                 actions[:, 1] = self.desired_thickness[:, n]
-            observed, _, ended, infos = env.step(actions)
-            for b in np.flatnonzero(ended & running):
+            observation, _, terminated, infos = env.step(actions)
+            for b in np.flatnonzero(terminated & running):
                 self.infos[b] = infos[b]
-            running &= ~ended
+            running &= ~terminated
         complete = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
         self.observations, self.noise = observations[complete], self.noise[complete]
         self.desired_thickness = self.desired_thickness[complete]
@@ -109,19 +109,19 @@ class Episodes:
         schedule = torch.from_numpy(tempo.schedule(scene.count))
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # zero but for their gradient
         for n in range(scene.count - 1):
-            observed = self.observations[:, n].clone()
+            observation = self.observations[:, n].clone()
             if n:
                 earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
                 lateness = delay / (3.0 * tempo.tolerance)
-                observed[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
+                observation[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
                 bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
                 for k, (name, (low, high)) in enumerate(bounds.items()):
                     part = self.parts[name]
                     latest = changes[:, :n, k].flip(1)[:, : part.stop - part.start].float()
                     end = part.start + latest.shape[1]
-                    observed[:, part.start : end] += 2.0 / (high - low) * latest
-            actions = self.actions(observed, n)[1].double()
+                    observation[:, part.start : end] += 2.0 / (high - low) * latest
+            actions = self.actions(observation, n)[1].double()
             sizes = [_sizes(actions[:, 0], scene.spacing), _sizes(actions[:, 1], scene.thickness)]
             change = torch.stack([size - size.detach() for size in sizes], dim=1)
             changes = torch.cat([changes, change[:, None]], dim=1)

@@ -93,14 +93,14 @@ def make_dataset(
     require_writable(root)
     require_unused(root, (CARD, EPISODES))
     root.mkdir(parents=True, exist_ok=True)
-    sampled = [
+    sampled_scenes = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)
     ]
     settings = {"distribution": source.to_toml(), "budget": budget, "seed": seed}
     study = open_store(root / STORE).begin("layouts", "dataset", settings)
     tasks = [
         Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
-        for i, scene in enumerate(sampled)
+        for i, scene in enumerate(sampled_scenes)
     ]
     experiment = run_experiment(tasks, executor, study, name="layouts", progress=progress)
     if experiment.interrupted:
@@ -112,7 +112,7 @@ def make_dataset(
     partial = root / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, sampled, layouts, seed, noise, code_link)
+    returns = write_episodes(partial, source, sampled_scenes, layouts, seed, noise, code_link)
     partial.rename(root / EPISODES)
     options = {"scenes": scenes, "seed": seed, "budget": budget, "noise": noise}
     write_text(root / CARD, _card(source, results, returns, options))

@@ -103,9 +103,9 @@ def build(
     options = None if distribution is None else {"scene": scene}
     start = time.perf_counter()
     observation, _ = env.reset(seed=seeds[0], options=options)
-    ended = False
-    while not ended:
-        observation, _, ended, _, info = env.step(policy(observation))
+    terminated = False
+    while not terminated:
+        observation, _, terminated, _, info = env.step(policy(observation))
     layout = complete_layout(info["layout"], scene)
     seconds = time.perf_counter() - start
     wave = scene.simulate(layout)
@@ -160,10 +160,10 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
     values: list[Any] = [None] * env.num_envs
     running = np.ones(env.num_envs, np.bool_)
     while running.any():
-        observations, _, ended, _, info = env.step(policy(observations))
-        for b in np.flatnonzero(ended & running):
+        observations, _, terminated, _, info = env.step(policy(observations))
+        for b in np.flatnonzero(terminated & running):
             values[b] = info["final_info"][key][b]
-        running &= ~ended
+        running &= ~terminated
     return values
 
 

@@ -348,9 +348,9 @@ class VectorARS(ARS):
         returns = torch.zeros(num_envs)
         while running[:number].any():
             actions = torch.bmm(matrices, observations[:, :, None])[:, :, 0].clamp(-1.0, 1.0)
-            next_observations, rewards, ended, infos = env.step(actions.numpy())
+            next_observations, rewards, dones, infos = env.step(actions.numpy())
             returns += torch.from_numpy(rewards) * running
-            running &= ~torch.from_numpy(ended)
+            running &= ~torch.from_numpy(dones)
             self.num_timesteps += num_envs
             callback.update_locals({"infos": infos})
             callback.on_step()

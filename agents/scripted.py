@@ -133,13 +133,13 @@ def plan(scene: Scene) -> Rollout:
                 f'{len(actions) + 1} of "draw"; use rule'
             )
         return build(open_loop(scene, actions), scene)
-    known = best_known().get(scene.name)
-    if known is None or scene.violations(known.layout):
+    record = best_known().get(scene.name)
+    if record is None or scene.violations(record.layout):
         raise ValueError(
             f"no best known layout of scene '{scene.name}' ships: search one with `domino optimize`"
         )
-    wave, baseline = scene.simulate(known.layout), scene.uniform()
-    return average(Rollout(scene, known.layout, wave, known.score, baseline, 0.0))
+    wave, baseline = scene.simulate(record.layout), scene.uniform()
+    return average(Rollout(scene, record.layout, wave, record.score, baseline, 0.0))
 
 
 def rule(scene: Scene) -> Rollout:
@@ -157,7 +157,7 @@ def controller(scene: Scene) -> Rollout:
 
     Thicknesses are those of the plan. Gaps are clipped to their bounds.
     """
-    tempo, planned = scene.as_placed.tempo, plan(scene)
+    tempo, rollout = scene.as_placed.tempo, plan(scene)
     if tempo is None:
         raise ValueError(
             f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "
@@ -166,7 +166,7 @@ def controller(scene: Scene) -> Rollout:
     generators = map(np.random.default_rng, evaluation_seeds(scene))
     errors = np.array([scene.placement_errors(generator) for generator in generators])
     episodes = np.arange(len(errors))
-    thickness = np.tile(planned.layout.thickness[1:], (len(errors), 1))
+    thickness = np.tile(rollout.layout.thickness[1:], (len(errors), 1))
     gaps, (low, high) = np.empty(errors.shape), scene.spacing
     start, simulations = time.perf_counter(), 0
     for n, due in enumerate(tempo.schedule(scene.count)):
@@ -184,7 +184,7 @@ def controller(scene: Scene) -> Rollout:
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])
     return replace(
-        planned,
+        rollout,
         layout=layout,
         wave=scene.simulate(layout),
         score=float(scores.mean()),

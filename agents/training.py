@@ -125,9 +125,9 @@ class Run:
         assert self.rollout is not None
         scene, uniform = self.rollout.scene, self.rollout.uniform.score
         lines = {f"uniform baseline {uniform:.4f}": uniform}
-        known = best_known().get(scene.name)
-        if known is not None:
-            lines[f"best known {known.score:.4f}"] = known.score
+        record = best_known().get(scene.name)
+        if record is not None:
+            lines[f"best known {record.score:.4f}"] = record.score
         table = np.array(self.curve)
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
         process = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"

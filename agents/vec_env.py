@@ -81,15 +81,15 @@ class DominoVecEnv(VecEnv):
         tuple
             Observations (B, O), rewards (B,), ends of episodes (B,) and a list of B infos.
         """
-        observations, rewards, ended, _, info = self.vector.step(self._actions)
+        observations, rewards, dones, _, info = self.vector.step(self._actions)
         self._returns += rewards
         self._lengths += 1
         infos: list[dict[str, Any]] = [{}] * self.num_envs
-        if ended.any():
+        if dones.any():
             elapsed = time.perf_counter() - self._start
             final = info["final_info"]
             keys = [key for key in final if not key.startswith("_")]
-            for i in np.flatnonzero(ended):
+            for i in np.flatnonzero(dones):
                 infos[i] = {key: final[key][i] for key in keys} | {
                     "terminal_observation": info["final_obs"][i],
                     "TimeLimit.truncated": False,
@@ -99,9 +99,9 @@ class DominoVecEnv(VecEnv):
                         "t": round(elapsed, 6),
                     },
                 }
-            self._returns[ended] = 0.0
-            self._lengths[ended] = 0
-        return observations, rewards.astype(np.float32), ended, infos
+            self._returns[dones] = 0.0
+            self._lengths[dones] = 0
+        return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Close the native environment."""

@@ -52,8 +52,8 @@ def require_executor(executor: object) -> None:
     """Raise a TypeError for anything but an executor or None."""
     from domino_env.core.checks import require_type
 
-    wanted = "a concurrent.futures.Executor, as open_executor(2) yields, or None"
-    require_type("executor", executor, futures.Executor | None, wanted)
+    expected = "a concurrent.futures.Executor, as open_executor(2) yields, or None"
+    require_type("executor", executor, futures.Executor | None, expected)
 
 
 @contextmanager
@@ -131,8 +131,8 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
                 return future.result()
             except BrokenProcessPool:
                 with self._lock:
-                    broken = self._pools.pop(thread)
-                broken.shutdown()
+                    pool = self._pools.pop(thread)
+                pool.shutdown()
         raise WorkerLost(
             f"its worker process died each of the {ATTEMPTS} times that it ran (killed, out of "
             "memory, or started by a script without `if __name__ == '__main__':`)"
@@ -228,10 +228,10 @@ def require_same_versions(client: Any, address: str) -> None:
             f"the Dask workers at {address} cannot import {error.name}: install domino-chains "
             "there, and where the scheduler runs"
         ) from None
-    for worker, installed in remote.items():
-        if installed != versions():
+    for worker, version in remote.items():
+        if version != versions():
             raise ValueError(
-                f"the Dask worker {worker} has {installed}, and here it is {versions()}: results "
+                f"the Dask worker {worker} has {version}, and here it is {versions()}: results "
                 "may differ; install the same versions"
             )
 

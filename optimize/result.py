@@ -100,8 +100,8 @@ class SearchResult(SceneResult):
         wave, uniform = self.wave, self.uniform
         search = document(self, "method seed score gain evaluations seconds interrupted")
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
-        simulated = document(wave, f"{quantities} largest_flush_loss")
-        return {"scene": self.scene.name} | search | simulated | {
+        simulation = document(wave, f"{quantities} largest_flush_loss")
+        return {"scene": self.scene.name} | search | simulation | {
             "ended": self.stop_reason,
             "score_in_words": self.scene.format_score(self.score, wave),
             "length": self.layout.length,

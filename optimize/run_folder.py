@@ -80,14 +80,14 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     if not path.exists():
         return 0
     with errors_with_path(path):
-        known = read_model(SummaryDocument, read_json(path))
+        summary = read_model(SummaryDocument, read_json(path))
     identity = (method, seed, versions(), scene)
-    if (known.method, known.seed, known.versions, load_scene(folder / SCENE)) != identity:
+    if (summary.method, summary.seed, summary.versions, load_scene(folder / SCENE)) != identity:
         raise ValueError(
-            f"{folder} holds a search by {known.method} with seed {known.seed}, or of another "
+            f"{folder} holds a search by {summary.method} with seed {summary.seed}, or of another "
             "scene or version of the software: begin anew in another folder, without --resume"
         )
-    return known.evaluations
+    return summary.evaluations
 
 
 def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> None:

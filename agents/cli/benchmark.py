@@ -52,23 +52,23 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
 
-    chosen = arguments.algorithms or [*ALGORITHMS, *BASELINES]
+    algorithms = arguments.algorithms or [*ALGORITHMS, *BASELINES]
     tasks = benchmark_tasks(
-        arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
+        arguments.scenes or SCENES, algorithms, arguments.seeds, arguments.steps, arguments.seconds
     )
     folder = Path(arguments.out)
     previous = read_runs(folder / RUNS, {read_target(task.scene) for task in tasks})
     if arguments.page:
         experiment = merge_runs(previous)
     else:
-        if {*chosen} & {*ALGORITHMS}:
+        if {*algorithms} & {*ALGORITHMS}:
             require_learning()
         with open_executor(arguments.workers, arguments.dask) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
-            stored = study.results()
+            results = study.results()
             for result in previous:
-                if result.key not in stored:
+                if result.key not in results:
                     study.add(result)
             experiment = run_experiment(tasks, executor, study, name="benchmark", progress=None)
             experiment = merge_runs(previous, experiment)

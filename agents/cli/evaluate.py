@@ -65,8 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     many = isinstance(scene, SceneDistribution) or arguments.scenes is not None
     if isinstance(scene, SceneDistribution):
         arguments.distribution, scene = arguments.scene, None
-    sampled = arguments.distribution and load_distribution(arguments.distribution)
-    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
+    distribution = arguments.distribution and load_distribution(arguments.distribution)
+    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=distribution)
     if many:
         return _evaluate_scenes(policy, arguments)
     if isinstance(policy, ScenePolicy):
@@ -120,8 +120,8 @@ def sentence(rollout: Rollout) -> str:
     text = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
     if rollout.gain is not None:
         text += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
-    known = best_known().get(scene.name)
-    best: float | None = None if known is None else known.score
+    record = best_known().get(scene.name)
+    best: float | None = None if record is None else record.score
     reference = "the best known"
     if (number := len(evaluation_seeds(scene))) > 1:
         best, reference = None, f"the open-loop plan over the same {number} episodes"

@@ -42,10 +42,10 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     thickness = np.clip(
         np.sqrt(thin * thick) * np.exp(np.clip(outputs[..., 1], -9.0, 9.0)), thin, thick
     )
-    proposed = h * np.exp(np.clip(outputs[..., 0], -LARGEST_SHIFT, LARGEST_GAP))
+    proposal = h * np.exp(np.clip(outputs[..., 0], -LARGEST_SHIFT, LARGEST_GAP))
     is_tight = np.arange(pairs) >= pairs - tight[:, None]
     if scene.length is None:
-        return np.where(is_tight, least, np.clip(proposed, least, largest)), thickness
+        return np.where(is_tight, least, np.clip(proposal, least, largest)), thickness
     if thin < thick:  # thicknesses for which gaps within their bounds give the length
         for end, compare in ((pairs * least, np.greater), (pairs * largest, np.less)):
             is_out = compare(thickness.sum(axis=1), scene.length - end)
@@ -56,7 +56,7 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     low, high = np.full((number, 1), -LARGEST_SHIFT), np.full((number, 1), LARGEST_SHIFT)
     for _ in range(HALVINGS):
         shift = 0.5 * (low + high)
-        gaps = np.where(is_tight, least, np.clip(proposed * np.exp(shift), least, largest))
+        gaps = np.where(is_tight, least, np.clip(proposal * np.exp(shift), least, largest))
         is_short = gaps.sum(axis=1) < totals
         low[is_short], high[~is_short] = shift[is_short], shift[~is_short]
     error = totals - gaps.sum(axis=1)

@@ -57,14 +57,14 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
     if free and has_length:
         return ("free thickness with a given length",)
     name = "varied-thickness" if free else "varied-course" if has_length else "varied"
-    trained = _distribution(name)
+    distribution = _distribution(name)
     values = dict(zip(FEATURES, scene_features(scene), strict=True))
     values["length"] = values["pitch"] * (scene.count - 1)
     if not free:
         values["thickness fixed"] = values["thickness min"]
     return tuple(
         f"{name} {values[name]:.4g} is outside {bounds.min:.4g} to {bounds.max:.4g}"
-        for name, bounds in zip(trained.features, trained.ranges.values(), strict=True)
+        for name, bounds in zip(distribution.features, distribution.ranges.values(), strict=True)
         if not bounds.min * (1.0 - 1e-9) <= values[name] <= bounds.max * (1.0 + 1e-9)
     )
 
@@ -146,15 +146,15 @@ def observations(features: Floats, tight: Floats) -> Floats:
     pairs = int(features[2]) - 1
     k = np.asarray(tight, dtype=np.float64)
     index = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
-    left = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps before the tight ones begin
+    distance = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps before the tight ones begin
     entries = np.empty((len(k), pairs, SIZE))
     entries[..., :SCENE_SIZE] = scale_features(features)
     c = SCENE_SIZE
     entries[..., c] = 2.0 * index / (pairs - 1) - 1.0
     entries[..., c + 1] = np.log1p(index) / 2.0 - 1.0
-    entries[..., c + 2] = np.log1p(left) / 2.0 - 1.0
+    entries[..., c + 2] = np.log1p(distance) / 2.0 - 1.0
     entries[..., c + 3], entries[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
     for j, scale in enumerate(SCALES):
         entries[..., c + 5 + 2 * j] = np.exp(-index / scale)
-        entries[..., c + 6 + 2 * j] = np.exp(-left / scale)
+        entries[..., c + 6 + 2 * j] = np.exp(-distance / scale)
     return entries.reshape(-1, SIZE)

@@ -45,20 +45,20 @@ def run(arguments: argparse.Namespace) -> int:
     records = best_known()
     for name in arguments.scenes:
         require_choice("SCENE", name, records)
-    chosen = {name: records[name] for name in arguments.scenes or records}
+    selection = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update need --verify: add it")
     if arguments.layout and len(arguments.scenes) != 1:
         raise ValueError(f"--layout writes one layout, not {len(arguments.scenes)}: give one SCENE")
-    scenes = {name: load_scene(name) for name in chosen}
+    scenes = {name: load_scene(name) for name in selection}
     if arguments.layout:
-        ((name, record),) = chosen.items()
+        ((name, record),) = selection.items()
         scene_file = write_layout(record.layout, arguments.layout, scenes[name])
         print(f"written to {arguments.layout}, the scene to {scene_file}")
         return 0
     if arguments.verify:
-        return _verify(chosen, scenes, arguments)
-    print("\n".join(_table(chosen, scenes)))
+        return _verify(selection, scenes, arguments)
+    print("\n".join(_table(selection, scenes)))
     return 0
 
 
@@ -71,10 +71,10 @@ def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]
     for name, record in records.items():
         scene = scenes[name]
         score = scene.format_score(record.score, scene.simulate(record.layout))
-        verified = known_verification(record.layout, scene.physics)
+        verifications = known_verification(record.layout, scene.physics)
         difference = "not verified"
-        if verified is not None:
-            difference = f"at most {verified.checks[0].largest:.3%} apart"
+        if verifications is not None:
+            difference = f"at most {verifications.checks[0].largest:.3%} apart"
         lines.append((name, score, record.method, difference))
     return text_table(("scene", "best known", "method", "reference simulator"), lines)
 
@@ -90,14 +90,14 @@ def _verify(
     if arguments.engine:
         engine_name()  # raises at once if the engine is not installed
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
+    verifications = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
-        write_json({name: asdict(checks) for name, checks in verified.items()}, arguments.json)
+        write_json({name: asdict(checks) for name, checks in verifications.items()}, arguments.json)
     if arguments.update:
-        write_verified(read_verified() | verified)
-    verdicts = Counter(checks.verdict.partition(":")[0] for checks in verified.values())
+        write_verified(read_verified() | verifications)
+    verdicts = Counter(checks.verdict.partition(":")[0] for checks in verifications.values())
     if arguments.json != "-":
         numbers = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
-        print("\n" + "\n".join(known_table(verified)))
+        print("\n" + "\n".join(known_table(verifications)))
         print(f"\nlayouts on fixed pivots: {numbers}")
     return int(verdicts["DIFFERS"] > 0)

@@ -88,8 +88,8 @@ def open_study(
     if name is None:
         equal = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
         names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
-        unused = next(name for name in names if name not in studies)
-        name = equal[-1] if arguments.resume and equal else unused
+        unused_name = next(name for name in names if name not in studies)
+        name = equal[-1] if arguments.resume and equal else unused_name
     return store.begin(name, kind, settings)
 
 
@@ -127,9 +127,9 @@ def run_study(
         study = open_study(arguments, kind, default, tasks)
         folder = Path(arguments.out or f"runs/{study.name}")
         next_step = f"results are in study '{study.name}'; the same command with --resume continues"
-        stored = f", {study.result_count} of them done before" if study.result_count else ""
+        progress = f", {study.result_count} of them done before" if study.result_count else ""
         number = amount(len(tasks), "search")
-        print(f"study '{study.name}' in {arguments.store}: {number}{stored}", flush=True)
+        print(f"study '{study.name}' in {arguments.store}: {number}{progress}", flush=True)
         try:
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options

@@ -93,8 +93,8 @@ class FeasibleSet:
         if self.stock is not None:
             gaps = self.total - float(self.stock.dominoes.sum())
             return gaps, gaps
-        unlisted = ~self.is_listed
-        largest, smallest = float(self.high[unlisted].sum()), float(self.low[unlisted].sum())
+        is_unlisted = ~self.is_listed
+        largest, smallest = float(self.high[is_unlisted].sum()), float(self.low[is_unlisted].sum())
         return self.total - largest, self.total - smallest
 
     def project(self, values: Floats) -> Floats:
@@ -116,10 +116,10 @@ class FeasibleSet:
                 nearest[b, free] = self._project(values[b : b + 1, free], free, float(sums[b]))[0]
         return nearest
 
-    def _project(self, values: Floats, selected: Bools, total: float | None) -> Floats:
+    def _project(self, values: Floats, mask: Bools, total: float | None) -> Floats:
         """Project the selected entries (n,), which are on no list."""
-        low, high = self.low[selected], self.high[selected]
-        change = self.change[selected[:-1] & selected[1:]]
+        low, high = self.low[mask], self.high[mask]
+        change = self.change[mask[:-1] & mask[1:]]
         if np.isfinite(change).any():
             return nearest_smooth(values, low, high, change, total)
         values = np.clip(values, low, high)

@@ -127,8 +127,8 @@ class Lists:
         levels = np.empty(targets.shape, dtype=np.int64)
         for level, costs in zip(levels, cost.reshape(len(targets), -1), strict=True):
             number = min(max(int((costs < 0.0).sum()), low), high)
-            chosen = np.argpartition(costs, min(number, costs.size - 1))[:number]
-            level[:] = np.bincount(chosen // (width - 1), minlength=n)
+            step_indices = np.argpartition(costs, min(number, costs.size - 1))[:number]
+            level[:] = np.bincount(step_indices // (width - 1), minlength=n)
         return levels
 
 

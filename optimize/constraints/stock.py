@@ -39,16 +39,16 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
 
     places, kinds = costs.shape
     is_limited = changes < places  # else the corners are whole numbers by themselves
-    chosen = cp.Variable((places, kinds), boolean=is_limited)
-    rules = [cp.sum(chosen, axis=1) == 1.0, cp.sum(chosen, axis=0) <= count, chosen >= 0.0]
+    choice = cp.Variable((places, kinds), boolean=is_limited)
+    rules = [cp.sum(choice, axis=1) == 1.0, cp.sum(choice, axis=0) <= count, choice >= 0.0]
     if is_limited:
-        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], chosen)) >= places - changes)
-    scaled = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
-    programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled, chosen))), rules)
+        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], choice)) >= places - changes)
+    scaled_costs = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
+    programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled_costs, choice))), rules)
     programme.solve(solver=cp.HIGHS)
-    if chosen.value is None:
+    if choice.value is None:
         raise RuntimeError(f"the assignment was not solved: {programme.status}")
-    return np.asarray(np.argmax(chosen.value, axis=1))
+    return np.asarray(np.argmax(choice.value, axis=1))
 
 
 def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
@@ -75,9 +75,9 @@ def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
     order = np.argsort(targets, axis=1, kind="stable")
     rising = np.take_along_axis(targets, order, axis=1)
     exact = len(dominoes) == targets.shape[1]
-    chosen = np.broadcast_to(dominoes, targets.shape) if exact else _best_subset(rising, dominoes)
+    choice = np.broadcast_to(dominoes, targets.shape) if exact else _best_subset(rising, dominoes)
     nearest = np.empty_like(rising)
-    np.put_along_axis(nearest, order, chosen, axis=1)
+    np.put_along_axis(nearest, order, choice, axis=1)
     return nearest
 
 
@@ -99,8 +99,8 @@ def _best_subset(rising: Floats, dominoes: Floats) -> Floats:
         square = (dominoes[i : i + spare + 1] - rising[:, i : i + 1]) ** 2
         cost = np.take_along_axis(cost, best, axis=1) + square
     omitted = np.argmin(cost, axis=1)
-    chosen = np.empty((batch, n))
+    choice = np.empty((batch, n))
     for i in range(n - 1, -1, -1):
-        chosen[:, i] = dominoes[i + omitted]
+        choice[:, i] = dominoes[i + omitted]
         omitted = omissions[i, np.arange(batch), omitted]
-    return chosen
+    return choice

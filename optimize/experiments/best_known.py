@@ -71,8 +71,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     >>> best_known()["sprint"].layout.count
     40
     """
-    wanted = "a pathlib.Path, or None; best_known()['sprint'] is the record of a scene"
-    require_type("path", path, Path | None, wanted)
+    expected = "a pathlib.Path, or None; best_known()['sprint'] is the record of a scene"
+    require_type("path", path, Path | None, expected)
     path = path or PATH
     if not path.exists():
         return {}

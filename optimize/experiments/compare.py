@@ -74,8 +74,8 @@ def compare(
     """
     if (seconds is None) == (budget is None):
         raise ValueError(f"budget = {budget}, seconds = {seconds}: give exactly one of the two")
-    loaded = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
-    tasks = plan_tasks(loaded, methods, seeds, budget, seconds)
+    scene_objects = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
+    tasks = plan_tasks(scene_objects, methods, seeds, budget, seconds)
     return run_experiment(tasks, known_score=known_score, **options)
 
 

@@ -134,11 +134,11 @@ def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:
     value = np.asarray(statistic(runs))
     if min(group.shape[-1] for group in runs) < LEAST_RUNS:
         return Estimate(value, None)
-    resampled = []
+    statistics = []
     for _ in range(RESAMPLES // CHUNK):
         indices = [rng.integers(g.shape[-1], size=(CHUNK, g.shape[-1])) for g in runs]
         samples = [group[..., index] for group, index in zip(runs, indices, strict=True)]
-        resampled.append(statistic(samples))
-    spread = np.concatenate(resampled, axis=-1)
+        statistics.append(statistic(samples))
+    spread = np.concatenate(statistics, axis=-1)
     spread.sort(axis=-1)  # no interpolation: before the first layout a score is -inf
     return Estimate(value, (spread[..., EXCLUDED], spread[..., -1 - EXCLUDED]))

@@ -113,8 +113,8 @@ class Experiment:
         clock
             Key of `CLOCKS`; None for that of the limit.
         """
-        improved, scores = self.best_steps(result, clock)
-        last = np.searchsorted(improved, times, side="right") - 1
+        step_times, scores = self.best_steps(result, clock)
+        last = np.searchsorted(step_times, times, side="right") - 1
         return np.where(last >= 0, scores[np.maximum(last, 0)], -np.inf)
 
     # shortfalls from the best known -------------------------------------------------------------
@@ -164,10 +164,10 @@ class Experiment:
 
         It is the mean over the problems on which both have runs; None if there is none.
         """
-        shared = [p for p in self.problems if self.runs(first, p) and self.runs(second, p)]
-        if not shared:
+        problems = [p for p in self.problems if self.runs(first, p) and self.runs(second, p)]
+        if not problems:
             return None
-        scores = [[self.final_scores(m, p)[0] for p in shared] for m in (first, second)]
+        scores = [[self.final_scores(m, p)[0] for p in problems] for m in (first, second)]
         return improvement(*scores)
 
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
@@ -237,9 +237,9 @@ class Experiment:
         )
 
 
-def first_time(times: Floats, reached: np.ndarray) -> float:
+def first_time(times: Floats, condition: np.ndarray) -> float:
     """Return the first time at which a condition holds; inf if it never does."""
-    return float(times[reached.argmax()]) if reached.any() else np.inf
+    return float(times[condition.argmax()]) if condition.any() else np.inf
 
 
 def best_of_problems(
@@ -261,9 +261,9 @@ def best_of_problems(
     """
     best: dict[str, float] = {}
     for problem, runs in group_runs(results, "problem").items():
-        known = known_score(runs[0])
-        is_kept = fixed and known > -np.inf
-        best[problem] = known if is_kept else max(known, *(run.score for run in runs))
+        reference = known_score(runs[0])
+        is_kept = fixed and reference > -np.inf
+        best[problem] = reference if is_kept else max(reference, *(run.score for run in runs))
     return best
 
 

@@ -140,11 +140,11 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     for key, method in product(keys[:MAX_PANELS], experiment.methods):
         values: dict[float, list[float]] = {}
         for r in experiment.runs(method):
-            drawn = values.setdefault(places[key][r.labels[key]], [])
+            points = values.setdefault(places[key][r.labels[key]], [])
             if not unit:
-                drawn.append(r.score)
+                points.append(r.score)
             elif r.gain is not None:
-                drawn.append(100.0 * r.gain)
+                points.append(100.0 * r.gain)
         x = np.array(sorted(values))
         bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
         median, low, high = np.array([(median, *band) for median, band in bands]).T

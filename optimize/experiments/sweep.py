@@ -132,8 +132,8 @@ def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") ->
                 raise ValueError(f"{place}: '{key}': {part} is no table of the scene's file")
         if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
             # one form of a range replaces another; min, max and step are one form
-            replaced = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
-            for name_of_range in replaced:
+            other_keys = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
+            for name_of_range in other_keys:
                 table.pop(name_of_range, None)
         table[last] = copy.deepcopy(value)
     scene = scene_from_document(document, name, place)
@@ -221,12 +221,12 @@ def plan_sweep(
         base, name, file = scene.document(), scene.name, ""
     else:  # only the points are checked: they may replace invalid values of the file
         base, name, file = read_named(scene)
-    parsed = [parse_axis(axis) for axis in as_list(axes)]
-    if not parsed:
+    axis_values = [parse_axis(axis) for axis in as_list(axes)]
+    if not axis_values:
         raise ValueError(f"no key is varied: add --set; {SYNTAX}")
-    require_distinct(keys=[key for key, _ in parsed])
+    require_distinct(keys=[key for key, _ in axis_values])
     require("seeds", seeds, 1, whole=True)
-    points = grid(dict(parsed))
+    points = grid(dict(axis_values))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
     scenes = [make_scene(base, name, point, file) for point in points]

@@ -58,20 +58,20 @@ def verify_records(
             for name, record in records.items()
             for floor in all_floors
         }
-        verified = {}
+        verifications = {}
         for name, record in records.items():
             scene, waves = scenes[name], [jobs[name, floor].result() for floor in all_floors]
             fixed = waves[0][0]
             verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
-            verified[name] = Verified(
+            verifications[name] = Verified(
                 digest=digest(record.layout, scene.physics), count=record.layout.count,
                 first=fixed.layout.count, verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),
             )  # fmt: skip
-            report(f"{name}: {verified[name].verdict}")
+            report(f"{name}: {verifications[name].verdict}")
     finally:
         pool.shutdown(cancel_futures=True)
-    return verified
+    return verifications
 
 
 def _shorten(layout: Layout) -> Layout:
@@ -111,8 +111,8 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             placed = scene.as_placed  # the layout as simulated, without further placement errors
             score = placed.format_score(placed.score(rigid_wave), rigid_wave)
         # a layout of which a domino does not topple has no gain
-        compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
-        own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
+        is_compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
+        own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if is_compared else None
         checks.append(Check(
             layout="uniform" if k == 1 else "best", simulator=rigid.simulator,
             floor=rigid.floor_friction, last=last if np.isfinite(last) else None,

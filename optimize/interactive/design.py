@@ -158,8 +158,8 @@ class Design:
             distance = np.abs(np.arange(space.dimension) % pairs - entry % pairs)
             nearest = np.argsort(distance, kind="stable")
             for k in nearest[(nearest != entry) & space.is_continuous[nearest]]:
-                changed = min(max(values[k] + difference, low[k]), high[k])
-                difference, values[k] = difference - (changed - values[k]), changed
+                new_value = min(max(values[k] + difference, low[k]), high[k])
+                difference, values[k] = difference - (new_value - values[k]), new_value
             values[entry] += difference
         self.show(self._nearest(space, values))
 

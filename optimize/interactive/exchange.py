@@ -65,13 +65,13 @@ def _scene_for(layout: Layout, default: Scene | None) -> Scene:
         return default
     if layout.count < 2:
         raise ValueError("one domino has no gap: give a layout of two or more")
-    thick, gaps = layout.thickness, layout.spacing
+    thickness, gaps = layout.thickness, layout.spacing
     return Scene(
         name=NAME, title=TITLE, count=layout.count,
         height=float(layout.height[0]), width=layout.width,
-        density=float(layout.density[0]), first_thickness=float(thick[0]),
+        density=float(layout.density[0]), first_thickness=float(thickness[0]),
         spacing=(min(USUAL_GAPS[0], float(gaps.min())), max(USUAL_GAPS[1], float(gaps.max()))),
-        thickness=(float(thick[1:].min()), float(thick[1:].max())),
+        thickness=(float(thickness[1:].min()), float(thickness[1:].max())),
         physics=default.physics if default else Physics(),
     )  # fmt: skip
 
@@ -165,8 +165,8 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
 def make_link(design: Design) -> str:
     """Return the query of a link that contains scene and layout, for `read_link`."""
     texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
-    packed = zlib.compress(json.dumps(texts).encode(), 9)
-    return f"?{KEY}={base64.urlsafe_b64encode(packed).decode().rstrip('=')}"
+    data = zlib.compress(json.dumps(texts).encode(), 9)
+    return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
 
 def read_link(text: str) -> Design:
@@ -179,8 +179,8 @@ def read_link(text: str) -> Design:
     """
     with errors_with_path("the design in the link"):
         try:
-            packed = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
-            scene, layout = json.loads(zlib.decompressobj().decompress(packed, LARGEST_LINK))
+            data = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
+            scene, layout = json.loads(zlib.decompressobj().decompress(data, LARGEST_LINK))
             files = {"scene.toml": scene.encode(), "layout.csv": layout.encode()}
         except (zlib.error, ValueError, TypeError, AttributeError, RecursionError):
             raise ValueError("it was cut or changed: copy the whole link") from None

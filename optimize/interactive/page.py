@@ -272,10 +272,10 @@ class Page:
 
         def run() -> None:
             try:
-                then = partial(function, work())
+                reply = partial(function, work())
             except (ValueError, ArithmeticError) as error:
-                then = partial(self.notify, str(error), "error")
-            self._schedule(then)
+                reply = partial(self.notify, str(error), "error")
+            self._schedule(reply)
 
         threading.Thread(target=run, daemon=True).start()
 
@@ -340,15 +340,15 @@ class Page:
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
         design, scene, uniform = self.design, self.design.scene, self.design.uniform
-        record, kept = known_record(scene), self._kept_layout
-        others = {
+        record, kept_layout = known_record(scene), self._kept_layout
+        layouts = {
             UNIFORM_NAME: uniform.layout if uniform else None,
             "best known layout": record.layout if record else None,
-            KEPT: kept if kept and not scene.violations(kept) else None,
+            KEPT: kept_layout if kept_layout and not scene.violations(kept_layout) else None,
         }
         # a name stays while its layout is computed
-        self.compare.options = [NOTHING, UNIFORM_NAME, *(n for n in [*others][1:] if others[n])]
-        compared = others.get(self.compare.value)
+        self.compare.options = [NOTHING, UNIFORM_NAME, *(n for n in [*layouts][1:] if layouts[n])]
+        compared = layouts.get(self.compare.value)
         other = None if compared is None else scene.simulate(compared)
         for curve in self.curves.values():
             curve.draw((design.wave, uniform.wave if uniform else None, other))

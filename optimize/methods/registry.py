@@ -93,13 +93,13 @@ def load(name: str | Method) -> Method:
     if not isinstance(name, str):
         return _check_signature(name, method_name(name))
     prefix, colon, text = name.partition(":")
-    installed = {} if name in METHODS else installed_methods()
-    if prefix in installed and bool(colon) == (prefix in WITH_ARGUMENT):
-        method = installed[prefix].load()
+    entries = {} if name in METHODS else installed_methods()
+    if prefix in entries and bool(colon) == (prefix in WITH_ARGUMENT):
+        method = entries[prefix].load()
         return cast("Method", method(text) if colon else method)
-    if colon and text and prefix not in (*METHODS, *installed):
+    if colon and text and prefix not in (*METHODS, *entries):
         return _check_signature(import_function(name), name)
-    names = [prefix + ":RUN" * (prefix in WITH_ARGUMENT) for prefix in installed]
+    names = [prefix + ":RUN" * (prefix in WITH_ARGUMENT) for prefix in entries]
     require_choice("method", name, [*METHODS, *THIRD_PARTY, *names, "package.module:function"])
     function, package = (METHODS[name], None) if name in METHODS else THIRD_PARTY[name]
     if package is not None:

@@ -54,8 +54,8 @@ def is_long(scene: Scene) -> bool:
     They do if the score rewards speed and the rules are the same for every domino and any count: no
     stock, no growing heights, no uneven ground, no length with gaps from a list.
     """
-    listed = scene.spacing_values is not None or scene.thickness_values is not None
-    is_homogeneous = scene.is_homogeneous and not (listed and scene.length is not None)
+    has_list = scene.spacing_values is not None or scene.thickness_values is not None
+    is_homogeneous = scene.is_homogeneous and not (has_list and scene.length is not None)
     return scene.count >= LONG_COUNT and scene.criterion.rewards_speed and is_homogeneous
 
 

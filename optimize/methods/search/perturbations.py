@@ -37,19 +37,19 @@ NEIGHBOURS = 4  # places within which two values are exchanged
 def set_tight_gaps(design: Floats, count: int) -> Floats:
     """Give a design exactly `count` tight gaps at its end; the gaps before them move along."""
     tight = count_tight_gaps(design)
-    changed = shift_second_half(design, count - tight) if tight else design.copy()
+    result = shift_second_half(design, count - tight) if tight else design.copy()
     if count:
-        changed[0, -count:] = 0.0
-    if count < changed.shape[1] and changed[0, -count - 1] <= FACE_DISTANCE:
-        wide = np.flatnonzero(design[0] > FACE_DISTANCE)
-        changed[0, -count - 1] = design[0, wide[-1]] if len(wide) else WIDE_GAP
-    return changed
+        result[0, -count:] = 0.0
+    if count < result.shape[1] and result[0, -count - 1] <= FACE_DISTANCE:
+        wide_gaps = np.flatnonzero(design[0] > FACE_DISTANCE)
+        result[0, -count - 1] = design[0, wide_gaps[-1]] if len(wide_gaps) else WIDE_GAP
+    return result
 
 
 def count_tight_gaps(design: Floats) -> int:
     """Count the gaps at the end that are at their lower bound."""
-    wide = np.flatnonzero(design[0] > FACE_DISTANCE)
-    return int(design.shape[1] - 1 - wide[-1]) if len(wide) else int(design.shape[1])
+    wide_gaps = np.flatnonzero(design[0] > FACE_DISTANCE)
+    return int(design.shape[1] - 1 - wide_gaps[-1]) if len(wide_gaps) else int(design.shape[1])
 
 
 def shift_second_half(design: Floats, places: int) -> Floats:
@@ -73,10 +73,10 @@ def change_tight_gaps(design: Floats, donor: Floats, rng: np.random.Generator) -
 def shift_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Move the part before the tight end one or two places on or back; the end stays."""
     tight = count_tight_gaps(design)
-    changed = shift_second_half(design, int(rng.choice([-2, -1, 1, 2])))
+    result = shift_second_half(design, int(rng.choice([-2, -1, 1, 2])))
     if tight:
-        changed[:, -tight:] = design[:, -tight:]
-    return changed
+        result[:, -tight:] = design[:, -tight:]
+    return result
 
 
 def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
@@ -85,12 +85,12 @@ def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     if free < LEAST_FREE:
         return change_all(design, donor, rng)
     start, end = _random_stretch(free, rng) if rng.random() < STRETCH_PART else (1, free - 1)
-    changed = design.copy()
+    result = design.copy()
     for _ in range(int(rng.integers(SMALLEST_PASSES, MOST_PASSES + 1))):
-        inner = changed[:, start:end]
+        inner = result[:, start:end]
         padded = np.concatenate([inner[:, :1], inner, inner[:, -1:]], axis=1)
-        changed[:, start:end] = 0.25 * padded[:, :-2] + 0.5 * inner + 0.25 * padded[:, 2:]
-    return changed
+        result[:, start:end] = 0.25 * padded[:, :-2] + 0.5 * inner + 0.25 * padded[:, 2:]
+    return result
 
 
 def change_all(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
@@ -102,10 +102,10 @@ def change_all(design: Floats, donor: Floats, rng: np.random.Generator) -> Float
 def change_stretch(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Change a few neighbours at random."""
     start, end = _random_stretch(design.shape[1], rng)
-    changed = design.copy()
+    result = design.copy()
     size = 10.0 ** rng.uniform(*STRETCH_CHANGES)
-    changed[:, start:end] += size * rng.standard_normal((len(design), end - start))
-    return changed
+    result[:, start:end] += size * rng.standard_normal((len(design), end - start))
+    return result
 
 
 def bend(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
@@ -127,9 +127,9 @@ def join(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
 def exchange(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Take a stretch from another good layout."""
     start, end = _random_stretch(design.shape[1], rng)
-    changed = design.copy()
-    changed[:, start:end] = donor[:, start:end]
-    return changed
+    result = design.copy()
+    result[:, start:end] = donor[:, start:end]
+    return result
 
 
 def repeat_place(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
@@ -141,22 +141,22 @@ def repeat_place(design: Floats, donor: Floats, rng: np.random.Generator) -> Flo
 
 def change_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Replace a value at the end: by a face of the box or by any value."""
-    changed = design.copy()
+    result = design.copy()
     part = int(rng.integers(len(design)))
     place = int(rng.integers(1, min(END_PLACES, design.shape[1]) + 1))
-    changed[part, -place] = rng.choice([0.0, 1.0, rng.random()])
-    return changed
+    result[part, -place] = rng.choice([0.0, 1.0, rng.random()])
+    return result
 
 
 def swap(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
     """Exchange two places near each other, in one part or in all."""
     pairs = design.shape[1]
-    changed = design.copy()
+    result = design.copy()
     i = int(rng.integers(pairs))
     j = int(np.clip(i + rng.integers(-NEIGHBOURS, NEIGHBOURS + 1), 0, pairs - 1))
     parts = slice(None) if rng.random() < 0.5 else [int(rng.integers(len(design)))]
-    changed[parts, i], changed[parts, j] = design[parts, j], design[parts, i]
-    return changed
+    result[parts, i], result[parts, j] = design[parts, j], design[parts, i]
+    return result
 
 
 def _add_inside(design: Floats, step: Floats) -> Floats:

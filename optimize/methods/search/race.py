@@ -125,9 +125,9 @@ def starts(problem: Problem) -> Floats:
         designs += [perturbations.set_tight_gaps(columns, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(designs):
-            thick = design.copy()
-            thick[-1, -THICK_DOMINOES:] = 1.0
-            designs.append(thick)
+            thick_end = design.copy()
+            thick_end[-1, -THICK_DOMINOES:] = 1.0
+            designs.append(thick_end)
     return unique_points(np.array([design.ravel() for design in designs]))
 
 
@@ -176,7 +176,7 @@ class _Elite:
     """
 
     problem: Problem
-    ranked: list[tuple[float, Floats]] = field(default_factory=list)
+    layouts: list[tuple[float, Floats]] = field(default_factory=list)
     weights: Floats = field(default_factory=lambda: np.ones(len(PERTURBATIONS)))
     migrants: list[Floats] = field(default_factory=list)
     idle: int = 0
@@ -184,24 +184,24 @@ class _Elite:
     @property
     def score(self) -> float:
         """Best score."""
-        return self.ranked[0][0]
+        return self.layouts[0][0]
 
     def add(self, score: float, design: Floats) -> None:
         """Add a layout, unless one that is alike is as good."""
 
-        def is_alike(known: Floats) -> bool:
-            return float(np.abs(known - design).max()) < ALIKE_DISTANCE
+        def is_alike(other: Floats) -> bool:
+            return float(np.abs(other - design).max()) < ALIKE_DISTANCE
 
-        if any(known_score >= score and is_alike(known) for known_score, known in self.ranked):
+        if any(known_score >= score and is_alike(other) for known_score, other in self.layouts):
             return
-        different = [layout for layout in self.ranked if not is_alike(layout[1])]
+        different = [layout for layout in self.layouts if not is_alike(layout[1])]
         different.append((score, design.copy()))  # after layouts of equal score
-        self.ranked = sorted(different, key=lambda layout: -layout[0])[:ELITE_SIZE]
+        self.layouts = sorted(different, key=lambda layout: -layout[0])[:ELITE_SIZE]
 
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
         """Return a perturbed layout, and the index of its perturbation."""
-        ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(self.ranked) - 1)
-        parent, donor = (_columns(self.problem, self.ranked[r][1]) for r in ranks)
+        ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(self.layouts) - 1)
+        parent, donor = (_columns(self.problem, self.layouts[r][1]) for r in ranks)
         if self.migrants and rng.random() < MIGRANT_PROBABILITY:
             donor = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
         index = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
@@ -218,7 +218,7 @@ class _Elite:
 
     def join(self, migrant: Floats, rng: np.random.Generator) -> Floats:
         """Join the best layout and a migrant, the start of one to the end of the other."""
-        best = _columns(self.problem, self.ranked[0][1])
+        best = _columns(self.problem, self.layouts[0][1])
         migrant = _columns(self.problem, migrant)
         pairs = best.shape[1]
         cuts = rng.choice(pairs, min(CHILDREN // 2, pairs), replace=False)
@@ -226,9 +226,9 @@ class _Elite:
         joined = [np.where(is_start, best, migrant), np.where(is_start, migrant, best)]
         return np.concatenate(joined).reshape(2 * len(cuts), -1)
 
-    def update_weight(self, index: int, *, gained: bool) -> None:
+    def update_weight(self, index: int, *, has_gained: bool) -> None:
         """Change the weight of a perturbation by its success."""
-        weight = self.weights[index] * (REWARD if gained else PENALTY)
+        weight = self.weights[index] * (REWARD if has_gained else PENALTY)
         self.weights[index] = np.clip(weight, *WEIGHTS)
 
 
@@ -265,7 +265,7 @@ class _Search:
 
     def main(self, rng: np.random.Generator) -> Search:
         """Race the starts, perturb, and join with the layouts of the islands."""
-        if not self.elite.ranked:
+        if not self.elite.layouts:
             yield from _race(self.elite, starts(self.elite.problem))
         patience = LARGE_PATIENCE if self.elite.problem.scene.count > MAX_PARALLEL else PATIENCE
         yield from _settle(self.elite, rng, *patience)
@@ -283,14 +283,14 @@ class _Search:
 
     def island(self, rng: np.random.Generator) -> Search:
         """Search from random starts, again and again."""
-        large = self.elite.problem.scene.count > MAX_PARALLEL
-        while large and not self.is_settled:
+        is_large = self.elite.problem.scene.count > MAX_PARALLEL
+        while is_large and not self.is_settled:
             yield None
         while True:
             elite = _Elite(self.elite.problem)
             yield from _race(elite, random_starts(self.elite.problem, rng))
-            yield from _settle(elite, rng, *(ISLAND_PATIENCE if large else PATIENCE))
-            self.optima.append(elite.ranked[0])
+            yield from _settle(elite, rng, *(ISLAND_PATIENCE if is_large else PATIENCE))
+            self.optima.append(elite.layouts[0])
 
     def is_done(self) -> bool:
         """Return True at the end of the search; report the reliability of the best layout."""
@@ -338,7 +338,7 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
             children, indices = elite.children(rng)
             yield from _generation(elite, children, rng, indices)
             idle = 0 if elite.score > best_score + gain * abs(best_score) else idle + 1
-        best = _columns(elite.problem, elite.ranked[0][1])
+        best = _columns(elite.problem, elite.layouts[0][1])
         tight = perturbations.count_tight_gaps(best)
         if not elite.problem.scene.free_spacing or tight in tried_counts:
             return
@@ -354,8 +354,8 @@ def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
     designs = []
     for count in range(min(MAX_TIGHT, best.shape[1])):
         if count != tight:
-            changed = perturbations.set_tight_gaps(best, count)
-            designs += [changed.ravel(), np.concatenate([changed[:1], best[1:]]).ravel()]
+            candidate = perturbations.set_tight_gaps(best, count)
+            designs += [candidate.ravel(), np.concatenate([candidate[:1], best[1:]]).ravel()]
     projected = elite.problem.project(unique_points(np.array(designs)))
     levels = _levels(elite.problem, ())
     yield from _halve(elite, [CoarseToFine(design, *levels) for design in projected])
@@ -373,11 +373,11 @@ def _generation(
     best_score = elite.score
     order = np.argsort(-scores, kind="stable")
     # the best by their score, and some by chance: a local search may gain more from these
-    chosen = [*order[: BATCH // 2], *rng.permutation(order[BATCH // 2 :])[: BATCH // 2]]
+    selection = [*order[: BATCH // 2], *rng.permutation(order[BATCH // 2 :])[: BATCH // 2]]
     for i in order[: BATCH // 2]:
         elite.add(float(scores[i]), designs[i])
     levels = _levels(elite.problem, COARSE_VARIABLES[1:])
-    arms = {int(i): CoarseToFine(designs[i], *levels) for i in chosen if scores[i] > 0.0}
+    arms = {int(i): CoarseToFine(designs[i], *levels) for i in selection if scores[i] > 0.0}
     yield from advance(list(arms.values()), CHILD_GRADIENTS)
     promising = [i for i, arm in arms.items() if arm.score > best_score - MARGIN * abs(best_score)]
     promising.sort(key=lambda i: -arms[i].score)
@@ -385,14 +385,14 @@ def _generation(
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
-        gained = arm.score == best and best > best_score * (1.0 + SUCCESS)
+        has_gained = arm.score == best and best > best_score * (1.0 + SUCCESS)
         if indices:
-            elite.update_weight(indices[i], gained=gained)
-        if gained:
+            elite.update_weight(indices[i], has_gained=has_gained)
+        if has_gained:
             yield from advance([arm], BEST_GRADIENTS)
             elite.add(arm.score, arm.design)
-    gained = elite.score > best_score + LEAST_GAIN * abs(best_score)
-    elite.idle = 0 if gained else elite.idle + len(designs)
+    has_gained = elite.score > best_score + LEAST_GAIN * abs(best_score)
+    elite.idle = 0 if has_gained else elite.idle + len(designs)
 
 
 def _levels(

@@ -101,12 +101,12 @@ def _candidates(
         finalists += analytic_evaluator.finalists
     finalists.sort(key=lambda finalist: -finalist[0])
     best = finalists[0][0]
-    chosen: list[Floats] = []
+    picks: list[Floats] = []
     for score, design in finalists:
-        distance = min((float(np.abs(design - previous).max()) for previous in chosen), default=1.0)
+        distance = min((float(np.abs(design - previous).max()) for previous in picks), default=1.0)
         if distance > LEAST_DISTANCE and score > best - MAX_SHORTFALL * abs(best):
-            chosen.append(design)
-    return np.array(chosen[:BATCH])
+            picks.append(design)
+    return np.array(picks[:BATCH])
 
 
 class _SimulatedLayouts:
@@ -156,9 +156,9 @@ class _SimulatedLayouts:
         covariance = np.linalg.inv(np.linalg.inv(self.prior) + weighted.T @ centred)
         mean = covariance @ (weighted.T @ (ratios - level @ ratios))
         root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
-        drawn = mean + rng.standard_normal((number, len(mean))) @ root.T
-        drawn[0] = mean
-        return np.asarray(drawn)
+        samples = mean + rng.standard_normal((number, len(mean))) @ root.T
+        samples[0] = mean
+        return np.asarray(samples)
 
     def correct(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
         """Return scores (B,) and gradients (B, n) of the analytic model times the ratio."""
@@ -205,19 +205,19 @@ def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
     for _ in range(SEARCHES - 1):
         ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(order) - 1)
         parent, donor = (layouts.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
-        changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
-        designs.append(np.clip(changed.ravel(), 0.0, 1.0))
+        candidate = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
+        designs.append(np.clip(candidate.ravel(), 0.0, 1.0))
     coefficients = layouts.coefficients(SEARCHES, rng)
     searches = [LocalSearch(design, analytic.project) for design in designs]
     _refine(layouts, searches, coefficients)
     ends = np.array([search.design for search in searches])
     predicted = layouts.predict(ends, coefficients[0])
-    chosen: list[int] = []
+    picks: list[int] = []
     for i in np.argsort(-predicted, kind="stable"):
-        simulated = np.concatenate([layouts.designs, ends[chosen]])
-        if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE_DISTANCE and len(chosen) < BATCH:
-            chosen.append(int(i))
-    return ends[chosen]
+        simulated = np.concatenate([layouts.designs, ends[picks]])
+        if np.abs(simulated - ends[i]).max(axis=1).min() > ALIKE_DISTANCE and len(picks) < BATCH:
+            picks.append(int(i))
+    return ends[picks]
 
 
 def _refine(layouts: _SimulatedLayouts, searches: list[LocalSearch], coefficients: Floats) -> None:
