@@ -90,7 +90,7 @@ def test_the_report_of_a_comparison(compared, tmp_path):
     ("sprnt", "cma", [0], 1, "there is no scene 'sprnt': did you mean 'sprint'"),
     ("sprint", "cmaes", [0], 1, "method = 'cmaes': did you mean 'cma'"),
     (3, "cma", [0], 1, "name = 3: give the name of a shipped scene"),
-    (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
+    (["sprint"], ["cma"], [0], None, "budget = None, seconds = None: give exactly one"),
 ])  # fmt: skip
 def test_impossible_comparisons_are_rejected(scene_list, methods, seeds, budget, message):
     with pytest.raises((ValueError, TypeError), match=message):

@@ -234,7 +234,7 @@ def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
     (["show"], "name the study"), (["export", "one"], "--to FILE.csv"),
     (["show", "on\x1be"], r"has no study 'on\x1be'"),
     (["export", "one", "--to", "x.xls"], "to a .csv or .parquet file"),
-    (["export", "one", "--best", "both", "--to", "x.txt"], "to a .csv or .json file"),
+    (["export", "one", "--best", "both", "--to", "x.txt"], "name a .csv or .json file"),
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scenes called 'nobody': name"),
 ])  # fmt: skip
 def test_errors_are_one_line(capsys, monkeypatch, tmp_path, good, words, message):
