@@ -249,7 +249,7 @@ def _require_time(elapsed: float, hit_count: int, count: int, floor: str) -> Non
     if elapsed > MIN_MEASURED_TIME and expected > MAX_RUN_TIME:
         raise ValueError(
             f"{count:,} dominoes as rigid bodies ({floor}) would take about {expected / 3600:.2g} "
-            f"hours: simulate at most {max(int(count * MAX_RUN_TIME / expected), 2):,}, the first"
+            f"hours: simulate the first {max(int(count * MAX_RUN_TIME / expected), 2):,} or fewer"
         )
 
 
