@@ -39,7 +39,7 @@ def add_flags(parser: Any, **texts: str) -> None:
         parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=text)
 
 
-def _check_argument(value: Any, check: Callable[..., None], *arguments: Any, **options: Any) -> Any:
+def _check(value: Any, check: Callable[..., None], *arguments: Any, **options: Any) -> Any:
     """Return a value that passes a check; argparse would replace the message of a ValueError."""
     try:
         check(*arguments, **options)
@@ -61,9 +61,7 @@ def number(
         except ValueError:
             kind = "whole number" if whole else "number"
             raise argparse.ArgumentTypeError(f"'{text}': give a {kind}") from None
-        return _check_argument(
-            value, require, "", value, unit=unit, hint=hint, whole=whole, **bounds
-        )
+        return _check(value, require, "", value, unit=unit, hint=hint, whole=whole, **bounds)
 
     return read
 
@@ -94,12 +92,12 @@ def require_deviation(deviation: float, gap: float) -> None:
 
 def folder(name: str) -> Any:
     """Read the name of a folder to write to."""
-    return _check_argument(name, require_writable, Path(name))
+    return _check(name, require_writable, Path(name))
 
 
 def output(*suffixes: str) -> Callable[[str], Any]:
     """Return the reader of an option that names a file to write."""
-    return lambda name: _check_argument(name, require_output, Path(name), *suffixes)
+    return lambda name: _check(name, require_output, Path(name), *suffixes)
 
 
 def require_output(path: Path, *suffixes: str) -> None:

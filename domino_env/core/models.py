@@ -23,7 +23,7 @@ SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep th
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 """A size, more than 0, SI units."""
-NonNegative = Annotated[float, Meta(ge=0, le=LARGEST)]
+Amount = Annotated[float, Meta(ge=0, le=LARGEST)]
 """A number of 0 or more."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 """A finite number."""
@@ -105,12 +105,10 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        _raise_violation(error, kind, document, where)
+        _raise(error, kind, document, where)
 
 
-def _raise_violation(
-    error: msgspec.ValidationError, kind: Any, document: Any, where: str
-) -> NoReturn:
+def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
     match = _PLACE.fullmatch(str(error))
     message, path = (match["error"], match["path"]) if match else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]

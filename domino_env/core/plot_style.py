@@ -18,7 +18,7 @@ from domino_env.core.colours import COLOURS, FAINT, INK, RESULT, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
-HEADING_HEIGHT = 0.85  # [in] of headline and subtitle
+HEADING = 0.85  # [in] of headline and subtitle
 MIN_WIDTH = 7.5  # [in] of a figure with a headline
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
@@ -108,11 +108,11 @@ def new_panels(
     """
     across = min(number, most_across)
     down = -(-number // across)
-    head = HEADING_HEIGHT if headline else 0.0
+    head = HEADING if headline else 0.0
     width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
     figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
-        write_headings(figure, headline, subtitle)
+        add_headings(figure, headline, subtitle)
     panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
@@ -134,12 +134,12 @@ def style(axes: Axes, title: str = "") -> None:
         axes.set_title(escape_dollars(title), loc="left", color=INK, size=11)
 
 
-def write_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
+def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
     """Write headline and subtitle above a figure, `left` inches from its edge."""
     width, height = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
-        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEADING_HEIGHT / height))
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEADING / height))
     x, high, low = left / width, 1.0 - 0.30 / height, 1.0 - 0.58 / height
     figure.text(x, high, escape_dollars(headline), va="center", size=14.5, color=INK, weight="bold")
     figure.text(x, low, escape_dollars(subtitle), va="center", size=9.5, color=SOFT)
@@ -149,11 +149,11 @@ def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
     """Set the time axis to rising times, logarithmic if they span more than a factor of 30."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")
-        set_plain_numbers(axes.xaxis, (1, 3))
+        label_plainly(axes.xaxis, (1, 3))
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
 
 
-def set_plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
+def label_plainly(axis: Axis, digits: Sequence[float]) -> None:
     """Label a logarithmic axis with plain numbers, those that begin with one of these digits."""
     axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
     axis.set_minor_locator(NullLocator())

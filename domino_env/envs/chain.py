@@ -15,7 +15,7 @@ from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import object_array
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import entries_per_domino
+from domino_env.envs.spaces import action_entries
 from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
@@ -313,7 +313,7 @@ class DominoChainVector(DominoVectorEnv):
         self._load_scenes(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
-        self._set_spaces(entries_per_domino(self.source.first), self.observation_layout.space)
+        self._set_spaces(action_entries(self.source.first), self.observation_layout.space)
 
     @property
     def reference_speed(self) -> float | Floats:

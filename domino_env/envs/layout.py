@@ -12,7 +12,7 @@ from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import entries_per_domino
+from domino_env.envs.spaces import action_entries
 from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
 from domino_env.kernels.step.batch import EPISODE, RUNNING
 from domino_env.kernels.step.environment import place_batch
@@ -102,9 +102,8 @@ class DominoLayoutVector(DominoVectorEnv):
             )
         first = self.source.first
         self._batch.rules["length"] = 0.0  # a projection of the whole layout meets it
-        self._set_spaces(
-            entries_per_domino(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32)
-        )
+        entries = action_entries(first) * (first.count - 1)
+        self._set_spaces(entries, Box(0.0, 1.0, (1,), np.float32))
 
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
@@ -126,7 +125,7 @@ class DominoLayoutVector(DominoVectorEnv):
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}
-        parts = actions.reshape(self.num_envs, entries_per_domino(scene), -1).transpose(0, 2, 1)
+        parts = actions.reshape(self.num_envs, action_entries(scene), -1).transpose(0, 2, 1)
         parts = np.ascontiguousarray(parts)
         share_evenly(place_batch, self.num_envs, SHARE, self._batch, ended, parts)
         if scene.length is not None:

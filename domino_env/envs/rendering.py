@@ -111,9 +111,8 @@ class Renderer:
             tallest = float(uniform.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
-        image = draw_strip(
-            layout, leans, leader, self._scale, _status_line(snapshot), ground=scene.ground
-        )
+        line = _status_line(snapshot)
+        image = draw_strip(layout, leans, leader, self._scale, line, ground=scene.ground)
         if len(snapshot.hand):
             draw_hand(image, snapshot.hand, scene.height, self._scale)
         if self.mode != "human":

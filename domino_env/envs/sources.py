@@ -11,7 +11,7 @@ import numpy as np
 
 from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
-from domino_env.envs.spaces import FEATURE_LIMIT, entries_per_domino
+from domino_env.envs.spaces import FEATURE_LIMIT, action_entries
 from domino_env.kernels.step.batch import RULES
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
 from domino_env.scenes.distribution import SceneDistribution, load_any
@@ -241,7 +241,7 @@ def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[A
 
 def _require_choice(scene: Scene) -> None:
     """Raise a ValueError for a scene without free sizes, or whose rules need the whole layout."""
-    if not entries_per_domino(scene):
+    if not action_entries(scene):
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free to choose: give spacing or thickness a min "
             "and a max"

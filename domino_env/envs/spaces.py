@@ -81,6 +81,6 @@ def closeness(count: int) -> NDArray[np.float32]:
     return np.asarray(np.exp(-away / np.array(SCALES)), dtype=np.float32)
 
 
-def entries_per_domino(scene: Scene) -> int:
+def action_entries(scene: Scene) -> int:
     """Return the number of entries of an action for each domino that is placed."""
     return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)

@@ -77,15 +77,13 @@ CONTACT = record_type(
     kind=int,
     on_tape=int,  # 1 if the tape has the change from tip to corner
 )
-UNEVEN_CONTACT = (
-    record_type(  # on uneven ground; half_weight and slenderness are relative to the slope
-        CONTACT,
-        rise_l=float,  # e
-        flush_rate=float,  # dΔ/d(1 - cos θ_{i+1}) where the faces meet, less p
-        turn=float,  # β, its sine and 1 - cosine
-        turn_s=float,
-        turn_v=float,
-    )
+UNEVEN_CONTACT = record_type(  # half_weight and slenderness are relative to the slope
+    CONTACT,
+    rise_l=float,  # e
+    flush_rate=float,  # dΔ/d(1 - cos θ_{i+1}) where the faces meet, less p
+    turn=float,  # β, its sine and 1 - cosine
+    turn_s=float,
+    turn_v=float,
 )
 
 

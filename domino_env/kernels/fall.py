@@ -37,9 +37,8 @@ def initialise(state, push):
     state.worst = state.worst_round = 0.0
     state.angle = state.fraction = state.fall_time = state.margin = 0.0
     state.lowest_margin = 1.0
-    state.switch_angle = state.speed_before = state.speed_after = state.flush_loss = (
-        state.slowest_at
-    ) = 0.0
+    state.switch_angle = state.speed_before = state.speed_after = 0.0
+    state.flush_loss = state.slowest_at = 0.0
     state.m_end = state.cut = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
     state.gain, state.offset, state.least_start, state.composing = 1.0, 0.0, 0.0, False
     state.back = state.depth = state.last_due = 0

@@ -93,9 +93,8 @@ def add_leader(lanes, count, leader, mu):
         if mu > 0.0:
             lanes[SUM_G + j] = half * (s - slenderness * (1.0 - v))
         else:
-            lanes[SUM_G + j] = half * (
-                (slenderness * s - v) - (slenderness * lanes[SIN] - lanes[VER])
-            )
+            at_start = slenderness * lanes[SIN] - lanes[VER]
+            lanes[SUM_G + j] = half * ((slenderness * s - v) - at_start)
     leader.end_weight = 1.0
 
 

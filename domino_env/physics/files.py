@@ -142,9 +142,8 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
     columns, numbers = {kind: array("d") for kind in places}, array("q")
 
     def cell_error(line: int, kind: str, reason: str) -> ValueError:
-        return ValueError(
-            f"{path}, line {line}, column '{one_line(names[places[kind]])}': {reason}"
-        )
+        column = one_line(names[places[kind]])
+        return ValueError(f"{path}, line {line}, column '{column}': {reason}")
 
     for line, cells in lines:
         if any(cell.strip() for cell in cells[len(names) :]):  # such as 18,5 in two cells

@@ -92,7 +92,7 @@ def find_violation(
     return None
 
 
-def impassable_contacts(
+def impassable(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> Bools:
     """Return a mask (…, N-1) of the contacts that cannot work, as `find_violation` explains."""

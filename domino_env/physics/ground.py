@@ -85,10 +85,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
                     f"profile[{i + 1}] lies at x = {b:g} m and profile[{i}] at {a:g} m: give "
                     "points of rising x"
                 )
-        if (
-            self.profile is not None
-            and (span := self.profile[-1][0] - self.profile[0][0]) > MAX_SPAN
-        ):
+        span = self.profile[-1][0] - self.profile[0][0] if self.profile else 0.0
+        if span > MAX_SPAN:
             advise(f"profile spans {span:g} m: {ADVICE}")
         place, steepest = self.steepest
         if self.profile is not None and steepest > math.tan(math.radians(MAX_SLOPE)):
@@ -174,9 +172,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         gaps, thicknesses = numbers("spacing", spacing), numbers("thickness", thickness)
         if self.slope is not None:
             slope = math.radians(self.slope)
-            return -math.sin(slope) * (gaps + thicknesses[..., 1:]), np.full_like(
-                thicknesses, slope
-            )
+            rise = -math.sin(slope) * (gaps + thicknesses[..., 1:])
+            return rise, np.full_like(thicknesses, slope)
         if violation := self.violation(float(thicknesses.max(initial=0.0))):
             raise ValueError(violation)
         arrays = _batch(gaps), _batch(thicknesses)

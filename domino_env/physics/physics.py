@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from domino_env.core.checks import require_type
-from domino_env.core.models import NonNegative, Size, Value, about
+from domino_env.core.models import Amount, Size, Value, about
 from domino_env.physics.layout import Layout
 
 
@@ -27,7 +27,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
         For a number that is not finite or out of its range.
     """
 
-    friction: Annotated[NonNegative, about("coefficient between dominoes; 0 for none")] = 0.25
+    friction: Annotated[Amount, about("coefficient between dominoes; 0 for none")] = 0.25
     gravity: Annotated[Size, about("[m/s²]; 9.81 on Earth")] = 9.81
     push: Annotated[Size, about("angular velocity of domino 0 at first [rad/s]")] = 8.0
 

@@ -61,9 +61,7 @@ def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: 
     """
     hint = unit_hint(height, spacing, thickness)
     if hint is not None:
-        plausible = (
-            MIN_HEIGHT <= height <= MAX_HEIGHT
-            and max(thickness[0], spacing[0]) <= MAX_RATIO * height
-        )
+        least = max(thickness[0], spacing[0])
+        plausible = MIN_HEIGHT <= height <= MAX_HEIGHT and least <= MAX_RATIO * height
         category = Advice if plausible and thickness[1] >= MIN_RATIO * height else WrongUnit
         advise(f"{one_line(str(file), 160, keep_end=True)}: {hint}", category, stacklevel=4)

@@ -112,10 +112,8 @@ def steady_wave(
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
     waves = [
-        vars(
-            _solve_pattern(pitches, thicknesses, heights, densities, physics, slope, rtol)
-        ).values()
-        for pitches, thicknesses, heights, densities in chains.swapaxes(0, 1)
+        vars(_solve_pattern(chain, physics, slope, rtol)).values()
+        for chain in chains.swapaxes(0, 1)
     ]
     if not shape:
         return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
@@ -156,17 +154,13 @@ def steady_pattern(
         For an argument out of its range, or a chain that cannot stand.
     """
     sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
-    pitches, thicknesses, heights, densities = np.broadcast_arrays(*map(np.atleast_1d, sizes))
-    return _solve_pattern(
-        pitches.copy(), thicknesses.copy(), heights.copy(), densities.copy(), physics, slope, rtol
-    )
+    chain = np.array(np.broadcast_arrays(*map(np.atleast_1d, sizes)))
+    return _solve_pattern(chain, physics, slope, rtol)
 
 
-def _solve_pattern(
-    pitches: Floats, thicknesses: Floats, heights: Floats, densities: Floats,
-    physics: Physics, slope: float, rtol: float,
-) -> SteadyWave:  # fmt: skip
-    """Return the steady wave of a pattern, all sizes of shape (P,)."""
+def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -> SteadyWave:
+    """Return the steady wave of a pattern; chain: (4, P) pitch, thickness, height and density."""
+    pitches, thicknesses, heights, densities = chain
     count = len(thicknesses)
     successors = np.arange(1, count + 2) % count
     gaps = pitches - thicknesses[successors[:-1]]

@@ -85,7 +85,7 @@ State = namedtuple(
 # the last domino leant then, length of the last step, kick of the impulses, share of a full step to
 # take next (0: an impact), distance from the leader's tip to the next domino
 COUNTS = ("low", "leader", "steps")
-NUMBERS = ("time", "progress", "last_lean", "last_step", "last_kick", "share", "tip_distance")
+NUMBERS = ("time", "progress", "last_lean", "last_step", "last_kick", "share", "tip_gap")
 RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for name in NUMBERS])
 
 
@@ -106,7 +106,7 @@ def start(chain: Chain, setting: Setting, push: float) -> State:
     place = np.stack([x, y, chain.tilt], axis=-1)
     run = np.zeros(1, RUN)
     run["share"] = 1.0
-    run["tip_distance"] = _tip_distance(0, place, velocity, 0.0, chain) if count > 1 else 0.0
+    run["tip_gap"] = _tip_gap(0, place, velocity, 0.0, chain) if count > 1 else 0.0
     return State(
         place, velocity, inverse_mass, inverse_inertia, np.zeros((count, KINDS, 2)),
         np.zeros((count, 4)), np.zeros((count, 4)), np.full(count, np.inf),
@@ -151,16 +151,14 @@ def advance(chain, setting, state, record, most_steps):
             return FAILED
         hit = False
         if leader < last:
-            after = _tip_distance(leader, place, velocity, step, chain)
-            if after <= 0.0 < run.tip_distance and run.share == 1.0:
-                run.share = run.tip_distance / (
-                    run.tip_distance - after
-                )  # repeated, so that it ends with the hit
+            after = _tip_gap(leader, place, velocity, step, chain)
+            if after <= 0.0 < run.tip_gap and run.share == 1.0:
+                run.share = run.tip_gap / (run.tip_gap - after)  # repeated, to end with the hit
                 for i in range(low, leader + 1):
                     velocity[i] = state.before[i - low]
                 continue
             hit = after <= 0.0 or 0.0 < run.share < 1.0
-            run.tip_distance = after
+            run.tip_gap = after
         for i in range(low, leader + 1):
             for k in range(3):
                 place[i, k] += step * velocity[i, k]
@@ -181,7 +179,7 @@ def advance(chain, setting, state, record, most_steps):
                 velocity[low] = 0.0
                 run.low = low + 1
             if leader < last:
-                run.tip_distance = _tip_distance(leader, place, velocity, 0.0, chain)
+                run.tip_gap = _tip_gap(leader, place, velocity, 0.0, chain)
         elif leader == last:
             if place[last, 2] > math.atan2(chain.thickness[last], chain.height[last]):
                 return ENDED
@@ -217,7 +215,7 @@ def _distance_ahead(i, up, j, place, velocity, later, chain):
 
 
 @compile_alone
-def _tip_distance(i, place, velocity, later, chain):
+def _tip_gap(i, place, velocity, later, chain):
     """Return the distance of the tip of i from the rear face of the next, some time later [m]."""
     ahead = _distance_ahead(i, chain.height[i], i + 1, place, velocity, later, chain)
     return -ahead - chain.thickness[i + 1]
@@ -250,15 +248,13 @@ def _find_contacts(chain, setting, state):
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _face_contact(
-                state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain
-            )
+            gap, met, face = _meet(state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain)
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * chain.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _face_contact(state.contact, closed, IMPULSE, kind, i, face, now, chain)
+            _meet(state.contact, closed, IMPULSE, kind, i, face, now, chain)
             _write_responses(state, closed, i, i + 1, kind, setting.friction)
             closed += 1
     return closed
@@ -275,7 +271,7 @@ def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
 
 
 @compile_alone
-def _face_contact(contact, c, at, kind, i, face, pose, chain):
+def _meet(contact, c, at, kind, i, face, pose, chain):
     """Write the directions of a contact of i with the next; return gap, whether it is met, face.
 
     The tip of i touches the rear face or the bottom end of the next, or the rear bottom edge of the
@@ -326,8 +322,7 @@ def _write_responses(state, c, i, j, kind, friction):
     if j != FLOOR:
         mass2, turn2 = state.inverse_mass[j], state.inverse_inertia[j]
     for column, move, act in (
-        (NORMAL, VELOCITY, IMPULSE),
-        (CROSS, VELOCITY + 4, IMPULSE),
+        (NORMAL, VELOCITY, IMPULSE), (CROSS, VELOCITY + 4, IMPULSE),
         (TANGENTIAL, VELOCITY + 4, IMPULSE + 4),
     ):  # fmt: skip
         straight = contact[c, move] * contact[c, act] + contact[c, move + 1] * contact[c, act + 1]

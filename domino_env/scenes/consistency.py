@@ -210,9 +210,8 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
             )
     place, steepest = ground.steepest
     if steepest >= thinnest / height:
-        slope, most = (
-            math.degrees(math.atan(tangent)) for tangent in (steepest, thinnest / height)
-        )
+        tangents = steepest, thinnest / height
+        slope, most = (math.degrees(math.atan(tangent)) for tangent in tangents)
         where = "" if ground.is_even else f" near x = {place:.4g} m"
         yield (
             f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thinnest:.4g} mm "

@@ -19,10 +19,10 @@ from domino_env.scenes.uniform import best_point
 
 POOL_SIZE = 4096  # scenes
 TRAINING_SEED = 0  # of the scenes, with the number of each
-BEYOND_SIZE = 100  # scenes beyond the range of each number
-SIGNIFICANT_DIGITS = 5  # of the sampled numbers, for legible files
+BEYOND_TESTS = 100  # scenes beyond the range of each number
+DIGITS = 5  # of the sampled numbers, for legible files
 
-POINT_NAMES = ("uniform gap", "uniform thickness")  # [m]
+POINT = ("uniform gap", "uniform thickness")  # [m]
 
 
 class ScenePool:
@@ -65,7 +65,7 @@ class ScenePool:
     def _sample(self, i: int) -> None:
         rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
         while not score > 0.0:
-            self.numbers[i] = self.distribution.sample_numbers(rng, SIGNIFICANT_DIGITS)
+            self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             score = self._scene(i).uniform().score
         self.features[i] = self.distribution.scale(self.numbers[i])
@@ -100,8 +100,8 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
         raise_with_path(distribution.file, f"{kind} ships with it: name a shipped distribution")
     if beyond is not None:
         require_choice("beyond", beyond, distribution.features)
-        first = BEYOND_SIZE * distribution.features.index(beyond)
-        table, kind = table[first : first + BEYOND_SIZE], f"beyond-{beyond.replace(' ', '-')}"
+        first = BEYOND_TESTS * distribution.features.index(beyond)
+        table, kind = table[first : first + BEYOND_TESTS], f"beyond-{beyond.replace(' ', '-')}"
     prefix = f"{distribution.name}-{kind}"
     return [
         distribution.scene(numbers[:-2], f"{prefix}-{i}").with_uniform(numbers[-2:])

@@ -22,9 +22,9 @@ from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import (
-    BEYOND_SIZE,
-    POINT_NAMES,
-    SIGNIFICANT_DIGITS,
+    BEYOND_TESTS,
+    DIGITS,
+    POINT,
     ScenePool,
     make_stamp,
 )
@@ -72,12 +72,10 @@ def _without_null(schema: Any) -> Any:
         return [_without_null(entry) for entry in schema if entry != {"type": "null"}]
     if not isinstance(schema, dict):
         return schema
-    schema_without_null = {
-        key: _without_null(value) for key, value in schema.items() if value is not None
-    }
-    if len(schema_without_null.get("anyOf", ())) == 1:
-        schema_without_null = schema_without_null.pop("anyOf")[0] | schema_without_null
-    return schema_without_null
+    clean = {key: _without_null(value) for key, value in schema.items() if value is not None}
+    if len(clean.get("anyOf", ())) == 1:
+        clean = clean.pop("anyOf")[0] | clean
+    return clean
 
 
 def write_scenes() -> None:
@@ -94,16 +92,16 @@ def write_scenes() -> None:
 def write_distribution(name: str) -> None:
     """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
-    columns, pool = (*distribution.features, *POINT_NAMES), ScenePool(distribution)
+    columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
     entries_of = {"test": (columns, _test_scenes(distribution, TEST_SIZE))}
     if name == "varied":
         beyond = [_with_wider_range(distribution, place) for place in distribution.ranges]
-        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND_SIZE)])
+        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND_TESTS)])
     if name != "varied-beyond":
         bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
         scores = [pool.scene(i).uniform().score for i in bar]
         table = np.column_stack([pool.numbers, pool.points, scores])
-        entries_of["pool"] = ((*distribution.features, *POINT_NAMES, "score"), table.tolist())
+        entries_of["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
     for kind, (columns, entries) in entries_of.items():
         lines = [make_stamp(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
@@ -114,9 +112,7 @@ def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[floa
     """Sample scenes of a test set: their numbers and the points of their uniform baselines."""
     scenes = []
     for i in progress_bar(None, iterable=range(number), total=number, unit=" test scenes"):
-        numbers = distribution.sample_numbers(
-            np.random.default_rng([TEST_SEED, i]), SIGNIFICANT_DIGITS
-        )
+        numbers = distribution.sample_numbers(np.random.default_rng([TEST_SEED, i]), DIGITS)
         scenes.append([*numbers, *best_point(distribution.scene(numbers))])
     return scenes
 

@@ -24,10 +24,10 @@ from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import (
     Bounds,
     Stock,
-    bounds_violations,
-    change_violations,
-    ground_violations,
-    list_violations,
+    bounds_faults,
+    change_faults,
+    ground_faults,
+    list_faults,
 )
 from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
@@ -147,9 +147,7 @@ class Specification:
             For a scene without a stock.
         """
         if self.stock is None:
-            raise ValueError(
-                f"scene '{self.name}' has no stock to draw from: give a scene with [stock]"
-            )
+            raise ValueError(f"scene '{self.name}' has no stock: give a scene with [stock]")
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn)[:, : self.count - 1]
@@ -278,34 +276,30 @@ class Specification:
         """
         require_layout(layout)
         if complete and layout.count != self.count:
-            return [
-                f"the layout has {layout.count} dominoes, and the scene {self.count}: give as many"
-            ]
-        violations = ground_violations(layout, self.ground)
+            return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
+        violations = ground_faults(layout, self.ground)
         heights = layout.height if self.growth is None else layout.height[:1]
-        for name, values, expected, measure in (
+        for name, values, size, measure in (
             ("thickness", layout.thickness[:1], self.first_thickness, "m"),
             ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
-            violations += bounds_violations(
-                name, values, (expected, expected), 0, measure, slack=1e-9
-            )
+            violations += bounds_faults(name, values, (size, size), 0, measure, slack=1e-9)
         if self.growth is not None:
             ratios = layout.height[1:] / layout.height[:-1]
-            violations += bounds_violations("growth", ratios, self.growth, 1, "")
+            violations += bounds_faults("growth", ratios, self.growth, 1, "")
         gaps, thicknesses, unit = layout.spacing, layout.thickness[1:], "m"
         if self.in_heights:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
             thicknesses, unit = thicknesses / layout.height[1:], "heights"
-        violations += bounds_violations("spacing", gaps, self.spacing, 0, unit)
-        violations += list_violations("spacing", gaps, self.spacing_values, 0)
-        violations += change_violations(gaps, self.largest_change)
+        violations += bounds_faults("spacing", gaps, self.spacing, 0, unit)
+        violations += list_faults("spacing", gaps, self.spacing_values, 0)
+        violations += change_faults(gaps, self.largest_change)
         if self.stock is not None:
             violations += self.stock.violations(layout.thickness)
         else:
-            violations += bounds_violations("thickness", thicknesses, self.thickness, 1, unit)
-            violations += list_violations("thickness", thicknesses, self.thickness_values, 1)
+            violations += bounds_faults("thickness", thicknesses, self.thickness, 1, unit)
+            violations += list_faults("thickness", thicknesses, self.thickness_values, 1)
         if complete and self.length is not None:
             error = layout.length - self.length
             if abs(error) > LENGTH_TOLERANCE:

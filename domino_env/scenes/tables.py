@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.files import as_text
-from domino_env.core.models import LARGEST, NonNegative, Size, Table, about, plain
+from domino_env.core.models import LARGEST, Amount, Size, Table, about, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
@@ -121,9 +121,7 @@ class RangeTable(Table):
 class SpacingTable(RangeTable):
     """Free gaps."""
 
-    largest_change: Annotated[NonNegative | None, about("largest change from gap to gap [m]")] = (
-        None
-    )
+    largest_change: Annotated[Amount | None, about("largest change from gap to gap [m]")] = None
 
 
 class GrowthTable(Table, kw_only=True):
@@ -141,7 +139,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
-        NonNegative | None,
+        Amount | None,
         about("friction of dominoes with the floor; without it pivots are fixed"),
     ] = None
 
@@ -149,7 +147,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
 class PlacementTable(Table):
     """Placement noise of the environments."""
 
-    deviation: Annotated[NonNegative, about("standard deviation of each gap's error [m]")]
+    deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
     draws: Annotated[
         Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)],
         about("layouts are scored by the mean over as many draws; 0: without errors"),

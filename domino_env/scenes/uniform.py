@@ -33,9 +33,7 @@ LONG_COUNT = 1000  # dominoes from which on the search takes seconds, and is ann
 MAX_GRID = 1_100_000  # dominoes of a first grid up to which whole layouts are simulated
 COARSE_CHANGE, FINE_CHANGE = 1e-8, 1e-12  # relative change of the velocity that counts as steady
 FINE_CELL = 1e-5  # [m] cells from which on `FINE_CHANGE` is used
-SAME_SCORE = (
-    1e-9  # largest relative difference of a score by the first dominoes and that of the whole
-)
+SAME_SCORE = 1e-9  # relative difference of scores by the first dominoes and by all
 
 
 class Fineness(NamedTuple):
@@ -56,9 +54,7 @@ class Fineness(NamedTuple):
 
 FULL = Fineness(1024, 96, (6, 6), 9, 4.0, 1e-9, 1e-11)
 BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))
-RANDOM = Fineness(
-    128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8
-)  # a mean over draws is too noisy for a finer search
+RANDOM = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)  # as a mean over draws is noisy
 QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)  # the score errs by the square of the gap
 FREE_STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)  # scores are known to some 3e-4
 
@@ -193,9 +189,8 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     if layouts.steady and not quick and scene.count * len(points) > MAX_GRID:
 
         def by_prefix(points: Floats, cell: float) -> Floats:
-            return layouts.scores_by_prefix(
-                points, COARSE_CHANGE if cell > FINE_CELL else FINE_CHANGE
-            )
+            change = COARSE_CHANGE if cell > FINE_CELL else FINE_CHANGE
+            return layouts.scores_by_prefix(points, change)
 
         point = _search(layouts, BY_PREFIX, by_prefix)
         extended = by_prefix(point[None], 0.0)[0]
@@ -331,6 +326,5 @@ def stamp(scene: Specification) -> str:
 def _shipped_points() -> dict[str, tuple[float, float]]:
     """Return the best points of the shipped scenes, by their digests."""
     file = resources.files("domino_env.scenes") / "shipped" / SHIPPED
-    return {
-        entry["stamp"]: entry["point"] for entry in json.loads(file.read_text("utf-8")).values()
-    }
+    entries = json.loads(file.read_text("utf-8")).values()
+    return {entry["stamp"]: entry["point"] for entry in entries}

@@ -26,9 +26,7 @@ PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, over which
 WINDOW = 4  # one part in four of a prefix, the last, has to be steady
 
 
-def _extend_waves(
-    prefix: LayoutBatch, count: int, steady: float
-) -> tuple[Waves, NDArray[np.bool_]]:
+def _extend(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, NDArray[np.bool_]]:
     """Simulate the first dominoes of B uniform layouts and extend their waves to `count` dominoes.
 
     Parameters
@@ -240,7 +238,7 @@ class UniformLayouts:
             for i in range(0, len(left), size):
                 part = left[i : i + size]
                 prefix = scene.batch(gaps[part] * ones, thicknesses[part] * ones, rtol=PREFIX_RTOL)
-                waves, settled = _extend_waves(prefix, scene.count, steady)
+                waves, settled = _extend(prefix, scene.count, steady)
                 scores[part] = scene.criterion.score(waves).score
                 unsettled.append(part[~settled])
             left, n = np.concatenate(unsettled), 2 * n

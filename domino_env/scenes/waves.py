@@ -111,9 +111,7 @@ class LayoutBatch:
             ground = {"rise": self.rise, "tilt": self.tilt}
             if not self.ground.is_even:
                 arrays = gaps, self.thickness, self.height, self.rise, self.tilt
-                gaps = np.where(
-                    footing.impassable_contacts(*arrays), 2.0 * self.height[:, :-1], gaps
-                )
+                gaps = np.where(footing.impassable(*arrays), 2.0 * self.height[:, :-1], gaps)
         return simulate_batch(
             gaps, self.thickness, self.physics, height=self.height, density=self.density,
             rtol=self.rtol, record=record, gradient=gradient, **ground,

@@ -315,10 +315,7 @@ def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) 
     layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
     free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times
     fixed = simulate(layout, physics).arrival_times
-    on_floor, on_pivots = (
-        free[-1] - free[STEADY_ON_FLOOR],
-        fixed[-1] - fixed[STEADY_ON_FLOOR],
-    )
+    on_floor, on_pivots = (times[-1] - times[STEADY_ON_FLOOR] for times in (free, fixed))
     return float(on_pivots / on_floor) if np.isfinite([on_floor, on_pivots]).all() else 0.0
 
 

@@ -43,7 +43,7 @@ Angles = dict[int, Number]
 
 REFERENCE = Path(__file__).with_name("reference.json")
 DIGITS = 100  # of the arithmetic; 60 suffice if no gap is nearly out of reach
-SIGNIFICANT_DIGITS = 30  # of a stored arrival time
+STORED = 30  # digits of a stored arrival time
 NODES = 24  # of a panel
 U_RTOL, TIME_RTOL = 1e-24, 1e-18  # relative errors allowed in a panel
 MAX_HALVINGS = 40  # of a panel
@@ -344,11 +344,8 @@ def reference_waves() -> dict[str, PreciseWave]:
 
 def _wave_entry(layout: Layout, physics: Physics) -> dict[str, object]:
     wave = precise_wave(layout, physics)
-    with mp.workdps(SIGNIFICANT_DIGITS):
-        times = [
-            mp.nstr(mp.mpf(t.numerator) / t.denominator, SIGNIFICANT_DIGITS)
-            for t in wave.arrival_times
-        ]
+    with mp.workdps(STORED):
+        times = [mp.nstr(mp.mpf(t.numerator) / t.denominator, STORED) for t in wave.arrival_times]
     return {
         "outcome": wave.outcome.name,
         "flushes": wave.flushes,

@@ -22,10 +22,7 @@ from domino_env.view.ground import relief
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
 MAX_WIDTH = 10_000  # [px]
 MAX_PIXELS = 500_000_000  # pixels of all images, one byte each in few colours
-STRIP_HEIGHT, POSE_HEIGHT = (
-    150,
-    100,
-)  # [px] height of a chain on flat ground, in an animation and in poses
+STRIP_HEIGHT, POSE_HEIGHT = 150, 100  # [px] on flat ground, in an animation and in poses
 MAX_LEADER_PLACE = 0.97  # of the width of a picture of poses
 LAST_DURATION = 2000.0  # [ms] duration of the last image of an animation
 REST = 0.08  # [s] before the push and after the end, in the time of the wave
@@ -215,11 +212,8 @@ def _strips(
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
         finish = float(motion.layout.pivots[-1, 0])
         leans, line = motion.angles([t])[0], _status_line(entry, t)
-        strips.append(
-            draw_strip(
-                motion.layout, leans, leader, scale, line, ahead, camera=camera, finish=finish
-            )
-        )
+        chain = motion.layout, leans, leader, scale
+        strips.append(draw_strip(*chain, line, ahead, camera=camera, finish=finish))
     return strips
 
 

@@ -19,12 +19,12 @@ from matplotlib.patches import Polygon
 from domino_env.core.checks import require_type
 from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
 from domino_env.core.plot_style import (
-    HEADING_HEIGHT,
+    HEADING,
     LEGEND,
+    add_headings,
+    label_plainly,
     new_figure,
-    set_plain_numbers,
     style,
-    write_headings,
 )
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
@@ -39,7 +39,7 @@ LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55
 
 LONGEST = 45.0  # domino heights; of a longer layout the first dominoes are drawn
 SHORTEST = 8.0  # domino heights on paper; beside a shorter layout space is left
-SHORTEST_GROWING = 3.0  # heights of the tallest domino on paper, where heights grow
+SHORTEST_GROWING = 3.0  # heights of the tall domino on paper, where heights grow
 
 
 @dataclass(frozen=True)
@@ -106,17 +106,17 @@ def layouts_figure(
         if len(layouts) > 1:
             ax.legend(**LEGEND)
         return cast("Figure", ax.figure)
-    tallest = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
-    low, high = _range(layouts, scene, tallest)
-    end = min(high, low + LONGEST * tallest)
+    tall = 1e3 * float(max(drawn.layout.height.max() for drawn in layouts))
+    low, high = _range(layouts, scene, tall)
+    end = min(high, low + LONGEST * tall)
     scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tallest + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
-    height = HEADING_HEIGHT + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
+    strip = (tall + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
+    height = HEADING + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
-    write_headings(figure, headline, subtitle, LEFT)
-    y = height - HEADING_HEIGHT
+    add_headings(figure, headline, subtitle, LEFT)
+    y = height - HEADING
     for drawn in layouts:
         y -= strip
         axes = _axes(figure, y, strip)
@@ -219,14 +219,12 @@ def _x_label(layouts: Sequence[DrawnLayout]) -> str:
     return f"{place} from the first pivot [mm]"
 
 
-def _range(
-    layouts: Sequence[DrawnLayout], scene: Scene | None, tallest: float
-) -> tuple[float, float]:
-    """Return the range of x from the first pivot; tallest: height of the tallest domino [mm]."""
-    low = -1e3 * float(layouts[-1].layout.thickness[0]) - 0.8 * tallest
+def _range(layouts: Sequence[DrawnLayout], scene: Scene | None, tall: float) -> tuple[float, float]:
+    """Return the range of x from the first pivot; tall: height of the tall domino [mm]."""
+    low = -1e3 * float(layouts[-1].layout.thickness[0]) - 0.8 * tall
     shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
     longest = 1e3 * max(float(drawn.layout.pivots[-1, 0]) for drawn in layouts)
-    return low, max(longest + 0.25 * tallest, low + shortest * tallest)
+    return low, max(longest + 0.25 * tall, low + shortest * tall)
 
 
 def _axes(figure: Figure, bottom: float, height: float) -> Axes:
@@ -326,5 +324,5 @@ def _speed(axes: Axes, layouts: Sequence[DrawnLayout], _: Scene | None) -> None:
     if high > 2.0 * low:  # a narrow gap at the end would flatten everything else
         axes.set_yscale("log")
         axes.set_ylabel("local speed [m/s] (log.)")
-        set_plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
+        label_plainly(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
     axes.set_ylim(0.93 * low, 1.07 * high)

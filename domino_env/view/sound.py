@@ -53,10 +53,9 @@ def clicks(wave: Wave) -> Floats:
     _require_samples(samples, f"a wave of {end:.4g} s has")
     sound = np.zeros(samples)
     length = int(8.0 * DECAY * RATE)
-    loudness = np.abs(wave.impact_velocity[: len(times)])
-    for t, level in zip(
-        times, loudness / max(float(loudness.max(initial=0.0)), 1e-12), strict=True
-    ):
+    levels = np.abs(wave.impact_velocity[: len(times)])
+    levels /= max(float(levels.max(initial=0.0)), 1e-12)
+    for t, level in zip(times, levels, strict=True):
         first = int(np.ceil((t + REST) * RATE))
         since = np.arange(first, first + length) / RATE - (t + REST)
         sound[first : first + length] += (

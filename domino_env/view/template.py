@@ -97,10 +97,8 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     across = layout.width + 2.0 * BESIDE
     on_a_sheet = int((high - HEAD - FOOT) / across)
     if on_a_sheet < 1:
-        raise ValueError(
-            f"width = {layout.width} m: the dominoes are wider than {paper} paper; give at most "
-            f"{high - HEAD - FOOT - 2.0 * BESIDE:.3g} m"
-        )
+        most = high - HEAD - FOOT - 2.0 * BESIDE
+        raise ValueError(f"width = {layout.width} m: {paper} paper takes at most {most:.3g} m")
     front = positions_along(layout)
     rear = front - layout.thickness
     begin, margin = float(rear[0]) - LEAD, MARGIN
@@ -221,9 +219,8 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     axes.set(xlim=(0.0, wide * MM), ylim=(0.0, high * MM))
     axes.set_axis_off()
     left, top = MARGIN * MM, high * MM
-    axes.text(
-        left, top - 14.0, escape_dollars(title), va="center", size=13, weight="bold", color=INK
-    )
+    text = escape_dollars(title)
+    axes.text(left, top - 14.0, text, va="center", size=13, weight="bold", color=INK)
     right = (wide - MARGIN) * MM
     axes.text(right, top - 14.0, subtitle, va="center", ha="right", size=9, color=SOFT)
     yield axes

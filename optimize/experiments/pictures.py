@@ -100,7 +100,7 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
 
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 30.0))
-        plot_style.set_plain_numbers(axes.xaxis, (1,))
+        plot_style.label_plainly(axes.xaxis, (1,))
         axes.set_xlim(times[0], times[-1])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 

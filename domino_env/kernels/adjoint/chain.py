@@ -119,9 +119,8 @@ def tilt_back(layout, ring, param_bars, bar, tilt):
         rate = 1.0 + domino.slenderness * domino.slenderness  # derivative of tan(φ - α)
         bar.tilt[i] += half * (slenderness * c - s) * half_bar - rate * slenderness_bar
         param_bars[i, PARAM_HALF] = (c + slenderness * s) * half_bar
-        param_bars[i, PARAM_SLENDERNESS] = (
-            rate / (1.0 + slenderness * slenderness) * slenderness_bar
-        )
+        upright_rate = 1.0 + slenderness * slenderness
+        param_bars[i, PARAM_SLENDERNESS] = rate / upright_rate * slenderness_bar
         param_bars[i, PARAM_SLENDERNESS] += half * s * half_bar
         if i + 1 < count:
             bar.tilt[i] += param_bars[i, PARAM_TURN]
@@ -247,9 +246,8 @@ def vjp_batch(
             )
             if state.event_count <= len(tape):
                 break
-            tape = np.empty(
-                int(1.5 * state.event_count), arrays.EVENT
-            )  # the same run writes as many
+            # the same run writes as many
+            tape = np.empty(int(1.5 * state.event_count), arrays.EVENT)
         summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
         if outcome == arrays.PROPAGATED:
             arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from domino_env.core.models import NonNegative, Value, about
+from domino_env.core.models import Amount, Value, about
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
@@ -56,7 +56,7 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         With the value and the accepted range.
     """
 
-    deviation: Annotated[NonNegative, about("standard deviation of each gap's error [m]")]
+    deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
     quantile: Annotated[Quantile, about("share of the draws that may be slower")] = 0.05
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0

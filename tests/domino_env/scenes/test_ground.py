@@ -118,7 +118,7 @@ def test_waves_stop_where_placement_noise_makes_dominoes_lean():
     placed = draw_layouts(wild.batch(gaps, thick), draw_errors(wild.settings, gaps.shape[1]))
     placed = replace(placed, ground=UNEVEN)
     arrays = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
-    assert footing.impassable_contacts(*arrays).any()
+    assert footing.impassable(*arrays).any()
     assert np.isfinite(wild.evaluate(wild.batch(gaps, thick)).score).all()
 
 
