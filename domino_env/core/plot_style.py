@@ -18,7 +18,7 @@ from domino_env.core.colours import COLOURS, FAINT, INK, RESULT, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
-HEADING = 0.85  # [in] of headline and subtitle
+HEAD = 0.85  # [in] of headline and subtitle
 MIN_WIDTH = 7.5  # [in] of a figure with a headline
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
@@ -108,7 +108,7 @@ def new_panels(
     """
     across = min(number, most_across)
     down = -(-number // across)
-    head = HEADING if headline else 0.0
+    head = HEAD if headline else 0.0
     width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
     figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
@@ -139,7 +139,7 @@ def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.1
     width, height = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
-        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEADING / height))
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / height))
     x, high, low = left / width, 1.0 - 0.30 / height, 1.0 - 0.58 / height
     figure.text(x, high, escape_dollars(headline), va="center", size=14.5, color=INK, weight="bold")
     figure.text(x, low, escape_dollars(subtitle), va="center", size=9.5, color=SOFT)

@@ -97,8 +97,8 @@ def impassable(
 ) -> Bools:
     """Return a mask (…, N-1) of the contacts that cannot work, as `find_violation` explains."""
     height = np.broadcast_to(height, thickness.shape)
-    leaning, stair, overshoot = _contact_faults(spacing, thickness, height, rise, tilt)[0]
-    return leaning | stair | overshoot
+    faults = _contact_faults(spacing, thickness, height, rise, tilt)[0]
+    return np.asarray(np.logical_or.reduce(faults))
 
 
 def _contact_faults(

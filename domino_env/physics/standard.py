@@ -37,20 +37,17 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
     str or None
         A sentence; None if all lengths are plausible.
     """
+    thickest, widest = thickness[1], spacing[1]
     heights = f"the dominoes are {height:g} m tall"
-    if not MIN_HEIGHT <= height <= MAX_HEIGHT:
-        return f"{heights}: {ADVICE}"
-    if thickness[1] > MAX_RATIO * height:
-        return f"a domino is {thickness[1]:g} m thick, and {heights}: {ADVICE}"
-    if thickness[1] < MIN_RATIO * height:
-        return f"no domino is thicker than {thickness[1]:g} m, and {heights}: {ADVICE}"
-    if spacing[0] >= height:
-        return f"no gap is smaller than {spacing[0]:g} m, and {heights}: {ADVICE}"
-    if spacing[1] > MAX_RATIO * height:
-        return f"a gap is {spacing[1]:g} m wide, and {heights}: {ADVICE}"
-    if spacing[1] < MIN_RATIO * height:
-        return f"no gap is larger than {spacing[1]:g} m, and {heights}: {ADVICE}"
-    return None
+    reasons = {
+        heights: not MIN_HEIGHT <= height <= MAX_HEIGHT,
+        f"a domino is {thickest:g} m thick, and {heights}": thickest > MAX_RATIO * height,
+        f"no domino is thicker than {thickest:g} m, and {heights}": thickest < MIN_RATIO * height,
+        f"no gap is smaller than {spacing[0]:g} m, and {heights}": spacing[0] >= height,
+        f"a gap is {widest:g} m wide, and {heights}": widest > MAX_RATIO * height,
+        f"no gap is larger than {widest:g} m, and {heights}": widest < MIN_RATIO * height,
+    }
+    return next((f"{reason}: {ADVICE}" for reason, applies in reasons.items() if applies), None)
 
 
 def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: Range) -> None:

@@ -269,12 +269,8 @@ class Wave:
         )
 
 
-def _summary(name: str) -> Any:
-    return property(lambda self: self.summaries[name])
-
-
-def _arrival(name: str) -> Any:
-    return property(lambda self: self.arrivals[name])
+def _column(records: str, name: str) -> Any:
+    return property(lambda self: getattr(self, records)[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,20 +303,20 @@ class WaveBatch:
     run_time: float
     gradient: Gradient | None = None
 
-    outcome = _summary("outcome")
-    hit = _summary("hit")
-    toppled = _summary("toppled")
-    reach = _summary("reach")
-    total_time = _summary("total_time")
-    error_estimate = _summary("estimate")
-    flushes = _summary("flushes")
-    releases = _summary("releases")
-    largest_flush_loss = _summary("flush_loss")
-    lowest_stall_margin = _summary("lowest_margin")
-    arrival_times = _arrival("time")
-    release_velocity = _arrival("release")
+    outcome = _column("summaries", "outcome")
+    hit = _column("summaries", "hit")
+    toppled = _column("summaries", "toppled")
+    reach = _column("summaries", "reach")
+    total_time = _column("summaries", "total_time")
+    error_estimate = _column("summaries", "estimate")
+    flushes = _column("summaries", "flushes")
+    releases = _column("summaries", "releases")
+    largest_flush_loss = _column("summaries", "flush_loss")
+    lowest_stall_margin = _column("summaries", "lowest_margin")
+    arrival_times = _column("arrivals", "time")
+    release_velocity = _column("arrivals", "release")
     impact_velocity = property(lambda self: self.arrivals["impact"][:, :-1])
-    stall_margin = _arrival("margin")
+    stall_margin = _column("arrivals", "margin")
     converged = property(lambda self: self.error_estimate <= self.rtol)
 
     @cached_property

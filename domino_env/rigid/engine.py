@@ -24,11 +24,10 @@ from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.rigid import simulation
+from domino_env.rigid import dynamics, simulation
 
 MM = 1000.0
 KINDS = 32  # categories of bodies; i and i ± 1 collide; on uneven ground half are of planks
-AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
 PLANK = 1.5  # [heights] before and behind a pivot: where a domino may come to lie
 OVERLAP = 1e-4  # [mm] of faces, which the engine tolerates
 DEPTH = 10.0  # [mm] of a floor or plank
@@ -262,7 +261,7 @@ class _Space:
         last, furthest, resting = self.bodies[-1], 0.0, 0.0
         while resting < patience and -last.angle <= self._tipping[-1]:
             self.advance(step)
-            resting = 0.0 if -last.angle > furthest + AT_REST else resting + step
+            resting = 0.0 if -last.angle > furthest + dynamics.AT_REST else resting + step
             furthest = max(furthest, -last.angle)
 
     def tip_distance(self, i: int) -> float:

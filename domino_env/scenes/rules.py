@@ -20,7 +20,7 @@ GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from t
 LIST_TOLERANCE = 1e-9  # [m] largest difference of values that count as equal
 
 
-def bounds_faults(
+def bounds_violations(
     name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
 ) -> list[str]:
     """Return a sentence for values beyond their bounds by more than `slack` of the upper one.
@@ -34,7 +34,7 @@ def bounds_faults(
     return _violations(f"{name}[{{0}}]", values, is_allowed, allowed, first, unit)
 
 
-def list_faults(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
+def list_violations(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
     """Return a sentence for values that are not on the list; None allows any."""
     if allowed is None:
         return []
@@ -48,7 +48,7 @@ def is_listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
     return np.abs(values - find_nearest(values, np.array(allowed))) <= LIST_TOLERANCE
 
 
-def change_faults(spacing: Floats, largest_change: float | None) -> list[str]:
+def change_violations(spacing: Floats, largest_change: float | None) -> list[str]:
     """Return a sentence for neighbouring gaps that differ by too much; None allows any change."""
     if largest_change is None:
         return []
@@ -58,7 +58,7 @@ def change_faults(spacing: Floats, largest_change: float | None) -> list[str]:
     return _violations("spacing[{1}] - spacing[{0}]", change, is_allowed, allowed)
 
 
-def ground_faults(layout: Layout, ground: Ground | None) -> list[str]:
+def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
     """Return a sentence if rise or tilt of a layout are not those of the ground; None is flat."""
     if ground is None:
         flat = "the layout has uneven ground, and the scene flat ground: give rise and tilt of 0"

@@ -21,13 +21,7 @@ from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.pool import (
-    BEYOND_TESTS,
-    DIGITS,
-    POINT,
-    ScenePool,
-    make_stamp,
-)
+from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, POINT, ScenePool, make_stamp
 from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent

@@ -16,19 +16,13 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.scenes import rules
 from domino_env.scenes.consistency import check_document
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import MeanOverDraws
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import (
-    Bounds,
-    Stock,
-    bounds_faults,
-    change_faults,
-    ground_faults,
-    list_faults,
-)
+from domino_env.scenes.rules import Bounds, Stock
 from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
 
@@ -277,29 +271,31 @@ class Specification:
         require_layout(layout)
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
-        violations = ground_faults(layout, self.ground)
+        violations = rules.ground_violations(layout, self.ground)
         heights = layout.height if self.growth is None else layout.height[:1]
-        for name, values, size, measure in (
+        for name, values, size, unit in (
             ("thickness", layout.thickness[:1], self.first_thickness, "m"),
             ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
-            violations += bounds_faults(name, values, (size, size), 0, measure, slack=1e-9)
+            violations += rules.bounds_violations(
+                name, values, (size, size), 0, measure, slack=1e-9
+            )
         if self.growth is not None:
             ratios = layout.height[1:] / layout.height[:-1]
-            violations += bounds_faults("growth", ratios, self.growth, 1, "")
+            violations += rules.bounds_violations("growth", ratios, self.growth, 1, "")
         gaps, thicknesses, unit = layout.spacing, layout.thickness[1:], "m"
         if self.in_heights:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
             thicknesses, unit = thicknesses / layout.height[1:], "heights"
-        violations += bounds_faults("spacing", gaps, self.spacing, 0, unit)
-        violations += list_faults("spacing", gaps, self.spacing_values, 0)
-        violations += change_faults(gaps, self.largest_change)
+        violations += rules.bounds_violations("spacing", gaps, self.spacing, 0, unit)
+        violations += rules.list_violations("spacing", gaps, self.spacing_values, 0)
+        violations += rules.change_violations(gaps, self.largest_change)
         if self.stock is not None:
             violations += self.stock.violations(layout.thickness)
         else:
-            violations += bounds_faults("thickness", thicknesses, self.thickness, 1, unit)
-            violations += list_faults("thickness", thicknesses, self.thickness_values, 1)
+            violations += rules.bounds_violations("thickness", thicknesses, self.thickness, 1, unit)
+            violations += rules.list_violations("thickness", thicknesses, self.thickness_values, 1)
         if complete and self.length is not None:
             error = layout.length - self.length
             if abs(error) > LENGTH_TOLERANCE:

@@ -139,8 +139,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
-        Amount | None,
-        about("friction of dominoes with the floor; without it pivots are fixed"),
+        Amount | None, about("friction of dominoes with the floor; without it pivots are fixed")
     ] = None
 
 

@@ -18,14 +18,7 @@ from matplotlib.patches import Polygon
 
 from domino_env.core.checks import require_type
 from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
-from domino_env.core.plot_style import (
-    HEADING,
-    LEGEND,
-    add_headings,
-    label_plainly,
-    new_figure,
-    style,
-)
+from domino_env.core.plot_style import HEAD, LEGEND, add_headings, label_plainly, new_figure, style
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
@@ -112,11 +105,11 @@ def layouts_figure(
     scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
     strip = (tall + max(_relief(drawn.layout, low, end) for drawn in layouts)) * scale + LABEL
-    height = HEADING + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
+    height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
     add_headings(figure, headline, subtitle, LEFT)
-    y = height - HEADING
+    y = height - HEAD
     for drawn in layouts:
         y -= strip
         axes = _axes(figure, y, strip)

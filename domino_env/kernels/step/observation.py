@@ -96,9 +96,8 @@ def observe_ground(batch, curve, b, observation):
         return
     rules, start = rules_of(batch, b), batch.entries[0]
     unit = rules.unit if rules.in_heights else 1.0
-    pitch = (
-        0.5 * unit * (rules.gap_low + rules.gap_high + rules.thickness_low + rules.thickness_high)
-    )
+    bounds = rules.gap_low + rules.gap_high + rules.thickness_low + rules.thickness_high
+    pitch = 0.5 * unit * bounds
     steepest = unit * rules.thickness_low / rules.unit
     x = batch.places[b, batch.episodes[b].placed]
     k = piece_at(curve, x, 0)
