@@ -278,9 +278,7 @@ class Specification:
             ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
-            violations += rules.bounds_violations(
-                name, values, (size, size), 0, measure, slack=1e-9
-            )
+            violations += rules.bounds_violations(name, values, (size, size), 0, unit, slack=1e-9)
         if self.growth is not None:
             ratios = layout.height[1:] / layout.height[:-1]
             violations += rules.bounds_violations("growth", ratios, self.growth, 1, "")
