@@ -25,7 +25,7 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.closed_loop import RTOL, Episodes, antithetic_noise, random_parts
 from domino_env import Scene, load_scene
-from domino_env.core.files import as_text
+from domino_env.core.checks import require_type
 from domino_env.envs.spaces import closeness
 
 
@@ -159,8 +159,7 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     ) -> torch.Tensor:
         sizes = {"spacing": spacing, "thickness": thickness, "height": height}
         for name, size in sizes.items():
-            if not isinstance(size, torch.Tensor | None):
-                raise ValueError(f"{name} = {as_text(size)}: give a tensor (B, {target.count - 1})")
+            require_type(name, size, torch.Tensor | None, f"a tensor (B, {target.count - 1})")
         scores: torch.Tensor = _Score.apply(target, rtol, *sizes.values())[0]  # type: ignore[no-untyped-call]
         return scores
 

@@ -267,8 +267,7 @@ def choose_scenes(
         If a number is out of range, if `seed` is None and the distribution has no test set, or for
         the reasons of `load_distribution`.
     """
-    if number is not None or seed is not None:
-        require("scenes", number, 1, whole=True)
+    require("scenes", number, 1, whole=True, optional=seed is None)
     distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
     if seed is not None:
         require("seed", seed, 0, whole=True)

@@ -196,8 +196,7 @@ def train(
     require("seed", seed, 0, 2**32 - 1, whole=True)
     require("num_scenes", num_scenes, 1, POOL_SIZE, whole=True, optional=True)
     require_learning()
-    expected = "agents.algorithms.Hyperparameters"
-    require_type("hyperparameters", hyperparameters, Hyperparameters | None, expected)
+    require_type("hyperparameters", hyperparameters, Hyperparameters | None, "Hyperparameters")
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     path = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
     if resume:

@@ -9,6 +9,7 @@ import numpy as np
 from domino_env.core.checks import numbers
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
+from domino_env.physics.physics import require_layout
 from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
 from optimize.constraints.feasible_set import FeasibleSet
@@ -128,6 +129,7 @@ class DesignSpace:
 
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene."""
+        require_layout(layout)
         scene = self.scene
         if layout.count != scene.count:
             raise ValueError(

@@ -56,8 +56,8 @@ class Journal:
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
         self._pending: list[tuple[bytes, float, bytes]] = []
         self._last_save = float("-inf")
-        self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
         with self._file_errors():
+            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
             for setting in PRAGMAS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)

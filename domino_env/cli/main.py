@@ -112,6 +112,8 @@ def main(words: Sequence[str] | None = None) -> int:
             print("domino: interrupted", file=sys.stderr)
             return interruption.code
         message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
+        if isinstance(error, OSError) and error.filename is not None:
+            message = f"{error.filename}: {error.strerror}: name another file or folder"
         print(f"domino: {one_line(message, 1000)}", file=sys.stderr)
         return 2
     except Exception as error:

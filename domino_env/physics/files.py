@@ -111,12 +111,12 @@ def read_arguments(path: Path) -> dict[str, Any]:
     suffix = path.suffix.lower()
     if path.is_dir():
         raise ValueError("it is a folder: name the file of a layout, such as layout.csv in a run")
+    if not path.exists():
+        raise ValueError("there is no such file: name a .csv or .json file of a layout")
     if suffix == ".csv":
         return _parse_table(path, read_bytes(path))
     if suffix == ".json":
         return read_model(LayoutTable, read_json(path)).arguments()
-    if not path.exists():
-        raise ValueError("there is no such file: name a .csv or .json file of a layout")
     raise ValueError("it is not a layout: name a .csv or .json file")
 
 

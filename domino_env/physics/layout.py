@@ -293,9 +293,8 @@ class Layout:
             For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
         """
-        path = as_path("path", path)
         with errors_with_path(path):
-            layout = cls(**{"width": width} | files.read_arguments(path))
+            layout = cls(**{"width": width} | files.read_arguments(as_path("path", path)))
         if layout.count > 1:
             standard.advise_on_units(path, *layout._sizes)
         return layout

@@ -213,8 +213,7 @@ def simulate_standing(
     """
     start_time, physics = time.perf_counter(), physics or Physics()
     require_arguments(layout, physics)
-    hint = "None for fixed pivots"
-    require("floor_friction", floor_friction, 0.0, hint=hint, optional=True)
+    require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots", optional=True)
     floor_friction = None if floor_friction is None else float(floor_friction)
     require_type("stop", stop, Callable | None, "a function that returns True or False, or None")
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")

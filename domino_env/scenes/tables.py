@@ -12,10 +12,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
-from domino_env.core.files import as_text
+from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import LARGEST, Amount, Size, Table, about, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics, require_physics
@@ -54,6 +53,9 @@ class ChainTable(Table):
 
 Step = Annotated[float, Meta(ge=RESOLUTION, le=LARGEST)]
 Listed = Annotated[list[Size], Meta(min_length=1)]
+
+
+PAIR = "a pair of bounds, such as (0.002, 0.04)"
 
 
 class RangeTable(Table):
@@ -95,13 +97,15 @@ class RangeTable(Table):
         cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
     ) -> dict[str, Any]:
         """Return the table, as in a document, whose `domain` is these bounds and values."""
-        low, high = _require_pair(name, bounds)
+        low, high = numbers(name, bounds, None, (2,), PAIR).tolist()
         if low == high:
             return {"fixed": low, **entries}
         if values is None:
             return {"min": low, "max": high, **entries}
-        step = round(values[1] - values[0], 12) if np.size(values) > 2 else high
-        if np.size(values) > 2 and steps(low, high, step) == tuple(values):
+        listed = numbers(f"{name}.values", values).ravel().tolist()
+        step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
+        is_short = step > 0.0 and (high - low) / step < len(listed)
+        if is_short and steps(low, high, step) == tuple(listed):
             return {"min": low, "max": high, "step": step, **entries}
         return {"values": values, **entries}
 
@@ -233,6 +237,7 @@ class SceneTables(Table, kw_only=True):
 def make_document(scene: Any) -> dict[str, Any]:
     """Return the tables of the file that describes a scene; inverse of `SceneTables.fields`."""
     require_physics(scene.physics)
+    require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
     tables: dict[str, Any] = {
         name: getattr(scene, name) for name in ("name", "title", *SHARED_FIELDS[1:])
@@ -251,7 +256,7 @@ def make_document(scene: Any) -> dict[str, Any]:
         bounds, values = scene.thickness, scene.thickness_values
         tables["thickness"] = RangeTable.from_bounds("thickness", bounds, values, of=of)
     if scene.growth is not None:
-        low, high = _require_pair("growth", scene.growth)
+        low, high = numbers("growth", scene.growth, None, (2,), PAIR).tolist()
         tables["growth"] = {"min": low, "max": high}
     if scene.placement_deviation:
         noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
@@ -260,12 +265,6 @@ def make_document(scene: Any) -> dict[str, Any]:
         kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
         tables[next(kinds, "settings")] = scene.settings
     return dict(_drop_none(plain(tables)))
-
-
-def _require_pair(name: str, bounds: Bounds) -> Bounds:
-    if np.shape(bounds) != (2,):
-        raise ValueError(f"{name} = {as_text(bounds)}: give two bounds, such as (0.002, 0.04)")
-    return bounds
 
 
 def _drop_none(value: Any) -> Any:

@@ -166,8 +166,7 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     ValueError
         For a recording that is silent, too short, or has samples that are not finite.
     """
-    samples = numbers("samples", samples, None, ("S",))
-    require("samples", samples, hint="export it again", array=True)
+    require("samples", samples := numbers("samples", samples, None, ("S",)), array=True)
     require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
     if not samples.any():
         raise ValueError("the recording is silent: record it again")

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from domino_env.core.checks import require
-from domino_env.core.files import as_text
+from domino_env.core.checks import require, require_type
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
@@ -105,8 +104,7 @@ def plan_tasks(
     ValueError
         See `compare`; also if there are more than a million tasks.
     """
-    if not isinstance(seeds, Iterable):
-        raise ValueError(f"seeds = {as_text(seeds)}: give several, such as range(5)")
+    require_type("seeds", seeds, Iterable, "several, such as range(5)")
     if not isinstance(seeds, range):
         for seed in (seeds := list(seeds)):
             require("seed", seed, 0, whole=True)

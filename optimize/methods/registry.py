@@ -18,7 +18,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, cast
 
-from domino_env.core.checks import require_choice, require_extra
+from domino_env.core.checks import require_choice, require_extra, require_type
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,6 +109,7 @@ def load(name: str | Method) -> Method:
 
 def method_name(method: str | Method) -> str:
     """Return the name of a method that is given by name or as the function itself."""
+    require_type("method", method, str | Callable, "a name, or a function run(evaluator, rng)")
     if isinstance(method, str):
         return method
     function = method if hasattr(method, "__qualname__") else type(method)

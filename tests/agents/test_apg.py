@@ -84,7 +84,7 @@ def test_an_update_in_sampled_scenes_uses_all_of_them():
 def test_listed_values_have_no_gradient():
     with pytest.raises(ValueError, match="'short' has a list of values, a step or a stock"):
         require_smooth(replace(SHORT, spacing_values=(0.01, 0.02)))
-    with pytest.raises(ValueError, match=r"spacing = 3: give a tensor \(B, 11\)"):
+    with pytest.raises(TypeError, match=r"spacing = 3: give a tensor \(B, 11\)"):
         torch_score(SHORT)(3)
 
 

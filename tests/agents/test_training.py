@@ -220,7 +220,7 @@ def test_invalid_arguments_are_rejected(tmp_path):
         ({"seed": -1}, "seed = -1: give a whole number"),
         ({"num_scenes": 5000}, "num_scenes = 5000: .*1 to 4096"),
         ({"num_scenes": 2}, "num_scenes = 2: .*the scene is fixed"),
-        ({"hyperparameters": {"gamma": 1.0}}, "hyperparameters = .*gamma.*: give agents.algo"),
+        ({"hyperparameters": {"gamma": 1.0}}, "hyperparameters = .*gamma.*: give Hyperparameters"),
         ({"folder": 3}, "folder = 3: give a path"),
         ({"folder": Path(__file__)}, "is a file: name a folder"),
         ({"folder": tmp_path, "resume": True}, "holds no training to resume"),

@@ -20,6 +20,9 @@ PROBLEM = Problem("sprint")
     (lambda: PROBLEM.evaluate(np.ones(39), rtol=0), "rtol = 0: give a finite number from 1e-13"),
     (lambda: best_known("sprint"), "path = 'sprint': give a pathlib.Path, or None; best_known()["),
     (lambda: open_store(3), "path = 3: give a path"),
+    (lambda: PROBLEM.design("x"), "layout = 'x': give a Layout"),
+    (lambda: run_experiment([3]), "task = 3: give a Task"),
+    (lambda: run_experiment([], known_score=3), "known_score = 3: give a function of a result"),
     (lambda: run_experiment([], 3), "executor = 3: give a concurrent.futures.Executor"),
     (lambda: run_experiment([], study="x"), "study = 'x': give a Study, as open_store(path).begin"),
 ])  # fmt: skip

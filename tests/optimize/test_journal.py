@@ -143,6 +143,9 @@ def test_a_damaged_journal_is_rejected(problems, tmp_path, damage):
         database.commit()
     with pytest.raises(ValueError, match=r"cannot be used .*begin anew in another"):
         search(*words, folder=tmp_path, resume=True)
+    (tmp_path / "folder" / JOURNAL).mkdir(parents=True)
+    with pytest.raises(ValueError, match="unable to open database file"):
+        search(*words, folder=tmp_path / "folder", resume=True)
 
 
 def test_two_searches_do_not_write_one_journal(tmp_path):

@@ -89,7 +89,8 @@ def test_json_for_other_programs(output_of, file):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ("simulate nothing.csv", "No such file or directory: 'nothing.csv'"),
+    ("simulate nothing.csv", "nothing.csv: there is no such file: name a .csv or .json file"),
+    ("listen nothing.wav", "nothing.wav: No such file or directory: name another file or folder"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
     ("studies --store EMPTY", "there is no store empty.csv: give an existing file (--store)"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
