@@ -138,7 +138,7 @@ def search(
     require_executor(executor)
     require_type("callback", callback, Callable, "a function of the Evaluator")
     require_type("clock", clock, Callable, "a function that returns seconds")
-    require("spent", spent, 0.0, unit="s")
+    require("seconds_before", seconds_before, 0.0, unit="s")
     if resume and folder is None:
         raise ValueError("resume = True without a folder: give the folder of the search")
     if tolerance is None and budget is None and seconds is None:

@@ -30,7 +30,7 @@ from optimize.experiments.task import Task
     ({"executor": 3}, "executor = 3: give a concurrent.futures.Executor"),
     ({"callback": 3}, "callback = 3: give a function of the Evaluator"),
     ({"clock": 3}, "clock = 3: give a function that returns seconds"),
-    ({"spent": float("nan")}, "spent = nan s: give a finite number, at least 0"),
+    ({"seconds_before": float("nan")}, "seconds_before = nan s: give a finite number, at least 0"),
     ({"method": 3}, "method = 3: give a name, or a function"),
     ({"folder": 3}, "folder = 3: give a path, as a string or a pathlib.Path"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
