@@ -24,6 +24,7 @@ from domino_env.core.checks import as_path, require, require_extra
 from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
+from domino_env.envs import register
 from domino_env.scenes.distribution import load_distribution
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import export_study, open_store
@@ -224,6 +225,7 @@ def write_episodes(
 
     env = DominoChainVector(1, distribution)
     returns, episodes = dict[str, float](), dict[str, list[EpisodeBuffer]]()
+    register()  # which the command does not do
     single = gymnasium.make("DominoChain-v1", scene=distribution.name)
     for quality in QUALITIES:
         buffers = episodes[quality] = []

@@ -1,5 +1,6 @@
 """Datasets: layouts and episodes of the scenes, continuation after an interruption."""
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -24,6 +25,7 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
     with monkeypatch.context() as patched:
         patched.setattr(dataset, "run_experiment", stops)
         assert main(words) != 0
+    monkeypatch.delitem(gymnasium.registry, "DominoChain-v1")  # as in the command
     assert main(words) == 0
     assert "3 scenes of `varied-course`" in capsys.readouterr().out
     table = parquet.read_table(tmp_path / dataset.LAYOUTS).to_pylist()
