@@ -113,7 +113,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     Raises
     ------
     ValueError
-        For an unknown algorithm.
+        If the algorithm is unknown.
     """
     require_choice("algorithm", algorithm, ALGORITHMS)
     scene = target if isinstance(target, Scene) else target.first

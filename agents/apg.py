@@ -40,7 +40,7 @@ class APG(OnPolicyAlgorithm):
     max_grad_norm
         Largest norm of the gradient with respect to the weights.
     options
-        Other arguments as of `stable_baselines3.PPO`: policy_kwargs, verbose, seed, device.
+        Other arguments: policy_kwargs, verbose, seed and device, see `stable_baselines3.PPO`.
     """
 
     policy: Any  # a `ScheduledPolicy`

@@ -227,7 +227,7 @@ def benchmark_tasks(
     Raises
     ------
     ValueError
-        For unknown or repeated names, empty lists, or numbers out of range.
+        If names are unknown or repeated, lists are empty, or numbers are out of range.
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):

@@ -7,7 +7,7 @@ pieces. Entries of an observation that the policy does not use are set to zero.
   not depend on the gaps. It takes the pieces of the rule (`agents.draw`) and learns its desired
   thicknesses by regression; the gradient is with respect to the gaps.
 - Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
-  latest gaps and thicknesses. The gradient passes through what is observed of earlier dominoes: the
+  latest gaps and thicknesses. The gradient includes the observations of earlier dominoes: the
   arrival times are linearised, with their exact derivatives by all gaps and thicknesses.
 """
 

@@ -81,7 +81,7 @@ def make_dataset(
     Raises
     ------
     ValueError
-        For numbers out of range, or a folder with another dataset.
+        If numbers are out of range, or if the folder holds another dataset.
     ImportError
         If the extra "minari" is missing, before any search.
     """

@@ -121,7 +121,7 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
 
 
 def plan(scene: Scene) -> Rollout:
-    """Build the best known layout, without a reaction to what happens: open loop.
+    """Build the best known layout open loop.
 
     If pieces are drawn in random order, gaps and desired thicknesses are a fixed sequence.
     """

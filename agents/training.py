@@ -182,8 +182,8 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, `num_scenes` with a single scene, a folder that holds
-        another training, or `resume` with a folder without a training.
+        If algorithm or scene are unknown, `num_scenes` is given with a single scene, the folder
+        holds another training or, with `resume`, none.
 
     Examples
     --------

@@ -63,7 +63,8 @@ class Problem(DesignSpace):
     """The score of a scene as a function of numbers between 0 and 1, for any optimiser.
 
     **Higher scores are better**: an optimiser that minimises is given their negative. A layout that
-    does what the scene asks scores more than 0 (with `objective = "mean_speed"`, its speed in m/s).
+    completes and keeps its limits scores more than 0 (with `objective = "mean_speed"`, its speed
+    [m/s]).
     One whose wave stops scores less than 0, the more the further it came, so that a search can
     ascend. See `Scene.score`.
 

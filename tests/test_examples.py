@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from domino_env import load_scene, load_test_set
-from domino_env.core.tables import fill
+from domino_env.core.tables import fill_tables
 
 CLAIMS = {  # what a notebook shows
     "speed_over_spacing": "abs(fit.friction - 0.178) < 1e-3",
@@ -65,7 +65,7 @@ def test_the_page_of_the_bathtub_has_the_numbers_of_its_program(script):
     """`python examples/why_the_bathtub_wins.py --write` updates it."""
     example = script("examples/why_the_bathtub_wins.py")
     page = (ROOT / "docs" / "why.md").read_text("utf-8")
-    assert fill(page, example.cheap_tables()) == page
+    assert fill_tables(page, example.cheap_tables()) == page
     assert example.other_scenes(cases={"40 dominoes": example.SPRINT})[-1] in page
     gap, steady = example.clock_started_late(), example.endless_gap(0.25)
     assert f"{1e3 * gap:.1f} mm as well" in page.replace("\n", " ")

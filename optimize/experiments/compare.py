@@ -50,7 +50,7 @@ def compare(
         share, counts into each. Equal seconds are a fair comparison only if every run has a core
         for itself: an executor must have no more workers than its machines have cores.
     options
-        `executor`, `study`, `name` and `progress`: as of `run_experiment`.
+        `executor`, `study`, `name` and `progress`, see `run_experiment`.
 
     Returns
     -------

@@ -172,7 +172,7 @@ def sweep(
     seconds
         Time of each search [s], instead.
     options
-        `executor`, `study`, `name` and `progress`: as of `run_experiment`.
+        `executor`, `study`, `name` and `progress`, see `run_experiment`.
 
     Returns
     -------

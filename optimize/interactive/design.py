@@ -46,7 +46,7 @@ class Design:
         Its score by `Scene.score`; None on a floor until it is set.
     uniform
         Uniform baseline of the scene; None until it is set.
-    first
+    first_step
         The first step of the history.
 
     Raises

@@ -3,7 +3,7 @@
 Far from both ends a good layout is the same for thousands of dominoes, and its ends are those of a
 layout of some hundred. So a short layout of the same scene is searched and stretched in its middle,
 step by step to the count of the scene. At each step a local search refines the ends, the plateau
-and what lies between.
+and the transitions.
 
 References
 ----------

@@ -159,13 +159,13 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
 
 @dataclass
 class _Elite:
-    """The best layouts so far that are not alike, and the success of each perturbation.
+    """Best layouts so far, which differ from each other, and the success of perturbations.
 
     Attributes
     ----------
     problem
         Problem that is searched.
-    ranked
+    layouts
         Score and design vector (n,) of each layout, the best first.
     weights
         Relative frequency of each perturbation.
@@ -187,7 +187,7 @@ class _Elite:
         return self.layouts[0][0]
 
     def add(self, score: float, design: Floats) -> None:
-        """Add a layout, unless one that is alike is as good."""
+        """Add a layout, unless an equal one has at least its score."""
 
         def is_alike(other: Floats) -> bool:
             return float(np.abs(other - design).max()) < ALIKE_DISTANCE
