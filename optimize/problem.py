@@ -64,9 +64,8 @@ class Problem(DesignSpace):
 
     **Higher scores are better**: an optimiser that minimises is given their negative. A layout that
     completes and keeps its limits scores more than 0 (with `objective = "mean_speed"`, its speed
-    [m/s]).
-    One whose wave stops scores less than 0, the more the further it came, so that a search can
-    ascend. See `Scene.score`.
+    [m/s]). One whose wave stops scores less than 0, the more the further it came, so that a search
+    can ascend. See `Scene.score`.
 
     A design vector is an array (n,) of entries in [0, 1], a batch of them (B, n): one entry for
     each free gap, from its least to its largest value, then for each free thickness, then for each
