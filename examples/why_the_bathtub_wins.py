@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK, PALE
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
-from domino_env.core.tables import fill, markdown_table
+from domino_env.core.tables import fill_tables, markdown_table
 from optimize import search
 from optimize.experiments.best_known import best_known
 
@@ -317,6 +317,6 @@ if __name__ == "__main__":
         print(f"friction {mu:g}: an endless chain prefers {1e3 * endless_gap(mu):.2f} mm")
     if "--write" in sys.argv:
         page = DOCS / "why.md"
-        page.write_text(fill(page.read_text("utf-8"), tables), "utf-8")
+        page.write_text(fill_tables(page.read_text("utf-8"), tables), "utf-8")
         write_png(draw_gaps(), DOCS / "why-gaps.png")
         write_png(draw_map(), DOCS / "why-map.png")
