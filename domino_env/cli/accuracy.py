@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, print and write; 1 where an edge case has a fault."""
+    """Measure, print and write; return 1 if an edge case has a fault."""
     from pathlib import Path
     from typing import Any
 

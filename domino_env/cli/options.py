@@ -159,7 +159,7 @@ def write_json(document: object, file: str) -> None:
 
 @dataclass(frozen=True)
 class ChosenPhysics:
-    """Physics of a command, and where they come from.
+    """Physics of a command, and their source.
 
     Attributes
     ----------

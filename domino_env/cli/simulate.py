@@ -1,7 +1,7 @@
 """Simulate one layout: when each domino is hit, how fast the wave is, and how it ends.
 
 LAYOUT is a .csv file with a header and one line per domino (spacing_mm and thickness_mm, or spacing
-and thickness in metres; height and density where they differ), or a .json file.
+and thickness in metres; height and density if they differ), or a .json file.
 """
 
 from __future__ import annotations

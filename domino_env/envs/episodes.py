@@ -42,7 +42,7 @@ class EpisodeResults:
     thickness
         Thicknesses, (E, N) [m].
     height
-        Heights, (E, N), or (1, N) where all episodes share them [m].
+        Heights, (E, N), or (1, N) if all episodes share them [m].
     placed
         Numbers of dominoes placed after the first.
     outcome

@@ -55,7 +55,7 @@ class Snapshot:
     wave
         The wave through these dominoes; None while it runs on.
     hand
-        Thicknesses of the pieces in hand [m], where they are drawn in random order.
+        Thicknesses of the pieces in hand [m], if they are drawn in random order.
     """
 
     layout: Layout
@@ -165,7 +165,7 @@ class _Window:
         require_extra("a window", "render", "pygame")
         import pygame
 
-        pygame.display.init()  # not pygame.init: its mixer prints errors where there is no sound
+        pygame.display.init()  # not pygame.init: its mixer prints errors if there is no sound
         pygame.display.set_caption("toppling dominoes")
         self._pygame, self._clock = pygame, pygame.time.Clock()
         self._surface = pygame.display.set_mode(size)

@@ -46,7 +46,7 @@ class SceneSource:
     Attributes
     ----------
     distribution
-        The distribution; None where the scene is fixed.
+        The distribution; None if the scene is fixed.
     first
         The scene, or the first of the distribution.
     observed
@@ -63,13 +63,13 @@ class SceneSource:
         RULES of each scene, (S,). A success is divided by their "score_unit" in the gain: the score
         of the baseline. Where that is no success: √(g h), h, or 1, by the unit of the objective.
     features
-        Observed numbers of each, (S, F); F = 0 where the scene is fixed.
+        Observed numbers of each, (S, F); F = 0 if the scene is fixed.
     first_thickness
         Thickness of the first domino of each, (S,) [m].
     score, speed
         Score and speed [m/s] of the uniform baseline of each, (S,).
     schedule
-        Arrival times [s] and intervals, scaled to -1 … 1, where hits have a schedule, (S, N, 2).
+        Arrival times [s] and intervals, scaled to -1 … 1, if hits have a schedule, (S, N, 2).
     uniform_left
         Length [m] and time [s] that the baseline has left with k dominoes placed, (S, N, 2).
 
@@ -119,7 +119,7 @@ class SceneSource:
             self._store(0, scene, np.empty(0))
 
     def sample(self, generator: np.random.Generator) -> int:
-        """Return the index of a random scene; 0 where the scene is fixed."""
+        """Return the index of a random scene; 0 if the scene is fixed."""
         if self.distribution is None:
             return 0
         i = self.indices[int(len(self.indices) * generator.random())]
@@ -152,7 +152,7 @@ class SceneSource:
         if scene.hand and scene.criterion.is_mean_speed:  # the score is a mean over orders
             speed = baseline.score
         times = baseline.wave.arrival_times
-        if not speed > 0.0:  # where the baseline stops, free fall
+        if not speed > 0.0:  # of free fall, if the baseline stops
             times = positions / free_fall
         unit = baseline.score
         if not unit > 0.0:

@@ -64,7 +64,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Slice of each part of an observation, by name.
     """
 
-    options: ClassVar[tuple[str, ...]] = ()  # options of a reset where the scene is fixed
+    options: ClassVar[tuple[str, ...]] = ()  # options of a reset if the scene is fixed
 
     def __init__(
         self,
@@ -114,7 +114,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @property
     def distribution(self) -> SceneDistribution | None:
-        """Distribution that scenes are sampled from; None where the scene is fixed."""
+        """Distribution that scenes are sampled from; None if the scene is fixed."""
         return self.source.distribution
 
     def _scene(self, env: int) -> Scene:
@@ -182,7 +182,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Returns
         -------
         dict
-            Infos of these environments, arrays in their order: "scene" where it was sampled.
+            Infos of these environments, arrays in their order: "scene" if it was sampled.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         """
 
     def _randomise(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
-        """Sample placement errors and the order of the pieces, where the scene has them.
+        """Sample placement errors and the order of the pieces, if the scene has them.
 
         starts: layouts that episodes start from, by environment.
         """
@@ -243,7 +243,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """Seed of each environment; None where it has none yet."""
+        """Seed of each environment; None if it has none yet."""
         return tuple(self._seeds)
 
     @property  # type: ignore[misc]
@@ -442,12 +442,12 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
     @property
     def scene(self) -> Scene:
-        """Scene of the episode; where one is sampled at every reset, the latest."""
+        """Scene of the episode; the latest, if one is sampled at every reset."""
         return self._vector.scenes[0]
 
     @property
     def distribution(self) -> SceneDistribution | None:
-        """Distribution that scenes are sampled from; None where the scene is fixed."""
+        """Distribution that scenes are sampled from; None if the scene is fixed."""
         return self._vector.distribution
 
     def reset(
@@ -499,7 +499,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         reward : float
             Reward, as the class page defines it.
         terminated, truncated : bool
-            True where the episode has ended; it is never truncated.
+            True if the episode has ended; it is never truncated.
         info : dict
             Info of the class after the last step, else empty.
 

@@ -38,7 +38,7 @@ def is_uniform(layout):
 
 @jit.internal
 def uniform_rule(lanes, domino, state, count, b):
-    """Return the rule that resolves P and Q of a uniform stack; -1 where none does."""
+    """Return the rule that resolves P and Q of a uniform stack; -1 if none does."""
     mu, tol = state.mu, MAP_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
     for k in range(1, len(ORDERS)):
         used = stack.set_angles(lanes, k, 0.0, b)
@@ -200,7 +200,7 @@ def chain(layout, lanes, ring, state, push, arrivals, tape):
 def solve(layout, lanes, ring, state, push, arrivals, tape):
     """Simulate a chain, with a smaller tolerance while its estimate exceeds that of the state.
 
-    Where rounding alone exceeds it no rule helps, and the estimate includes it.
+    If rounding alone exceeds it no rule helps; the estimate includes rounding.
     """
     rtol = state.rtol
     result = arrays.PROPAGATED, 0, 0, 0

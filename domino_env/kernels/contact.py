@@ -49,7 +49,7 @@ def new_ring(layout, size):
 
 @always_inline
 def at_or_zero(values, i):
-    """Return values[i]; 0.0 where there are no values, as on flat ground."""
+    """Return values[i]; 0.0 if there are no values, as on flat ground."""
     if values is None:
         return 0.0
     return values[i]

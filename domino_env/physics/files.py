@@ -98,7 +98,7 @@ def read_arguments(path: Path) -> dict[str, Any]:
     - height (height_mm) and density, if they differ from the standard domino's.
     - width (width_mm), the same in every line.
     - rise (rise_mm), how much higher the next pivot lies, and tilt (tilt_deg), the slope under it,
-      positive downhill, where the ground is not flat. The last rise is not used.
+      positive downhill, if the ground is not flat. The last rise is not used.
 
     Cells are separated by commas, semicolons or tabs, decimal commas are read where cells are not
     separated by commas, and other columns are ignored. JSON holds a `LayoutTable`.

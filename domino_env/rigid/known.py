@@ -114,7 +114,7 @@ def digest(layout: Layout, physics: Physics) -> str:
 
 
 def read_verified(path: Path = PATH) -> dict[str, Verified]:
-    """Return the stored verifications by scene; none where there is no such file."""
+    """Return the stored verifications by scene; none if there is no such file."""
     if not path.exists():
         return {}
     document = read_json(path)

@@ -257,7 +257,7 @@ def window_size(layout: Layout) -> int:
 
     Notes
     -----
-    Where a contact has closed, a domino turns by about 1 - √(λ² - d²)/L of what the next one turns,
+    Behind a closed contact a domino turns by about 1 - √(λ² - d²)/L times the turn of the next one,
     with pitch λ, thickness d and height L: stacks with small gaps come to rest slowly.
     """
     pitch, thickness, height = layout.pitch, layout.thickness[1:], layout.height[:-1]

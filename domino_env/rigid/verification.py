@@ -225,7 +225,7 @@ def verification_table(verification: Verification) -> list[str]:
 
 
 def as_document(verification: Verification) -> dict[str, Any]:
-    """Return the document `verification.json`; null where a domino is not reached."""
+    """Return the document `verification.json`; null if a domino is not reached."""
     wave = verification.wave
 
     def floor(rigid: RigidWave) -> dict[str, Any]:

@@ -53,7 +53,7 @@ class SceneDistribution:
     Raises
     ------
     ValueError
-        For invalid ranges, and where no scene could be sampled.
+        For invalid ranges, and if no scene could be sampled.
 
     Examples
     --------

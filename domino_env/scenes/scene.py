@@ -43,7 +43,7 @@ class Scene(Specification):
     count
         Number of dominoes N.
     height
-        Height of every domino, or of the first where heights are free [m].
+        Height of every domino, or of the first if heights are free [m].
     width
         Width of every domino [m].
     density
@@ -51,13 +51,13 @@ class Scene(Specification):
     first_thickness
         Thickness of domino 0, which is not a design variable [m].
     spacing
-        Least and largest free gap [m]; equal where the scene fixes it. Where `in_heights`, in
+        Least and largest free gap [m]; equal if the scene fixes it. If `in_heights`, in
         heights of the shorter of the two dominoes at the gap.
     thickness
-        Least and largest thickness of dominoes 1 … N-1 [m]; equal where the scene fixes it. Where
+        Least and largest thickness of dominoes 1 … N-1 [m]; equal if the scene fixes it. Where
         `in_heights`, in heights of the domino itself.
     length
-        Distance of the first and the last pivot [m], met to 1e-9 m; None where it is free.
+        Distance of the first and the last pivot [m], met to 1e-9 m; None if it is free.
     spacing_values
         All gaps allowed, rising [m]; None for any.
     thickness_values
@@ -67,10 +67,10 @@ class Scene(Specification):
     stock
         Box from which all dominoes are taken, the first one included; None for no box.
     growth
-        Least and largest ratio of a height to the one before, both 1 or more; None where all
+        Least and largest ratio of a height to the one before, both 1 or more; None if all
         heights are equal.
     in_heights
-        True where `spacing` and `thickness` count in heights.
+        True if `spacing` and `thickness` count in heights.
     limits
         Smallest stall margin, largest flush loss; None for none.
     settings

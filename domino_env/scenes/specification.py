@@ -114,7 +114,7 @@ class Specification:
 
     @property
     def tempo(self) -> Tempo | None:
-        """Schedule by which a layout is scored; None where there is none, or a mean over draws."""
+        """Schedule by which a layout is scored; None if there is none, or a mean over draws."""
         return self.criterion.settings if isinstance(self.criterion.settings, Tempo) else None
 
     @property
@@ -148,22 +148,22 @@ class Specification:
 
     @property
     def free_spacing(self) -> bool:
-        """True where the gaps are design variables."""
+        """True if the gaps are design variables."""
         return bool(self.spacing[0] < self.spacing[1])
 
     @property
     def free_thickness(self) -> bool:
-        """True where the thicknesses of all dominoes but the first are design variables."""
+        """True if the thicknesses of all dominoes but the first are design variables."""
         return bool(self.thickness[0] < self.thickness[1])
 
     @property
     def free_height(self) -> bool:
-        """True where the heights of all dominoes but the first are design variables."""
+        """True if the heights of all dominoes but the first are design variables."""
         return self.growth is not None and bool(self.growth[0] < self.growth[1])
 
     @property
     def is_homogeneous(self) -> bool:
-        """True where the rules are the same for all dominoes but the first."""
+        """True if the rules are the same for all dominoes but the first."""
         is_even = self.ground is None or self.ground.is_even
         return is_even and self.stock is None and self.growth is None
 
@@ -182,10 +182,10 @@ class Specification:
         spacing
             (N-1,) free gaps [m]; a single number is used for all.
         thickness
-            (N-1,) thicknesses of dominoes 1 … N-1 [m], or a single number; None where the scene
+            (N-1,) thicknesses of dominoes 1 … N-1 [m], or a single number; None if the scene
             fixes it.
         height
-            (N-1,) heights of dominoes 1 … N-1 [m], or a single number; None where all are equal.
+            (N-1,) heights of dominoes 1 … N-1 [m], or a single number; None if all are equal.
 
         Returns
         -------
@@ -221,9 +221,9 @@ class Specification:
         spacing
             (B, N-1) free gaps [m]; fewer for the first dominoes of longer layouts.
         thickness
-            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None where the scene fixes it.
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None if the scene fixes it.
         height
-            (B, N-1) heights of dominoes 1 … N-1 [m]; None where all are equal.
+            (B, N-1) heights of dominoes 1 … N-1 [m]; None if all are equal.
         rtol
             Relative tolerance of the arrival times.
 

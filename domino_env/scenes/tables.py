@@ -186,11 +186,11 @@ class SceneTables(Table, kw_only=True):
 
     @property
     def in_heights(self) -> bool:
-        """True where gaps and thicknesses count in heights."""
+        """True if gaps and thicknesses count in heights."""
         return self.spacing.of is not None
 
     def value_at(self, place: str) -> Any:
-        """Return the value of a table or key, as [stock] or row.length; None where it is absent."""
+        """Return the value of a table or key, as [stock] or row.length; None if it is absent."""
         value: Any = self
         for name in place.strip("[]").split("."):
             value = getattr(value, name, None)

@@ -37,7 +37,7 @@ class LayoutBatch:
     thickness
         (B, N) thicknesses [m].
     height
-        (B, N) heights, or (1, N) where they are the same in all layouts [m].
+        (B, N) heights, or (1, N) if they are the same in all layouts [m].
     width
         Width of every domino [m].
     density

@@ -97,7 +97,7 @@ class Comparison:
 
     @property
     def holds(self) -> bool:
-        """True where every chain is within `MAX_DEVIATION`."""
+        """True if every chain is within `MAX_DEVIATION`."""
         return self.worst <= MAX_DEVIATION
 
 
@@ -127,7 +127,7 @@ class Validation:
 
     @property
     def explained(self) -> bool:
-        """True where friction alone explains every chain, and agrees with its own measurement."""
+        """True if friction alone explains every chain, and agrees with its own measurement."""
         return self.main.holds and "friction-disagrees" not in self.reasons
 
 
@@ -310,7 +310,7 @@ def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: floa
 
 
 def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of a floor of this friction; 0 where the wave stops."""
+    """Return the factor on the speed of a floor of this friction; 0 if the wave stops."""
     sizes = {"thickness": setting.thickness, "height": setting.height}
     layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
     free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times

@@ -189,7 +189,7 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
 
 
 def _round_values(values: ArrayLike) -> list[Any]:
-    """Return values with seven digits, enough for a page; None where they are not finite."""
+    """Return values with seven digits, enough for a page; None if they are not finite."""
     return [
         float(f"{x:.7g}") if np.isfinite(x) else None for x in np.asarray(values, dtype=np.float64)
     ]

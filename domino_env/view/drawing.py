@@ -101,7 +101,7 @@ def draw_strip(
     ahead
         Fraction of the width beyond which the picture follows the camera.
     ground
-        Ground ahead of the layout; None where it is unknown.
+        Ground ahead of the layout; None if it is unknown.
     camera
         Position that the picture follows [m]; None for that of the leader.
     finish

@@ -166,7 +166,7 @@ def _with_score(entry: ComparedLayout, scene: Scene, score: float | None = None)
 def _curve(
     folder: Path | None, name: str, across: str, up: str
 ) -> tuple[list[float], list[float]] | None:
-    """Return two columns of a CSV file in a run's folder; None where there is no such file."""
+    """Return two columns of a CSV file in a run's folder; None if there is no such file."""
     if folder is None or not (folder / name).exists():
         return None
     path = folder / name

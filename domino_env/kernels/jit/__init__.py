@@ -59,7 +59,7 @@ def entry_point(function: Callable[..., Any]) -> Any:
 
 
 def internal(function: Callable[..., Any]) -> Any:
-    """Compile a function into its callers, inlined where the compiler thinks best."""
+    """Compile a function into its callers, inlined if the optimiser decides so."""
     return _compile(function, "Internal")
 
 
@@ -127,7 +127,7 @@ def borrow(_: Any, value: Any) -> Any:
 
 
 def optional_field(name: str) -> Any:
-    """Return a function that reads a field of a record; 0.0 where the record has none."""
+    """Return a function that reads a field of a record; 0.0 if the record has none."""
 
     @numba.extending.intrinsic
     def field(_: Any, record: Any) -> Any:
@@ -155,7 +155,7 @@ def has_field(name: str) -> Any:
 
 
 def select(array: Any, index: Any) -> Any:
-    """Return array[index] in compiled code; None where the array is None."""
+    """Return array[index] in compiled code; None if the array is None."""
 
 
 @numba.extending.overload(select, strict=False)

@@ -12,19 +12,19 @@ IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
 RULES = record_type(  # of a scene
     count=int,  # of dominoes
-    hand=int,  # pieces held at a time, drawn in random order; 0 where the whole stock is at hand
+    hand=int,  # pieces held at a time, drawn in random order; 0 if the whole stock is at hand
     friction=float,
     gravity=float,
     push=float,
     rtol=float,
-    uniform_speed=float,  # [m/s] of the uniform baseline; where it stops, of free fall
+    uniform_speed=float,  # [m/s] of the uniform baseline; of free fall if it stops
     reference_speed=float,  # [m/s] of the wave that observed leads and speeds refer to
     length=float,  # of the course [m], 0 where it is free
     gap_low=float,  # bounds [m], in heights where `in_heights`
     gap_high=float,
     thickness_low=float,
     thickness_high=float,
-    largest_change=float,  # of a gap from the one before, 0 where it is free
+    largest_change=float,  # of a gap from the one before, 0 if it is free
     least_placed=float,  # gap that placement errors leave [m]
     growth_low=float,
     growth_high=float,
@@ -32,7 +32,7 @@ RULES = record_type(  # of a scene
     grows=np.bool_,
     in_heights=np.bool_,
     rewards_steps=np.bool_,  # else all rewards but the last are 0
-    tolerance=float,  # RMS error that halves the score [s], where hits have a schedule, else 0
+    tolerance=float,  # RMS error that halves the score [s], if hits have a schedule, else 0
     score_unit=float,  # score by which a success is divided in the gain
     score_is_speed=np.bool_,  # known when the wave ends, without another simulation
 )
@@ -52,9 +52,9 @@ EPISODE = record_type(  # between two steps, besides the ring and the state
 class Batch(NamedTuple):
     """Arrays of B environments, and those that they share."""
 
-    rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
+    rules: NDArray[np.record]  # (1,) RULES, or (B,) if each has its own scene
     entries: NDArray[np.record]  # (1,) OBSERVATION
-    features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 where the scene is fixed
+    features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 if the scene is fixed
     uniform_left: NDArray[np.float64]  # (1, N, 2) or (B, N, 2), see `expected_gain`
     schedule: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) arrival times [s]; intervals, -1 to 1
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
@@ -69,7 +69,7 @@ class Batch(NamedTuple):
     episodes: NDArray[np.record]  # (B,) EPISODE
     spacing: NDArray[np.float64]  # (B, N-1) [m]
     thickness: NDArray[np.float64]  # (B, N) [m]
-    height: NDArray[np.float64]  # (1, N), or (B, N) where they differ [m]
+    height: NDArray[np.float64]  # (1, N), or (B, N) if they differ [m]
     density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the largest count
     rise: NDArray[np.float64] | None = None  # (B, N-1) [m]; these four only on uneven ground
     tilt: NDArray[np.float64] | None = None  # (B, N) [rad]

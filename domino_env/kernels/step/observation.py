@@ -16,7 +16,7 @@ ENTRIES = (
     "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
     "features", "slopes", "rises",
 )  # fmt: skip
-# start of each entry in an observation, -1 where it is absent
+# start of each entry in an observation, -1 if it is absent
 OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
 
 

@@ -91,7 +91,7 @@ class Evaluation:
         return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
-        """Add the derivatives, set to zero where a layout is no success."""
+        """Add the derivatives, set to zero for layouts without success."""
         return replace(self, gradient=gradient.scale(self.score > 0.0))
 
 
@@ -185,7 +185,7 @@ class Objective(ABC):
     unit: ClassVar[str] = ""
     """Unit of the score of a success."""
     table: ClassVar[type[Value] | None] = None
-    """Type of `settings`; None where the objective has no table."""
+    """Type of `settings`; None if the objective has no table."""
     failure: ClassVar[str] = "no success"
     """Text for the score of a wave that stops."""
     rewards_speed: ClassVar[bool] = False
