@@ -243,9 +243,7 @@ def _work_table(experiment: Experiment) -> list[str]:
         counts = ((r.evaluations, r.simulations, r.gradients, r.updates) for r in runs)
         medians = np.median(list(counts), axis=0)
         seconds = float(np.median([r.seconds for r in runs]))
-        lines.append(
-            (f"`{name}`", *(f"{number:,.0f}" for number in medians), _seconds_text(seconds))
-        )
+        lines.append((f"`{name}`", *(f"{n:,.0f}" for n in medians), _seconds_text(seconds)))
     return list(markdown_table(names, lines))
 
 

@@ -96,9 +96,8 @@ class Episodes:
         batch = self.scene.batch(self.spacing, self.thickness, rtol=RTOL)
         gradient = self.scene.evaluate(batch, gradient=True).gradient
         assert gradient is not None
-        score = (torch.from_numpy(gradient.spacing) * _sizes(actions, self.scene.spacing)).sum(
-            dim=1
-        )
+        gaps = _sizes(actions, self.scene.spacing)
+        score = (torch.from_numpy(gradient.spacing) * gaps).sum(dim=1)
         error = (mean[..., 1] - self.desired_thickness) ** 2
         return -100.0 / uniform * score.mean() + THICKNESS_WEIGHT * error.mean()
 
@@ -132,9 +131,7 @@ class Episodes:
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
         """Return arrival times (B, P), and their derivatives (B, P, P) by gap and thickness."""
         number, pairs = self.spacing.shape
-        spacing, thickness = (
-            np.repeat(part, pairs, axis=0) for part in (self.spacing, self.thickness)
-        )
+        spacing, thickness = (np.repeat(x, pairs, axis=0) for x in (self.spacing, self.thickness))
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
         gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (number, 1)))
         shape = number, pairs, -1

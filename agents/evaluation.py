@@ -315,9 +315,8 @@ def evaluate_scenes(
     """
     require("number of scenes", len(scenes), 1)
     builder = policy or shipped_designer()
-    scorers: dict[str, Callable[[Scene], float]] = {
-        "policy": lambda scene: builder.build(scene).score
-    }
+    scorers: dict[str, Callable[[Scene], float]]
+    scorers = {"policy": lambda scene: builder.build(scene).score}
     if isinstance(builder, Designer):
         scorers = {
             "policy": lambda scene: builder.design(scene).score,

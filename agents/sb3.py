@@ -150,9 +150,7 @@ class Learner:
         if isinstance(self.model, OffPolicyAlgorithm):
             buffer: Any = self.model.replay_buffer
             stored = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
-            state["transitions"] = {
-                name: torch.from_numpy(values) for name, values in stored.items()
-            }
+            state["transitions"] = {name: torch.from_numpy(x) for name, x in stored.items()}
             state["next_transition"] = int(buffer.pos)
         write_bytes(path, lambda file: torch.save(state, file))
 

@@ -114,8 +114,5 @@ def train_third_party(
 
     (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
     trace = [(placed, placed, seconds, np.nan)]
-    return (
-        ScenePolicy(Path(name), policy, size, target),
-        trace,
-        {"simulations": work["simulations"]},
-    )
+    work_done = {"simulations": work["simulations"]}
+    return ScenePolicy(Path(name), policy, size, target), trace, work_done

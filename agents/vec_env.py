@@ -51,9 +51,8 @@ class DominoVecEnv(VecEnv):
         self, scene: str | Path | Scene | SceneDistribution, num_envs: int = 1, **options: Any
     ) -> None:
         self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep", **options)
-        super().__init__(
-            num_envs, self.vector.single_observation_space, self.vector.single_action_space
-        )
+        vector = self.vector
+        super().__init__(num_envs, vector.single_observation_space, vector.single_action_space)
         self._actions: NDArray[Any] = np.zeros((num_envs, 1))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)

@@ -14,9 +14,8 @@ SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino train`."""
-    parser.add_argument(
-        "scene", metavar="SCENE", help="name of a scene or a distribution, or .toml file"
-    )
+    name = "name of a scene or a distribution, or .toml file"
+    parser.add_argument("scene", metavar="SCENE", help=name)
     number = "number of scenes of a distribution to sample (all 4096)"
     archive = "write the best policy as an archive of Stable-Baselines3 too (.zip)"
     add_options(

@@ -39,9 +39,8 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     least, largest, thin, thick = (float(h * features[i]) for i in (3, 4, 6, 7))
     number, pairs = outputs.shape[:2]
     # logarithms are limited to ±9, against overflow
-    thickness = np.clip(
-        np.sqrt(thin * thick) * np.exp(np.clip(outputs[..., 1], -9.0, 9.0)), thin, thick
-    )
+    ratio = np.exp(np.clip(outputs[..., 1], -9.0, 9.0))
+    thickness = np.clip(np.sqrt(thin * thick) * ratio, thin, thick)
     proposal = h * np.exp(np.clip(outputs[..., 0], -LARGEST_SHIFT, LARGEST_GAP))
     is_tight = np.arange(pairs) >= pairs - tight[:, None]
     if scene.length is None:

@@ -153,9 +153,8 @@ class Designer:
         require_kind(scene)
         compile_simulations(scene)
         design, uniform = self.design(scene), scene.uniform()
-        return average(
-            Rollout(scene, design.layout, design.wave, design.score, uniform, design.seconds)
-        )
+        wave, score = design.wave, design.score
+        return average(Rollout(scene, design.layout, wave, score, uniform, design.seconds))
 
     @classmethod
     def load(cls, folder: Path) -> Designer:

@@ -15,9 +15,8 @@ SUMMARY = "write a page that compares layouts in an animation"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino report`."""
-    parser.add_argument(
-        "paths", metavar="RUN|LAYOUT", nargs="+", help="folder of a run, or layout file"
-    )
+    paths = "folder of a run, or layout file"
+    parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help=paths)
     options.add_physics_options(parser, uniform=True)
     description = "output file (report.html in the folder of the run)"
     options.add_options(parser, ("html", options.output(".html"), "FILE", None, description))

@@ -76,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.scene import Scene
 
     low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
-    require(
-        "--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="the height"
-    )
+    height = arguments.height
+    require("--thickness", arguments.thickness, below=height, unit="mm", hint="the height")
     require("--gaps", high, below=arguments.height, unit="mm", hint="the height")
     objective, settings = "mean_speed", None
     if arguments.deviation is not None:

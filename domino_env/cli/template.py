@@ -12,9 +12,8 @@ SUMMARY = "write a paper template of a layout at 1:1"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino template`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
-    parser.add_argument(
-        "--paper", default="a4", choices=["a4", "letter"], help="size of the sheets (a4)"
-    )
+    size = "size of the sheets (a4)"
+    parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help=size)
     description = "output file (LAYOUT with the extension .pdf)"
     add_options(parser, ("pdf", output(".pdf"), "FILE", None, description))
 

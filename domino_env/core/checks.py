@@ -115,10 +115,8 @@ def numbers(
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
     if shape is not None and shape != array.shape:
-        fits = [
-            isinstance(n, str) or n == given for n, given in zip(shape, array.shape, strict=False)
-        ]
-        if len(shape) != array.ndim or not all(fits):
+        pairs = zip(shape, array.shape, strict=False)
+        if len(shape) != array.ndim or any(n != m and not isinstance(n, str) for n, m in pairs):
             sizes = ", ".join(map(str, shape)) + "," * (len(shape) == 1)
             ending = f", {meaning}" if meaning else ""
             raise ValueError(f"{name} has shape {array.shape}: give ({sizes}){ending}")

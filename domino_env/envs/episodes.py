@@ -120,9 +120,8 @@ class EpisodeResults:
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
         heights = self.height[i % len(self.height)]
-        return placed_layout(
-            self.scenes[i], self.placed[i], self.spacing[i], self.thickness[i], heights
-        )
+        spacing, thickness = self.spacing[i], self.thickness[i]
+        return placed_layout(self.scenes[i], self.placed[i], spacing, thickness, heights)
 
     def wave(self, i: int) -> Wave:
         """Return the wave of episode i; its reach counts against the scene's N dominoes."""

@@ -400,9 +400,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         """Return a frame of every environment at its latest hit; None without a render mode."""
         if self.render_mode is None:
             return None
-        return tuple(
-            self._renderer.frame(self.snapshot(b), self._scene(b)) for b in range(self.num_envs)
-        )
+        frame = self._renderer.frame
+        return tuple(frame(self.snapshot(b), self._scene(b)) for b in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the renderer."""

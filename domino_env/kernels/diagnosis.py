@@ -154,9 +154,8 @@ def contact_impulses(ring, state, n, low, geometry, speed_before, speed_after, l
     passed, arm_back = 0.0, 0.0
     for i in range(low, n):
         here = geometry[i]
-        turn = ring[i & state.mask].inertia * (
-            here.jac_after * speed_after - here.jac_before * speed_before
-        )
+        change = here.jac_after * speed_after - here.jac_before * speed_before
+        turn = ring[i & state.mask].inertia * change
         passed = (arm_back * passed - turn) / here.arm
         least[i] = min(least[i], passed)
         arm_back = here.arm_next

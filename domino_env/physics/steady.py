@@ -111,10 +111,8 @@ def steady_wave(
     sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
-    waves = [
-        vars(_solve_pattern(chain, physics, slope, rtol)).values()
-        for chain in chains.swapaxes(0, 1)
-    ]
+    patterns = (_solve_pattern(chain, physics, slope, rtol) for chain in chains.swapaxes(0, 1))
+    waves = [vars(pattern).values() for pattern in patterns]
     if not shape:
         return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
     return SteadyWave(*(np.array(column).reshape(shape) for column in zip(*waves, strict=True)))

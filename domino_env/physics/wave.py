@@ -138,9 +138,8 @@ class Wave:
     def __repr__(self) -> str:
         count = self.layout.count
         if self.mean_speed > 0.0:
-            result = (
-                f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
-            )
+            end = self.arrival_times[-1]
+            result = f"{count} dominoes in {end:.6g} s, {self.mean_speed:.6g} m/s"
         else:
             result = f"{self.hit} of {count} dominoes were hit, {self.toppled} toppled"
         return f"Wave({self.outcome.label}: {result})"

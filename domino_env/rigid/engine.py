@@ -195,9 +195,8 @@ class _Space:
         self.place_up_to(min(1, layout.count - 1))
         half_height, half_thickness = layout.height[0] * MM / 2.0, layout.thickness[0] * MM / 2.0
         self.bodies[0].angular_velocity = -physics.push
-        self.bodies[0].velocity = self._rotate_to_ground(
-            0, physics.push * half_height, physics.push * half_thickness
-        )
+        velocity = physics.push * half_height, physics.push * half_thickness
+        self.bodies[0].velocity = self._rotate_to_ground(0, *velocity)
 
     def place_up_to(self, last: int) -> None:
         """Place the dominoes up to this one."""

@@ -296,9 +296,8 @@ def _run(
         edge = np.stack([0.5 * thickness, -0.5 * height], axis=-1)
     inertia = mass * square / (3.0 if floor is None else 12.0)
     slope = np.stack([np.sin(layout.tilt), np.cos(layout.tilt)], axis=-1)
-    chain = dynamics.Chain(
-        height, thickness, mass, inertia, layout.pivots, layout.tilt, slope, edge
-    )
+    sizes = height, thickness, mass, inertia
+    chain = dynamics.Chain(*sizes, layout.pivots, layout.tilt, slope, edge)
     tallest = float(height.max())
     friction = dynamics.FIXED_PIVOTS if floor is None else floor
     setting = dynamics.Setting(

@@ -74,9 +74,8 @@ class LayoutBatch:
 
     def __getitem__(self, part: slice) -> LayoutBatch:
         heights = self.height if len(self.height) == 1 else self.height[part]
-        return replace(
-            self, spacing=self.spacing[part], thickness=self.thickness[part], height=heights
-        )
+        spacing, thickness = self.spacing[part], self.thickness[part]
+        return replace(self, spacing=spacing, thickness=thickness, height=heights)
 
     def layout(self, b: int) -> Layout:
         """Return layout b."""

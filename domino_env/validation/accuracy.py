@@ -269,9 +269,7 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     axes.set_xlim(-2.5, places[-1] + 3.5)
     axes.set_yscale("log")
     axes.set_ylim(0.4 * FLOOR, 10.0)
-    axes.set_xticks(
-        [group_places.mean() for group_places in columns], groups, rotation=60, ha="right"
-    )
+    axes.set_xticks([places.mean() for places in columns], groups, rotation=60, ha="right")
     axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)
     axes.legend(loc="upper right", ncols=3, **LEGEND)

@@ -138,9 +138,8 @@ def hit_frequency(setting: Setting, pitch: float, friction: float) -> float:
         physics = Physics(friction, setting.gravity)
         wave = steady_wave(pitch, setting.thickness, setting.height, physics, rtol=RTOL)
         return float(wave.frequency)
-    layout = Layout.uniform(
-        setting.count, pitch=pitch, thickness=setting.thickness, height=setting.height
-    )
+    sizes = {"thickness": setting.thickness, "height": setting.height}
+    layout = Layout.uniform(setting.count, pitch=pitch, **sizes)
     physics = Physics(friction, setting.gravity, setting.push)
     return float(simulate(layout, physics, rtol=RTOL).mean_speed / pitch)
 

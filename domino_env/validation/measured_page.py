@@ -17,12 +17,8 @@ from domino_env.validation.measured import Comparison, Validation, model_value
 from domino_env.validation.source import UNITS
 
 PLOT, PAGE = "measured.png", "measured-sources.md"
-COLUMNS = (
-    "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted",
-)  # fmt: skip
-READINGS = (
-    "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained",
-)  # fmt: skip
+COLUMNS = "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted"
+READINGS = "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained"
 POINTS = 60  # of a line
 WIDEST = 0.97  # [heights] gap that is drawn
 

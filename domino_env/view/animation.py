@@ -129,9 +129,8 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     first, *rest = map(_in_few_colours, images)
     durations = [1000.0 / rate] * len(rest) + [LAST_DURATION]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
-    write_bytes(
-        path, lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options)
-    )
+    options |= {"save_all": True, "append_images": rest}
+    write_bytes(path, lambda file: first.save(file, "GIF", **options))
     return 1 + len(rest)
 
 

@@ -190,6 +190,5 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
 
 def _round_values(values: ArrayLike) -> list[Any]:
     """Return values with seven digits, enough for a page; None if they are not finite."""
-    return [
-        float(f"{x:.7g}") if np.isfinite(x) else None for x in np.asarray(values, dtype=np.float64)
-    ]
+    numbers = np.asarray(values, dtype=np.float64)
+    return [float(f"{x:.7g}") if np.isfinite(x) else None for x in numbers]

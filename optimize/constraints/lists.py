@@ -105,9 +105,8 @@ class Lists:
     def _place_by_place(self, targets: Floats) -> Ints:
         """Find the indices (B, n) of the nearest values; the lower of two that are equally near."""
         lists = zip(self.values, self.sizes, targets.T, strict=True)
-        return np.stack(
-            [np.searchsorted(0.5 * (v[1:m] + v[: m - 1]), x) for v, m, x in lists], axis=1
-        )
+        places = [np.searchsorted(0.5 * (v[1:m] + v[: m - 1]), x) for v, m, x in lists]
+        return np.stack(places, axis=1)
 
     def _by_single_steps(self, targets: Floats) -> Ints:
         """Find the indices (B, n) of the nearest values on grids with a sum.

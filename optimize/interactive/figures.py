@@ -134,9 +134,8 @@ class Curve:
         self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
         styles = ((RESULT, "solid"), (UNIFORM, "dashed"), (BEST_KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, styles, strict=True):
-            self.figure.line(
-                "x", "y", source=source, color=colour, line_dash=dash, nonselection_alpha=1.0
-            )
+            style = {"color": colour, "line_dash": dash, "nonselection_alpha": 1.0}
+            self.figure.line("x", "y", source=source, **style)
 
     def draw(self, waves: Sequence[Wave | None]) -> None:
         """Draw the layout's wave, that of the uniform baseline and another one; None for none."""

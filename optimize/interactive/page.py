@@ -358,9 +358,8 @@ class Page:
         self.compared.figure.title.text = self.compare.value.capitalize()
         compared_layouts = [ComparedLayout(name, wave) for name, wave in waves.items()]
         verdict = f"<p><b>{escape(headline(compared_layouts)['winner'])}</b></p>" if other else ""
-        cells = (
-            f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
-        )
+        numbers = design.numbers().items()
+        cells = (f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in numbers)
         self.numbers.object = (
             f'<div class="numbers">{"".join(cells)}</div>'
             f"<p>{escape(design.wave.explanation)}</p>{verdict}"

@@ -9,9 +9,8 @@ import numba
 from numba.core import config
 
 _FOLDER = Path(__file__).parents[1]
-STAMP = hashlib.sha256(
-    b"\0".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
-).digest()
+_SOURCES = sorted(_FOLDER.rglob("*.py"))
+STAMP = hashlib.sha256(b"\0".join(path.read_bytes() for path in _SOURCES)).digest()
 
 
 def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any) -> Any:

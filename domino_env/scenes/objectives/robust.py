@@ -191,9 +191,8 @@ class Robust(Speed):
     def format_score(self, score: float, wave: Wave) -> str:
         """Describe the speed, and the share of the draws that reach it."""
         share = 100.0 * (1.0 - self.settings.quantile)
-        return (
-            f"{super().format_score(score, wave)} reached by {share:.4g} % of the layouts as placed"
-        )
+        text = super().format_score(score, wave)
+        return f"{text} reached by {share:.4g} % of the layouts as placed"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:

@@ -37,9 +37,8 @@ class Speed(Objective):
         if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
             through_time = {name: -speed / time * getattr(time_gradient, name) for name in names}
-            gradient = with_length_gradient(
-                replace(time_gradient, **through_time), batch, 1.0 / time
-            )
+            partial_gradient = replace(time_gradient, **through_time)
+            gradient = with_length_gradient(partial_gradient, batch, 1.0 / time)
             return ScoreGradient.from_gradient(batch.along_ground(gradient))
         return ScoreGradient(
             (1.0 - speed * time_gradient.spacing) / time,
