@@ -46,8 +46,9 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     env = kind(scene)
     spreads = [(-1.0, 1.0), (-1.5, 1.5), (-7.0, -7.0), (7.0, 7.0), *rng.uniform(-1, 1, (4, 2))]
     returns, scores = [], []
-    for spread in spreads[: 3 if name == "table" else None]:
-        _, observations, rewards, info = play(env, at_random(env, rng, *np.sort(spread)))
+    for seed, spread in enumerate(spreads[: 3 if name == "table" else None]):
+        policy = at_random(env, rng, *np.sort(spread))
+        _, observations, rewards, info = play(env, policy, seed=seed)
         layout, wave, score = info["layout"], info["wave"], info["score"]
         assert all(observation in env.observation_space for observation in observations)
         if kind is DominoLayout:
@@ -84,7 +85,8 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
 def test_rewards_and_observations_follow_a_schedule(noise):
     scene = short("tempo", 8).replace(**noise)
     env = DominoChain(scene, rtol=1e-10)
-    _, observations, rewards, info = play(env, lambda k: np.sin([1.0 + k, 2.0 * k]))
+    actions = np.sin([[1.0 + k, 2.0 * k] for k in range(7)])
+    _, observations, rewards, info = play(env, actions.__getitem__, seed=0)
     tempo, parts = scene.settings, env.observation_layout
     late = info["wave"].arrival_times[1:] - tempo.schedule(8)
     rms = np.sqrt(np.cumsum(np.append(0.0, late**2)) / 7)
