@@ -170,13 +170,9 @@ class _Score(torch.autograd.Function):
     """Scores and reaches (B,) of layouts."""
 
     @staticmethod
-    def forward(
-        ctx: Any, scene: Scene, rtol: float, *sizes: Any
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(ctx: Any, scene: Scene, rtol: float, *sizes: Any) -> tuple[Any, Any]:
         """Simulate the layouts, and their gradient if it is needed."""
-        arrays: list[Any] = [
-            None if size is None else size.detach().double().numpy() for size in sizes
-        ]
+        arrays: list[Any] = [x if x is None else x.detach().double().numpy() for x in sizes]
         batch = scene.batch(arrays[0], arrays[1], arrays[2], rtol)
         result = scene.evaluate(batch, gradient=any(ctx.needs_input_grad))
         if result.gradient is not None:

@@ -194,10 +194,8 @@ class BenchmarkTask(Task):
             placed, falls = int(latest[:, 0] @ pairs), int(latest[:, 1].sum())
             steps.append((placed, falls, float(np.minimum(moment, ends).sum()), gain))
         score = float(np.median([_gain(result.gain) for result in results]))
-        counts = {
-            name: sum(getattr(result, name) for result in results)
-            for name in ("simulations", "gradients")
-        }
+        names = "simulations", "gradients"
+        counts = {name: sum(getattr(result, name) for result in results) for name in names}
         return self.make_result(steps, score, 0.0, score, None, **counts)
 
 

@@ -275,9 +275,7 @@ def choose_scenes(
         return [distribution.sample(rng) for _ in range(number or 0)]
     name = distribution.name
     if name not in distribution_names() or load_distribution(name) != distribution:
-        raise ValueError(
-            f"distribution '{name}' has no test set: give a seed for sampled scenes (--seed)"
-        )
+        raise ValueError(f"'{name}' has no test set: give a seed for sampled scenes (--seed)")
     tests = load_test_set(name)
     if number is not None and number > len(tests):
         raise ValueError(

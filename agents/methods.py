@@ -105,10 +105,8 @@ class _LearningSearch:
 
     def between_updates(self) -> None:
         """Evaluate if due, and update the standard deviation of the actions."""
-        if (
-            self.evaluator.progress >= self.next_evaluation
-            and self.evaluator.remaining > self.num_envs
-        ):
+        due = self.evaluator.progress >= self.next_evaluation
+        if due and self.evaluator.remaining > self.num_envs:
             self._evaluate()
             self.next_evaluation += 1.0 / NOISELESS_LAYOUTS
         self.learner.update_deviation(self.evaluator.progress)

@@ -224,9 +224,8 @@ def uniform(digests: Digests) -> None:
     """The uniform baseline of every scene."""
     for name in de.scene_names():
         baseline = de.load_scene(name).uniform()
-        digests.add(
-            name, baseline.score, select(baseline.layout, LAYOUT), select(baseline.wave, WAVE)
-        )
+        layout, wave = select(baseline.layout, LAYOUT), select(baseline.wave, WAVE)
+        digests.add(name, baseline.score, layout, wave)
 
 
 BY_DEFAULT = {"sprint": 150, "course": 100}  # evaluations on each scene
@@ -258,9 +257,8 @@ def designs(digests: Digests) -> None:
         name = f"scenes {i - i % 5} to {i - i % 5 + 4}"
         for tries in (13, 1):
             result = design(scene, tries=tries)
-            digests.add(
-                name, select(result.layout, LAYOUT), result.score, select(result.wave, WAVE)
-            )
+            layout, wave = select(result.layout, LAYOUT), select(result.wave, WAVE)
+            digests.add(name, layout, result.score, wave)
 
 
 TRAINED = {"apg": 3_000, "ppo": 7_000, "ars": 4_000}  # steps

@@ -185,9 +185,7 @@ def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]
     hidden = list(hide) if np.iterable(hide) and not isinstance(hide, str) else [hide]
     for name in hidden:
         if not features:
-            raise ValueError(
-                f"hide = '{name}': the scene is fixed and has no features; leave hide out"
-            )
+            raise ValueError(f"hide = '{name}': a fixed scene has no features; leave hide out")
         require_choice("hide", name, features)
     return [i for i, name in enumerate(features) if name not in hidden]
 

@@ -234,9 +234,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             seed = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         seeds = list(seed) if np.iterable(seed) else [seed] * self.num_envs
         if len(seeds) != self.num_envs:
-            raise ValueError(
-                f"{len(seeds)} seeds for {self.num_envs} environments: give one for each"
-            )
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments: give one each")
         for value in seeds:
             require("seed", value, 0, whole=True, optional=True)
         return seeds

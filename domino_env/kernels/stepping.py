@@ -177,8 +177,7 @@ def take_fixed_steps(layout, ring, states, h, rule, arrivals):
             return arrays.NO_RIGID_ANSWER if math.isnan(v) else arrays.STALLED
         angle, speed, now = new, v, now + dt
         if due or angle >= end:
-            outcome, n, angle, speed, end = apply_events(
-                layout, ring, states, n, angle, speed, now, arrivals
-            )
+            events = apply_events(layout, ring, states, n, angle, speed, now, arrivals)
+            outcome, n, angle, speed, end = events
             if outcome != UNFINISHED:
                 return outcome

@@ -64,9 +64,8 @@ class Diagnosis:
     @property
     def separating_contacts(self) -> NDArray[np.int64]:
         """Indices i of contacts with i+1 that would separate but that the model keeps closed."""
-        least = np.fmin(
-            np.fmin(self.least_contact_force, self.least_hit_impulse), self.least_flush_impulse
-        )
+        impulse = np.fmin(self.least_hit_impulse, self.least_flush_impulse)
+        least = np.fmin(self.least_contact_force, impulse)
         scale = np.nanmax(np.abs(least), initial=0.0)
         return np.flatnonzero(least < -ROUNDING * scale)
 

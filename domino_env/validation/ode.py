@@ -87,9 +87,8 @@ def _adaptive(
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
     while True:
-        outcome, n, angle, speed, end = stepping.apply_events(
-            arrays, *chain, n, angle, speed, now, arrivals
-        )
+        events = stepping.apply_events(arrays, *chain, n, angle, speed, now, arrivals)
+        outcome, n, angle, speed, end = events
         if outcome != stepping.UNFINISHED:
             return int(outcome)
         if math.isnan(rate(now, np.array([angle, speed]))[1]):

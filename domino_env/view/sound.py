@@ -178,9 +178,7 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     steady = loudness[first + int(RUN_UP * (last - first)) : last]
     seconds = len(steady) * HOP
     if seconds < 2.0 * LEAST_HITS / FASTEST:
-        raise ValueError(
-            f"only {seconds:.2f} s of toppling in the recording: record a longer chain"
-        )
+        raise ValueError(f"only {seconds:.2f} s of toppling are recorded: record a longer chain")
     frequency, clarity = _strongest_repeat(steady, SLOWEST, FASTEST)
     size = max(len(steady) // PARTS, int(LEAST_HITS / frequency / HOP))
     count = len(steady) // size

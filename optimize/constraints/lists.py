@@ -97,9 +97,7 @@ class Lists:
             sums = self.low_sum, self.high_sum
             levels = np.array([_by_dynamic_programme(values, *lists, *sums) for values in targets])
         if levels.size and levels.min() < 0:
-            raise ValueError(
-                "no layout of the values allowed has the length and the changes allowed"
-            )
+            raise ValueError("no layout of the allowed values has this length and these changes")
         return np.take_along_axis(self.values, levels.T, axis=1).T
 
     def _place_by_place(self, targets: Floats) -> Ints:

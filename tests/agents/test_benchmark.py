@@ -44,9 +44,8 @@ def test_estimates_are_those_of_rliable():
     assert median_of_problems(problems) == np.median(SCORES.mean(axis=0))
     assert optimality_gap(problems) == pytest.approx(np.mean(1.0 - np.minimum(SCORES, 1.0)))
     better = improvement(problems, list(OTHERS.T))
-    ranks = [
-        stats.mannwhitneyu(x, y).statistic / 25.0 for x, y in zip(SCORES.T, OTHERS.T, strict=True)
-    ]
+    pairs = zip(SCORES.T, OTHERS.T, strict=True)
+    ranks = [stats.mannwhitneyu(x, y).statistic / 25.0 for x, y in pairs]
     assert better.value == pytest.approx(np.mean(ranks))
 
     def trimmed(*groups: np.ndarray, axis: int) -> np.ndarray:
@@ -93,9 +92,8 @@ class KnownTask(BenchmarkTask):
 
 def test_curves_are_read_on_both_clocks():
     tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=3)
-    done = run_experiment(
-        [KnownTask(*astuple(task)) for task in tasks], known_score=best_known_score
-    )
+    known = [KnownTask(*astuple(task)) for task in tasks]
+    done = run_experiment(known, known_score=best_known_score)
     assert [len(done.runs(name)) for name in ("ppo", "cma", "ramp")] == [3, 3, 1]
     learned = done.runs("ppo")[0]
     times = np.array([119.9, 120.0, 240.0])

@@ -49,10 +49,8 @@ def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
 
 
 def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references):
-    policies = [
-        rule(DRAW, shipped_references()["rule"]),
-        open_loop(DRAW, shipped_references()["plan"]),
-    ]
+    numbers = shipped_references()
+    policies = [rule(DRAW, numbers["rule"]), open_loop(DRAW, numbers["plan"])]
     seeds = EVALUATION_SEEDS[:3]
     best, _, thickness = references.hindsight(DRAW, seeds, policies, rounds=1)
     for policy in policies:
@@ -64,9 +62,8 @@ def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references
 
 def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(references):
     uniform = SMALL.uniform().score
-    fitted, again = (
-        references.fit_rule(SMALL, np.random.default_rng(0), generations=12) for _ in range(2)
-    )
+    seeds = np.random.default_rng(0), np.random.default_rng(0)
+    fitted, again = (references.fit_rule(SMALL, rng, generations=12) for rng in seeds)
     assert fitted.tolist() == again.tolist()
     assert episode_scores(rule(SMALL, fitted), SMALL, SELECTION_SEEDS).mean() > uniform
     start = np.zeros((7, 2))

@@ -93,9 +93,7 @@ def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_doe
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
-def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transitions(
-    tmp_path, algorithm
-):
+def test_an_off_policy_training_updates_once_per_transition(tmp_path, algorithm):
     learner = Learner(SMALL, algorithm, tiny(algorithm), 1)
     before = {name: value.copy() for name, value in weights(learner.model.policy).items()}
     learner.learn(60, lambda: None, lambda infos: None)
@@ -179,9 +177,7 @@ def _curve(folder: Path) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize(("algorithm", "num_scenes"), [("apg", None), ("ppo", 3)])
-def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
-    tmp_path, monkeypatch, algorithm, num_scenes
-):
+def test_a_policy_is_evaluated_in_many_scenes(tmp_path, monkeypatch, algorithm, num_scenes):
     monkeypatch.setattr("agents.training.POOL_SCENES", 4)
     chosen = tiny(algorithm, steps=200)
     run = train(
@@ -207,7 +203,7 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
         rollout = evaluate(run.folder, scene)
         assert rollout.score == score
         assert scene.violations(rollout.layout) == []
-    with pytest.raises(ValueError, match="distribution 'small' has no test set: give a seed"):
+    with pytest.raises(ValueError, match="'small' has no test set: give a seed"):
         choose_scenes(policy.scene, 3)
     with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate(run.folder)

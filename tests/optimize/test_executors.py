@@ -99,9 +99,7 @@ def test_bulk_scoring_gives_the_same_results(bits, scenes, pool, monkeypatch):
 # faults -----------------------------------------------------------------------------------------
 
 
-def test_results_are_those_of_one_process_also_where_a_worker_dies(
-    tasks, expected, workers, tmp_path
-):
+def test_results_are_those_of_one_process_if_a_worker_dies(tasks, expected, workers, tmp_path):
     killed = workers.submit(kill_worker, str(tmp_path / "killed"))
     assert results_of(tasks, workers) == expected
     assert killed.result() is None
@@ -161,9 +159,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     pytest.fail("the worker computes on")
 
 
-def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
-    tasks, expected, tmp_path, monkeypatch
-):
+def test_a_lost_scheduler_loses_no_result(tasks, expected, tmp_path, monkeypatch):
     monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 3.0)
     distributed = pytest.importorskip("distributed")
     more = [Task(tasks[0].scene, "auto", seed, 1000) for seed in range(20)]

@@ -72,13 +72,6 @@ def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
     assert files(tmp_path) == {name: b"text"}
 
 
-def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp_path):
-    (tmp_path / "file").touch()
-    for folder in ("file", "file/run"):
-        with pytest.raises(ValueError, match="is a file: name a folder"):
-            search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
-
-
 @pytest.mark.usefixtures("no_pictures")
 def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")

@@ -142,9 +142,7 @@ def test_the_result_has_the_reason_of_the_end(scenes):
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
 
 
-def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(
-    bits, scenes, tmp_path
-):
+def test_auto_ends_when_independent_searches_agree(bits, scenes, tmp_path):
     threads = numba.get_num_threads()
     try:
         numba.set_num_threads(1)

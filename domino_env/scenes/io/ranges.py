@@ -97,9 +97,7 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
 
 def fill_in(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:
     """Return the document of a scene, the ranges replaced by numbers."""
-    tables = {
-        name: dict(table) if isinstance(table, dict) else table for name, table in document.items()
-    }
+    tables = {key: dict(x) if isinstance(x, dict) else x for key, x in document.items()}
     for (table, key), value in numbers.items():
         tables[table][key] = int(value) if (table, key) == COUNT else value
     return tables

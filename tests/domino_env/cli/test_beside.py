@@ -74,9 +74,8 @@ def test_every_command_prints_the_physics_that_it_used(capsys, mars, command):
 
 def test_a_template_has_the_width_of_the_scene_beside(mars, monkeypatch):
     drawn: list[de.Layout] = []
-    monkeypatch.setattr(
-        "domino_env.view.template.write_template", lambda layout, *_: drawn.append(layout)
-    )
+    write = "domino_env.view.template.write_template"
+    monkeypatch.setattr(write, lambda layout, *_: drawn.append(layout))
     assert main(["template", str(mars)]) == 0
     assert drawn[0].width == 0.04
 

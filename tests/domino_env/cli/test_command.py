@@ -215,9 +215,8 @@ def test_an_interrupted_command_does_not_wait_for_its_threads():
 def test_a_reader_that_has_enough_is_no_error(file, tmp_path):
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--json"]
-    with subprocess.Popen(
-        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as running:
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(program, text=True, **streams) as running:
         assert running.stdout is not None
         assert running.stderr is not None
         running.stdout.readline()

@@ -47,9 +47,8 @@ def assert_same(together, alone):
     assert type(together) is type(alone)
     if isinstance(together, dict):
         assert set(together) == set(alone)
-        together, alone = (
-            tuple(part[key] for key in sorted(together)) for part in (together, alone)
-        )
+        names = sorted(together)
+        together, alone = (tuple(part[key] for key in names) for part in (together, alone))
     if isinstance(together, np.ndarray):
         assert together.dtype == alone.dtype
     if isinstance(together, tuple) or getattr(together, "dtype", None) is np.dtype(object):
@@ -161,9 +160,8 @@ def test_gymnasium_makes_and_wraps_them():
     env.reset(seed=0)
     for _ in range(39):
         *_, infos = env.step(np.zeros((4, 1), np.float32))
-    np.testing.assert_allclose(
-        infos["episode"]["r"], 100.0 * infos["final_info"]["gain"], atol=1e-3
-    )
+    gain = infos["final_info"]["gain"]
+    np.testing.assert_allclose(infos["episode"]["r"], 100.0 * gain, atol=1e-3)
     listed = gymnasium.make_vec("DominoLayout-v1", num_envs=2, scene="gentle")
     assert isinstance(listed.unwrapped, DominoLayoutVector)
 

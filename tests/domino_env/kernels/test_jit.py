@@ -46,9 +46,8 @@ print(json.dumps(result))
 def copy(tmp_path):
     """A copy of the package with two more entry points; a call returns their results."""
     package = tmp_path / "domino_env"
-    shutil.copytree(
-        Path(domino_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
-    )
+    litter = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(domino_env.__file__).parent, package, ignore=litter)
     (package / "kernels" / "probe.py").write_text(PROBE)
 
     def ask(*, full_disk=False, **environment):

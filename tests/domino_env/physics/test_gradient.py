@@ -109,9 +109,8 @@ def test_against_sixty_digits(friction, uneven):
         for sign in (-1.0, 1.0)
     )
     exact = sum(float((getattr(high, n) - getattr(low, n)) @ getattr(gradient, n)) for n in way)
-    rough, smooth = (
-        physics.replace(friction=friction + x * (friction > 0.0)) for x in (1e-8, -1e-8)
-    )
+    change = 1e-8 * (friction > 0.0)
+    rough, smooth = (physics.replace(friction=friction + x) for x in (change, -change))
     exact += (smooth.friction - rough.friction) * gradient.friction
     before, after = (precise_wave(*end).arrival_times[-1] for end in ((low, rough), (high, smooth)))
     assert float(after - before) == pytest.approx(exact, rel=1e-9 if uneven else 1e-10)

@@ -43,9 +43,8 @@ def test_units(seed, friction, uneven):
         (1.0 / 0.0254, 2.2046, 1.0),
         (1.0 / 0.048, 7.0, 14.3),
     ):
-        lengths = {
-            n: getattr(layout, n) * metre for n in ("spacing", "thickness", "height", "rise")
-        }
+        names = "spacing", "thickness", "height", "rise"
+        lengths = {name: getattr(layout, name) * metre for name in names}
         scaled = topple(
             replace(layout, **lengths, density=layout.density * kilogram / metre**3),
             friction, 9.81 * metre / second**2, 16.0 / second,

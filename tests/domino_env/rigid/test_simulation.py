@@ -117,7 +117,6 @@ def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_ref
     with pytest.raises(KeyboardInterrupt):
         de.simulate_standing(layout, PHYSICS, stop=lambda: signal.raise_signal(signal.SIGINT))
     monkeypatch.setattr(simulation, "MAX_RUN_TIME", 1.0)
-    with pytest.raises(
-        ValueError, match=r"20,000 dominoes .* would take .* hours: simulate the first"
-    ):
+    message = r"20,000 dominoes .* would take .* hours: simulate the first"
+    with pytest.raises(ValueError, match=message):
         de.simulate_standing(layout, PHYSICS)

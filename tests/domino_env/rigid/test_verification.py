@@ -95,9 +95,8 @@ def test_the_engine_agrees_with_both_or_reports_that_it_has_not_converged(layout
 def test_removing_dominoes_far_behind_changes_no_arrival_time():
     pytest.importorskip("pymunk")
     layout = de.Layout.uniform(40, pitch=0.02)
-    whole, near = (
-        engine.follow(layout, PHYSICS, None, 2e-4, 60, window)[0] for window in (None, 24)
-    )
+    settings = layout, PHYSICS, None, 2e-4, 60
+    whole, near = (engine.follow(*settings, window)[0] for window in (None, 24))
     assert largest_difference(near, whole) < 1e-5
 
 

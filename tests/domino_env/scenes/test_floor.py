@@ -19,9 +19,8 @@ def test_the_score_is_the_speed_of_the_free_standing_layout():
     assert SMALL.score(layout) == free_standing.mean_speed == together
     fixed = SMALL.replace(floor_friction=None).score(layout)
     assert 1e-4 < abs(free_standing.mean_speed / fixed - 1.0) < 0.05
-    assert "floor of friction 0.3" in SMALL.format_score(
-        SMALL.score(layout), SMALL.simulate(layout)
-    )
+    text = SMALL.format_score(SMALL.score(layout), SMALL.simulate(layout))
+    assert "floor of friction 0.3" in text
 
 
 def test_a_failure_scores_by_how_far_it_topples():
@@ -56,9 +55,8 @@ def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
 
 
 def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
-    monkeypatch.setattr(
-        uniform, "FREE_STANDING", uniform.FREE_STANDING._replace(line=3, finest=1e-3)
-    )
+    coarse = uniform.FREE_STANDING._replace(line=3, finest=1e-3)
+    monkeypatch.setattr(uniform, "FREE_STANDING", coarse)
     scene = SMALL.replace(physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0

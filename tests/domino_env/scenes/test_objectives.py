@@ -157,9 +157,8 @@ def test_a_broken_limit_scores_between_failures_and_successes():
     thick = random.uniform(*plain.thickness, (400, 19))
     limited = plain.replace(limits=de.Limits(stall_margin=0.1, flush_loss=0.1))
     before, after = (one.evaluate(one.batch(gaps, thick)).score for one in (plain, limited))
-    waves = [
-        plain.simulate(plain.layout(s, d), rtol=1e-6) for s, d in zip(gaps, thick, strict=True)
-    ]
+    layouts = map(plain.layout, gaps, thick)
+    waves = [plain.simulate(layout, rtol=1e-6) for layout in layouts]
     assert after.tolist() == [limited.score(wave) for wave in waves]
     margin, loss = np.array([[w.stall_margin.min(), w.largest_flush_loss] for w in waves]).T
     excess = np.maximum(0.1 - margin, 0.0) + np.maximum(loss - 0.1, 0.0)

@@ -13,7 +13,6 @@ from domino_env.cli.main import main
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate_batch
-from domino_env.rigid.simulation import largest_difference
 from domino_env.validation import accuracy
 from domino_env.validation.edge_cases import EdgeCase
 
@@ -57,12 +56,6 @@ def test_estimates_are_honest_and_tolerances_kept_over_random_layouts():
             ratios.extend(waves.error_estimate[same] / np.maximum(error[same], 1e-16))
     assert small <= len(ratios) // 1000
     assert np.median(ratios) < 100.0
-
-
-def test_the_error_is_the_largest_over_the_dominoes_hit():
-    exact = np.array([0.0, 1.0, 2.0, np.inf])
-    assert largest_difference(np.array([0.0, 1.01, 2.04, np.inf]), exact) == pytest.approx(0.02)
-    assert largest_difference(np.array([0.0, 1.0, 2.0, 3.0]), exact) == math.inf
 
 
 SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())

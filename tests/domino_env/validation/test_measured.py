@@ -88,9 +88,8 @@ def test_the_reasons_name_the_evidence():
     slow = measured.validate(toronto, {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
     assert "friction-falls-with-gap" in slow.reasons
     assert "helped-by: none" not in slow.reasons
-    rough = measured.validate(
-        msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction), {}
-    )
+    source = msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction)
+    rough = measured.validate(source, {})
     assert (rough.explained, rough.reasons) == (False, ("friction-disagrees",))
     # where a source takes its spacings as exact, the reason names an uncertainty that explains it
     setting = msgspec.structs.replace(chapman.setting, x_uncertainty=0.0)

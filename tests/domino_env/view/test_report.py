@@ -128,9 +128,8 @@ def test_page_loads_without_messages_and_requests(browser):
     assert browser.get_log("browser") == []
     entries = browser.get_log("performance")
     events = [json.loads(entry["message"])["message"] for entry in entries]
-    requested = [
-        m["params"]["request"]["url"] for m in events if m["method"].endswith("WillBeSent")
-    ]
+    sent = (m["params"] for m in events if m["method"].endswith("WillBeSent"))
+    requested = [parameters["request"]["url"] for parameters in sent]
     assert requested
     assert all(url.startswith(("file:", "data:")) for url in requested)
     assert len(browser.find_elements("css selector", ".uplot canvas")) == 6
@@ -138,18 +137,15 @@ def test_page_loads_without_messages_and_requests(browser):
 
 def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     first = browser.current_url
-    compared = [
-        *COMPARED,
-        ComparedLayout("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0))),
-    ]
+    uneven = de.simulate(uneven_layout(3, 14), de.Physics(push=14.0))
+    compared = [*COMPARED, ComparedLayout("hills", uneven)]
     write_report(compared, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(compared):
         motion = Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
-            page = browser.execute_script(
-                f"return comparison.leans(comparison.compared[{k}], {float(t)!r})"
-            )
+            leans = f"comparison.leans(comparison.compared[{k}], {float(t)!r})"
+            page = browser.execute_script(f"return {leans}")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
     assert browser.get_log("browser") == []
     browser.get(first)

@@ -151,9 +151,8 @@ def test_assign_orders_a_small_box_as_well_as_can_be():
     """Against all orders of the box at gaps that the scene fixes."""
     scene = ruled(spacing=(0.018, 0.018), **BOXED)
     orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
-    scores = scene.evaluate(
-        scene.batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
-    ).score
+    batch = scene.batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
+    scores = scene.evaluate(batch).score
     result = search(scene, "assign", budget=600, seed=0)
     assert result.score == pytest.approx(scores.max(), rel=1e-6)
 
@@ -266,7 +265,7 @@ PAIRED = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
     {"length": 8 * 0.0095 + 0.038, "spacing_values": (0.002, 0.04), "largest_change": 0.01},
 ])  # fmt: skip
 def test_rules_that_conflict_are_rejected(rules):
-    message = r"scene 'ruled' with its length of 0.1\d+ m: no layout of the values allowed has"
+    message = r"scene 'ruled' with its length of 0.1\d+ m: no layout of the allowed valed has"
     with pytest.raises(ValueError, match=message):
         search(ruled(**rules), "random", budget=10)
 

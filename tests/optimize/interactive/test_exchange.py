@@ -51,9 +51,7 @@ def test_pages_and_templates_are_those_of_the_commands(design: Design) -> None:
     assert f"{design.score:.6f} m/s" in page
 
 
-def test_a_layout_is_opened_with_its_own_scene_or_one_that_fits(
-    design: Design, tmp_path: Path
-) -> None:
+def test_a_layout_is_opened_with_its_scene_or_one_that_fits(design: Design, tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir()
     design.layout.to_csv(run / "layout.csv")

@@ -7,9 +7,7 @@ from optimize import search
 from optimize.methods.search import long_layouts
 
 
-def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
-    monkeypatch, tmp_path
-):
+def test_a_long_search_is_reproducible_and_beats_uniform(monkeypatch, tmp_path):
     monkeypatch.setattr(long_layouts, "SHORT_EVALUATIONS", 40)
     scene = replace(de.load_scene("marathon"), count=512)
     expected = search(scene, budget=36, seed=3)
