@@ -87,8 +87,8 @@ def _adaptive(
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
     while True:
-        events = stepping.apply_events(arrays, *chain, n, angle, speed, now, arrivals)
-        outcome, n, angle, speed, end = events
+        result = stepping.apply_events(arrays, *chain, n, angle, speed, now, arrivals)
+        outcome, n, angle, speed, end = result
         if outcome != stepping.UNFINISHED:
             return int(outcome)
         if math.isnan(rate(now, np.array([angle, speed]))[1]):

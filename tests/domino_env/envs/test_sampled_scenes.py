@@ -86,7 +86,7 @@ def test_the_number_of_scenes_can_be_limited():
         ("first_scene = 4096: give a whole number from 0 to 4095", {"first_scene": 4096}),
         ("num_scenes = 3: give a whole number from 1 to 2", {"num_scenes": 3, "first_scene": 4094}),
         ("hide = 'frction': did you mean 'friction'", {"hide": ["frction"]}),
-        ("hide = 'friction': the scene is fixed", {"hide": "friction", "scene": "sprint"}),
+        ("hide = 'friction': a fixed scene has", {"hide": "friction", "scene": "sprint"}),
         ("hide = 3: choose one of friction, ", {"hide": 3}),
         ("first_scene = 1: give a whole number from 0 to 0", {"first_scene": 1, "scene": "sprint"}),
     ):

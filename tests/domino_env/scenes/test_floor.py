@@ -65,7 +65,7 @@ def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
 def test_auto_on_a_floor(monkeypatch):
     from optimize.methods.search import two_fidelities
 
-    monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)
+    monkeypatch.setattr(two_fidelities, "ANALYTIC_EVALUATIONS", 200)
     scene = SMALL.replace(count=8, spacing=(0.002, 0.04))
     result = search(scene, budget=20, seed=1, progress=False)
     assert 10 < result.evaluations <= 20

@@ -265,7 +265,7 @@ PAIRED = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
     {"length": 8 * 0.0095 + 0.038, "spacing_values": (0.002, 0.04), "largest_change": 0.01},
 ])  # fmt: skip
 def test_rules_that_conflict_are_rejected(rules):
-    message = r"scene 'ruled' with its length of 0.1\d+ m: no layout of the allowed valed has"
+    message = r"scene 'ruled' with its length of 0.1\d+ m: no layout of the allowed values has"
     with pytest.raises(ValueError, match=message):
         search(ruled(**rules), "random", budget=10)
 
