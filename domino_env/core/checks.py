@@ -62,19 +62,20 @@ def require(
         Earth)". For an array it has the index of the first entry that is not accepted.
     """
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    letters = "iu" if whole else "iuf"
     if optional and value is None:
         return
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     if isinstance(value, kinds) and not isinstance(value, bool):
         if low <= value <= high and above < value < below:
             return
-    elif array >= bool(np.ndim(value)) and getattr(value, "dtype", np.dtype(bool)).kind in letters:
+    elif array and isinstance(value, np.ndarray) and value.dtype.kind in "iuf"[: 3 - whole]:
         accepted = value >= low if low > -INF else value > above
         accepted &= value <= high if high < INF else value < below
         if accepted.all():
             return
         place = tuple(map(int, np.argwhere(~accepted)[0]))
-        name, value = f"{name}{list(place) if place else ''}", value[place]
+        name, value = f"{name}{list(place)}", value[place]
     value = value.item() if isinstance(value, np.generic) else value
     expected = "whole number" if whole else "finite number"
     bounds = format_range(low, high, above=above, below=below)
@@ -109,9 +110,10 @@ def numbers(
         another shape.
     """
     try:
-        if np.asarray(value).dtype.kind not in "iufO":  # truth values, texts, dates
+        given = np.asarray(value)
+        if given.dtype.kind not in "iufO":  # truth values, texts, dates
             raise TypeError
-        array = np.array(value, dtype=np.float64, copy=copy)
+        array = np.array(given, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
     if shape is not None and shape != array.shape:

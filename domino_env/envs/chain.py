@@ -344,7 +344,7 @@ class DominoChainVector(DominoVectorEnv):
                 source.sample(generators(b)) if scenes[b] is None else source.add(b, scenes[b])
                 for b in envs.tolist()
             ]
-        starts = [(b, start) for b, start in enumerate(layouts) if mask[b] and start is not None]
+        starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
         try:
             for b, start in starts:
                 _require_start(start, self._scene(b), self.source.rtol)
@@ -369,8 +369,8 @@ class DominoChainVector(DominoVectorEnv):
     def _value_per_env(self, name: str, value: Any, kind: type) -> list[Any]:
         """Return a list of one value per environment from a shared value, a sequence or None."""
         values = list(value) if np.iterable(value) else [value] * self.num_envs
-        known = all(entry is None or isinstance(entry, kind) for entry in values)
-        if len(values) != self.num_envs or not known:
+        types = set(map(type, values)) - {type(None)}
+        if len(values) != self.num_envs or not all(issubclass(given, kind) for given in types):
             raise ValueError(
                 f"{name} = {as_text(value)}: give one {kind.__name__} for all, or a list with one "
                 f"for each of the {self.num_envs} environments"
@@ -401,8 +401,8 @@ class DominoChainVector(DominoVectorEnv):
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip
         infos: Infos = {}
-        envs = np.flatnonzero(ended)
-        if len(envs):
+        if np.count_nonzero(ended):  # faster than any()
+            envs = np.flatnonzero(ended)
             rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos
 

@@ -540,7 +540,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 def check_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
     """Return actions as float64; raise a ValueError for another shape or infinite entries."""
     values = numbers("action", actions, None, space.shape, "entries from -1 to 1")
-    if not np.isfinite(values).all():
+    if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
         require("action", values, hint="from -1 to 1", array=True)
     return values
 
