@@ -277,11 +277,8 @@ def choose_scenes(
     if name not in distribution_names() or load_distribution(name) != distribution:
         raise ValueError(f"'{name}' has no test set: give a seed for sampled scenes (--seed)")
     tests = load_test_set(name)
-    if number is not None and number > len(tests):
-        raise ValueError(
-            f"scenes = {number}: the test set of {name} has {len(tests)} scenes: give "
-            "at most so many, or a seed for sampled scenes (--seed)"
-        )
+    hint = f"the test set of {name}; others are sampled with a seed (--seed)"
+    require("scenes", number, high=len(tests), hint=hint, whole=True, optional=True)
     return tests[:number]
 
 

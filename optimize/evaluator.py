@@ -194,6 +194,7 @@ class Evaluator:
 
     def add_seconds(self, seconds: float) -> None:
         """Count time spent before the search [s], for example on a training."""
+        require("seconds", seconds, 0.0, unit="s")
         self._seconds_before += seconds
 
     # the best so far ----------------------------------------------------------------------------
@@ -231,11 +232,9 @@ class Evaluator:
         ValueError
             If there are more layouts than remaining evaluations.
         """
-        if len(scores.score) > self.remaining:
-            raise ValueError(
-                f"{len(scores.score)} layouts are recorded and {self.remaining:g} remain: read "
-                "`remaining` before simulating"
-            )
+        require_type("scores", scores, Scores, "Scores, as Problem.evaluate returns")
+        hint = "see `remaining`"
+        require("layouts to record", len(scores.score), 0, self.remaining, hint=hint, whole=True)
         self._count(scores)
         self._update_best(scores, design)
 

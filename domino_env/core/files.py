@@ -9,6 +9,7 @@ import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, BinaryIO, NoReturn
 
 LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million unlike dominoes takes 105 MB
@@ -115,8 +116,10 @@ def require_writable(folder: Path) -> None:
     place = next(f for f in (folder, *folder.absolute().parents) if f.exists())
     if not place.is_dir():
         raise ValueError(f"{place} is a file: name a folder")
-    if not os.access(place, os.W_OK):
-        raise ValueError(f"{folder} cannot be written: no permission to write to {place}")
+    try:
+        TemporaryFile(dir=place).close()
+    except OSError as error:
+        raise ValueError(f"{folder} cannot be made in {place}: {error.strerror}") from None
 
 
 def layout_name(path: Path) -> str:

@@ -253,10 +253,17 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         -------
         Gradient
             Derivatives along the ground, without rise and tilt.
+
+        Raises
+        ------
+        ValueError
+            For a layout with another number of dominoes than the gradient.
         """
         require_type("gradient", gradient, Gradient, "a Gradient, such as wave.gradient()")
         if gradient.rise is None or gradient.tilt is None:
             return gradient  # on flat ground nothing changes
+        gaps, shape = getattr(layout, "spacing", np.nan), gradient.spacing.shape
+        numbers("layout.spacing", gaps, None, shape, "that of the gradient")
         spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
         if self.slope is not None:
             through_rise = -math.sin(math.radians(self.slope)) * gradient.rise

@@ -63,6 +63,7 @@ class SceneDistribution:
     """
 
     def __init__(self, document: dict[str, Any], name: str, file: str | None = None) -> None:
+        checks.require_type("document", document, dict, "tables, as load_distribution reads them")
         self.file = file or name
         with errors_with_path(self.file):
             self.ranges = read_ranges(document)

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import numbers
+from domino_env.core.checks import numbers, require_type
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
@@ -142,6 +142,8 @@ class Specification:
         """
         if self.stock is None:
             raise ValueError(f"scene '{self.name}' has no stock: give a scene with [stock]")
+        for generator in (generators := np.atleast_1d(generators).tolist()):
+            require_type("generators", generator, np.random.Generator, "a list of Generators")
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn)[:, : self.count - 1]

@@ -98,10 +98,11 @@ class RangeTable(Table):
     ) -> dict[str, Any]:
         """Return the table, as in a document, whose `domain` is these bounds and values."""
         low, high = numbers(name, bounds, None, (2,), PAIR).tolist()
-        if low == high:
-            return {"fixed": low, **entries}
         if values is None:
-            return {"min": low, "max": high, **entries}
+            given = {"fixed": low} if low == high else {"min": low, "max": high}
+            return {**given, **entries}
+        if low == high:
+            raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
         listed = numbers(f"{name}.values", values).ravel().tolist()
         step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
         is_short = step > 0.0 and (high - low) / step < len(listed)
@@ -155,6 +156,10 @@ class PlacementTable(Table):
         Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)],
         about("layouts are scored by the mean over as many draws; 0: without errors"),
     ] = 0
+
+    def __post_init__(self) -> None:
+        if self.draws and not self.deviation:
+            raise ValueError(f"draws = {self.draws} without errors: give a deviation more than 0")
 
 
 Title = Annotated[str, Meta(pattern=LINE, max_length=300)]
@@ -239,17 +244,12 @@ def make_document(scene: Any) -> dict[str, Any]:
     require_physics(scene.physics)
     require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
+    gaps, change = (scene.spacing, scene.spacing_values), scene.largest_change
     tables: dict[str, Any] = {
         name: getattr(scene, name) for name in ("name", "title", *SHARED_FIELDS[1:])
     } | {
         "row": {name: getattr(scene, name) for name in ChainTable.__struct_fields__},
-        "spacing": RangeTable.from_bounds(
-            "spacing",
-            scene.spacing,
-            scene.spacing_values,
-            largest_change=scene.largest_change,
-            of=of,
-        ),
+        "spacing": RangeTable.from_bounds("spacing", *gaps, largest_change=change, of=of),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
     if scene.stock is None and scene.thickness is not None:
@@ -258,7 +258,7 @@ def make_document(scene: Any) -> dict[str, Any]:
     if scene.growth is not None:
         low, high = numbers("growth", scene.growth, None, (2,), PAIR).tolist()
         tables["growth"] = {"min": low, "max": high}
-    if scene.placement_deviation:
+    if scene.placement_deviation or scene.placement_draws:
         noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
         tables["placement"] = noise
     if scene.settings is not None:

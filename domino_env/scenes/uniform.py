@@ -312,7 +312,7 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
-        limits=None, placement_deviation=0.0,
+        limits=None, placement_deviation=0.0, placement_draws=0,
     ))[0]  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("seeds", NATURAL, "N", 5, "number of seeds"),
     )
     options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
-    add_out_option(parser, "runs/comparison")
+    add_out_option(parser, "runs/NAME", literal=False)
     options.add_study_options(parser)
 
 

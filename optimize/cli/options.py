@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options
-from domino_env.core.files import amount
+from domino_env.core.files import amount, require_unused, require_writable
 from optimize.executors import add_executor_options, open_executor
 
 if TYPE_CHECKING:
@@ -69,8 +69,10 @@ def open_study(
     Raises
     ------
     ValueError
-        If the name is taken and ``--resume`` is not given, or if the study has other tasks.
+        If the name is taken and ``--resume`` is not given, if the folder of a new study's report
+        holds another, or if the study has other tasks.
     """
+    from optimize.experiments.report import COMPARISON_FILES, SWEEP_FILES
     from optimize.experiments.store import open_store
     from optimize.experiments.task import digest
 
@@ -90,6 +92,9 @@ def open_study(
         names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
         unused_name = next(name for name in names if name not in studies)
         name = equal[-1] if arguments.resume and equal else unused_name
+    if name not in studies:
+        folder = Path(arguments.out or f"runs/{name}")
+        require_unused(folder, (*COMPARISON_FILES, *SWEEP_FILES))
     return store.begin(name, kind, settings)
 
 
@@ -118,7 +123,6 @@ def run_study(
     int
         See `exit_code`.
     """
-    from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
 
     # the executor is opened first: if it does not answer, no empty study is created

@@ -71,8 +71,6 @@ def compare(
     >>> [len(table.runs(method)) for method in table.methods]
     [2, 2]
     """
-    if (seconds is None) == (budget is None):
-        raise ValueError(f"budget = {budget}, seconds = {seconds}: give exactly one of the two")
     scene_objects = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
     tasks = plan_tasks(scene_objects, methods, seeds, budget, seconds)
     return run_experiment(tasks, known_score=known_score, **options)
@@ -104,17 +102,16 @@ def plan_tasks(
     ValueError
         See `compare`; also if there are more than a million tasks.
     """
+    if (seconds is None) == (budget is None):
+        raise ValueError(f"budget = {budget}, seconds = {seconds}: give exactly one of the two")
     require_type("seeds", seeds, Iterable, "several, such as range(5)")
     if not isinstance(seeds, range):
         for seed in (seeds := list(seeds)):
             require("seed", seed, 0, whole=True)
     names = [registry.method_name(method) for method in as_list(methods)]
     number = len(scenes) * len(names) * len(seeds)
-    if number > MAX_TASKS:
-        raise ValueError(
-            f"{len(seeds)} seeds are {number} searches: give fewer seeds, methods or scenes, for "
-            f"at most {MAX_TASKS}"
-        )
+    hint = "give fewer seeds, methods or scenes"
+    require("searches", number, high=MAX_TASKS, hint=hint, whole=True)
     labels = labels or [{} for _ in scenes]
     pairs = list(zip(scenes, labels, strict=True))
     problems = [describe_labels(point) or scene.name for scene, point in pairs]

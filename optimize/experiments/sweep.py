@@ -94,8 +94,7 @@ def _parse_value(key: str, text: str) -> Label:
 def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
     """Return all combinations of the values of the keys; the last key changes first."""
     number = math.prod(map(len, axes.values()))
-    if number > MAX_POINTS:
-        raise ValueError(f"{number} points: a sweep has at most {MAX_POINTS}; split it")
+    require("points", number, high=MAX_POINTS, hint="split the sweep", whole=True)
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
@@ -124,13 +123,11 @@ def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") ->
     document = copy.deepcopy(base)
     place = " at ".join(filter(None, (file, describe_labels(_labels(point)))))
     for key, value in point.items():
-        *tables, last = key.split(".")
-        table = document
-        for part in tables:
-            table = table.setdefault(part, {})
-            if not isinstance(table, dict):
-                raise ValueError(f"{place}: '{key}': {part} is no table of the scene's file")
-        if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
+        table_name, _, last = key.rpartition(".")
+        table = document.setdefault(table_name, {}) if table_name else document
+        if not isinstance(table, dict):
+            raise ValueError(f"{place}: '{key}': {table_name} is no table of the scene's file")
+        if table_name in ("spacing", "thickness") and last in RANGE_KEYS:
             # one form of a range replaces another; min, max and step are one form
             other_keys = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
             for name_of_range in other_keys:

@@ -90,7 +90,7 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes):
     assert requests == [int(np.argmax(scores.score))]
     assert (evaluator.remaining, evaluator.best_score) == (1.0, scores.score.max())
     assert evaluator.falls == scores.falls.sum()
-    with pytest.raises(ValueError, match="4 layouts are recorded and 1 remain"):
+    with pytest.raises(ValueError, match="layouts to record = 4: give a whole number from 0 to 1"):
         evaluator.record(scores, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0

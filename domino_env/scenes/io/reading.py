@@ -129,6 +129,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     ValueError
         With file, key, value and accepted range.
     """
+    require_type("scene", text, str, "the text of a scene's file, as scene.to_toml() returns")
     return scene_from_document(parse_document(text, file), name, file)
 
 
@@ -147,10 +148,7 @@ def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene
     """Return the scene of a document that `tomllib` has read; see `parse_scene`."""
     with errors_with_path(file):
         if has_ranges(document):
-            raise ValueError(
-                "it gives ranges where a scene has numbers: load it by load_distribution, and "
-                "sample scenes by its sample()"
-            )
+            raise ValueError("it has ranges: load it by load_distribution, and sample scenes")
         scene = Scene.from_document({"name": name} | document)
     if not scene.in_heights:
         advise_on_units(file, scene.height, scene.spacing, scene.thickness)

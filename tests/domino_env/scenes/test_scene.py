@@ -89,6 +89,8 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     (lambda: SMALL.replace(placement_deviation=0.5),
      "deviation = 0.5 m is more than the largest gap"),
     (lambda: SMALL.replace(placement_deviation=-1.0), "placement.deviation = -1"),
+    (lambda: SMALL.replace(placement_draws=5), "placement.draws = 5 without errors"),
+    (lambda: SMALL.replace(thickness_values=(0.0075, 0.01)), "thickness = 0.0075 is fixed and"),
     (lambda: de.load_scene("jitter").replace(placement_deviation=0.001), "[robust] exclude each"),
     (lambda: de.load_scene("course").replace(placement_deviation=0.001), "row.length exclude each"),
     (lambda: SMALL.replace(stock=de.Stock((0.0075,), (8,), 0)), "hand = 0: give a whole number"),

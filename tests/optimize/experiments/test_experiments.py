@@ -86,7 +86,7 @@ def test_the_report_of_a_comparison(compared, tmp_path):
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
     (["sprint"], ["cma"], 3, 1, r"seeds = 3: give several, such as range\(5\)"),
     (["sprint"], ["cma"], ["a"], 1, "seed = 'a': give a whole number, at least 0"),
-    (["sprint"], ["cma"], range(10**8), 1, "100000000 seeds are 100000000 searches: give fewer"),
+    (["sprint"], ["cma"], range(10**8), 1, "searches = 100000000: give a"),
     ("sprnt", "cma", [0], 1, "there is no scene 'sprnt': did you mean 'sprint'"),
     ("sprint", "cmaes", [0], 1, "method = 'cmaes': did you mean 'cma'"),
     (3, "cma", [0], 1, "name = 3: give the name of a shipped scene"),
@@ -111,11 +111,13 @@ def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys):
     monkeypatch.setattr("optimize.experiments.task.search", interrupt_the_third)
     assert main(words) == 130
     assert "2 of 4 runs are complete; " in capsys.readouterr().err
-    first = read_csv(folder / "runs/comparison/runs.csv")
+    first = read_csv(folder / "runs/compare-spacing/runs.csv")
     assert len(first) == 2
+    assert main([*words, "--out", "runs/compare-spacing"]) == 2  # which holds results
+    assert "runs/compare-spacing holds comparison.md already" in capsys.readouterr().err
     assert main([*words, "--resume"]) == 0
     assert len(calls) == 5  # the third once more, and the fourth
-    lines = read_csv(folder / "runs/comparison/runs.csv")
+    lines = read_csv(folder / "runs/compare-spacing/runs.csv")
     names = [r["method"] + r["seed"] for r in lines]
     assert names == ["random0", "uniform0", "random1", "uniform1"]
     assert lines[:2] == first
@@ -200,13 +202,13 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
     ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100 m cannot be met"),
-    ("row.count.more=1", {}, "row.count.more = 1.0: 'row.count.more': count is no table"),
+    ("row.count.more=1", {}, "row.count.more = 1.0: unknown key 'row.count'"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": "cmaes"}, "method = 'cmaes': did you"),
-    (["row.count=2:9:1000", "physics.push=4:8:1000"], {}, "1000000 points: a sweep has at most"),
+    (["row.count=2:9:1000", "physics.push=4:8:1000"], {}, "points = 1000000: give a whole"),
     (3, {}, "--set 3: a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("physics.push=4,8", {"seeds": 0.5}, "seeds = 0.5: give a whole number, at least 1"),
-    ("physics.push=4,8", {"seeds": 10**7}, "10000000 seeds are 20000000 searches: give fewer"),
+    ("physics.push=4,8", {"seeds": 10**7}, "searches = 20000000: give a"),
 ])  # fmt: skip
 def test_impossible_sweeps_are_rejected(scenes, axis, more, message):
     with pytest.raises(ValueError, match=f"^{message}"):
