@@ -159,7 +159,7 @@ class PlacementTable(Table):
 
     def __post_init__(self) -> None:
         if self.draws and not self.deviation:
-            raise ValueError(f"draws = {self.draws} without errors: give a deviation more than 0")
+            raise ValueError(f"draws = {self.draws} without errors: give a deviation, or draws = 0")
 
 
 Title = Annotated[str, Meta(pattern=LINE, max_length=300)]

@@ -12,7 +12,7 @@ NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magni
 @pytest.mark.parametrize("name", [*NAMES, "tempo-noise"])
 @pytest.mark.parametrize("drift", [-0.4, 0.0, 0.4])
 def test_all_dominoes_at_once_are_placed_as_one_by_one(name, drift):
-    scene = SCENES[name].replace(placement_deviation=0.0)
+    scene = SCENES[name].replace(placement_deviation=0.0, placement_draws=0)
     env, together = DominoChain(scene), DominoChainVector(2, SCENES[name])
     size = (scene.count - 1, *env.action_space.shape)
     actions = drift + np.random.default_rng(1).normal(0.0, 0.6, size)
