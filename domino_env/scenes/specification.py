@@ -142,7 +142,7 @@ class Specification:
         """
         if self.stock is None:
             raise ValueError(f"scene '{self.name}' has no stock: give a scene with [stock]")
-        for generator in (generators := np.atleast_1d(generators).tolist()):
+        for generator in np.array([generators], object).flat:
             require_type("generators", generator, np.random.Generator, "a list of Generators")
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
