@@ -3,9 +3,9 @@
 Multilayer perceptrons are rebuilt from their tensors without running code of the archive: `data` is
 read as JSON, whose pickled objects stay encoded text, and torch reads `policy.pth` without
 unpickling. Stable-Baselines3 loads all other policies, which runs the code in the archive.
-Statistics of `VecNormalize` are a pickle too. They are read from `vecnormalize.pkl` or
-`vec_normalize.pkl` in the folder of the archive, or from `vecnormalize.pkl` in a subfolder with the
-name of the environment, as rl-zoo3 writes it.
+Statistics of `VecNormalize` are stored as a pickle, which can also run code. They are read from
+`vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the archive, or from `vecnormalize.pkl`
+in a subfolder with the name of the environment, as rl-zoo3 writes it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
-# options with which a policy is not the multilayer perceptron of its tensors
+# keys of policy_kwargs with which actions are not determined by the tensors alone
 UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output")
 MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of supported policies
 
@@ -45,6 +45,11 @@ def load_archive(
         perceptrons, and for archives with statistics of `VecNormalize`.
     distribution
         The scene distribution of the training; None for a single scene.
+
+    Returns
+    -------
+    ScenePolicy
+        The policy, without exploration noise.
 
     Raises
     ------
@@ -83,7 +88,7 @@ def load_archive(
 
 
 def _rebuild(path: Path) -> tuple[Policy, int]:
-    """Rebuild a multilayer perceptron; return it as a policy, and the size of its observations."""
+    """Rebuild a multilayer perceptron; return the policy and the size of its observations."""
     import torch
 
     with zipfile.ZipFile(path) as archive:
@@ -103,7 +108,7 @@ def _rebuild(path: Path) -> tuple[Policy, int]:
 
 
 def _unpickle(path: Path) -> tuple[Policy, int]:
-    """Load a policy with Stable-Baselines3; return it, and the size of its observations."""
+    """Load a policy with Stable-Baselines3; return it and the size of its observations."""
     import torch
     from sb3_contrib.ars.policies import ARSPolicy
     from stable_baselines3.common.policies import ActorCriticPolicy
@@ -116,7 +121,7 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(policy_class, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)
-    rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)  # unused learning rate
+    rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)  # not used here
     model = policy_class(space, data["action_space"], *rate, **options)
     model.load_state_dict(parameters["policy"])
 
@@ -127,7 +132,7 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
 
 
 def _find_statistics(path: Path) -> Path | None:
-    """Return the file with the statistics of `VecNormalize` of an archive; None without one."""
+    """Return the file with the `VecNormalize` statistics of an archive; None if there is none."""
     folder = path.parent
     files = (folder / "vecnormalize.pkl", folder / "vec_normalize.pkl")
     return next(filter(Path.exists, (*files, *folder.glob("Domino*-v*/vecnormalize.pkl"))), None)

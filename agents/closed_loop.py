@@ -3,12 +3,12 @@
 An episode is run in the environment itself, and its gradient is exact for its random errors and
 pieces. Entries of an observation that the policy does not use are set to zero.
 
-- Pieces in random order: the policy uses position, hand, box and the latest thicknesses, which do
-  not depend on the gaps. It takes the pieces of the rule (`agents.draw`) and learns its desired
-  thicknesses by regression; the gradient is with respect to the gaps.
+- Pieces in random order: the policy uses position, hand, stock and the latest thicknesses, which
+  do not depend on the gaps. It takes the pieces that the rule of `agents.draw` takes, and learns
+  the desired thicknesses of the rule by regression; the gradient is with respect to the gaps.
 - Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
   latest gaps and thicknesses. The gradient includes the observations of earlier dominoes: the
-  arrival times are linearised, with their exact derivatives by all gaps and thicknesses.
+  arrival times are linearised with their exact derivatives with respect to gaps and thicknesses.
 """
 
 from __future__ import annotations
@@ -21,39 +21,41 @@ import torch
 from agents.draw import rule, shipped_references
 from domino_env import Scene
 from domino_env.core.types import Floats
+from domino_env.kernels.step.observation import LATENESS_UNIT
 
 RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
-THICKNESS_WEIGHT = 10.0  # of the mean square error of desired thicknesses, beside a return [%]
-HAND = "thicknesses", "hand", "stock"  # parts that are used besides the position
-TEMPO = "lateness", "intervals", "gaps", "thicknesses"
+# [%] weight of the mean square error of desired thicknesses in the loss
+THICKNESS_WEIGHT = 10.0
+# parts of an observation that are used besides the position
+HAND_PARTS = "thicknesses", "hand", "stock"
+TEMPO_PARTS = "lateness", "intervals", "gaps", "thicknesses"
 
 
 def random_parts(scene: Scene) -> tuple[str, ...]:
-    """Return the names of random parts of an observation that a policy uses; none if not random."""
+    """Return the names of the random parts of an observation that a policy uses; () if none is."""
     if scene.hand and scene.spacing_values is None and scene.largest_change is None:
-        return HAND
-    return TEMPO if scene.placement_deviation and scene.as_placed.tempo is not None else ()
+        return HAND_PARTS
+    return TEMPO_PARTS if scene.placement_deviation and scene.as_placed.tempo is not None else ()
 
 
 class Episodes:
-    """Episodes of B environments, with noise on the actions.
+    """Episodes of B environments with noise on the actions, and the loss of the policy in them.
 
     Parameters
     ----------
     actor
-        A `ScheduledPolicy`.
+        `ScheduledPolicy` that acts.
     env
-        A `DominoVecEnv` of one scene.
+        `DominoVecEnv` of one scene.
     mask
-        (O,) 1 for the entries of an observation that are used.
+        (O,) 1 for the entries of an observation that are used, 0 for the others.
     """
 
     def __init__(self, actor: Any, env: Any, mask: torch.Tensor) -> None:
         scene: Scene = env.vector.scenes[0]
         self.scene, self.actor, self.parts = scene, actor, env.vector.observation_layout
         number, pairs = env.num_envs, scene.count - 1
-        size = env.action_space.shape[0]
-        self.noise = antithetic_noise(number, pairs, size)
+        self.noise = antithetic_noise(number, pairs, env.action_space.shape[0])
         observations = torch.zeros(number, pairs, len(mask))
         policy = rule(scene, shipped_references()["rule"]) if scene.hand else None
         self.desired_thickness, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
@@ -78,18 +80,19 @@ class Episodes:
         self.thickness = thickness.reshape(-1, pairs)
 
     def actions(self, observations: torch.Tensor, n: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return means, and actions with noise, (B, A) of step n."""
+        """Return the mean actions (B, A) of step n, and the actions with noise (B, A)."""
         normal = self.actor.get_distribution(observations).distribution
         return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
 
     def loss(self) -> Any:
-        """Return minus the mean return [%], up to a constant."""
+        """Return the loss: minus the mean return [%], up to a constant."""
         uniform = self.scene.uniform().score
         if not len(self.spacing):  # all waves stopped
-            return 0.0 * self.actor.action_net.bias.sum()
+            return 0.0 * self.actor.action_net.bias.sum()  # a zero with a gradient
         return self._hand_loss(uniform) if self.scene.hand else self._tempo_loss(uniform)
 
     def _hand_loss(self, uniform: float) -> Any:
+        """Return the loss for pieces in random order; `uniform` is the baseline's score."""
         normal = self.actor.get_distribution(self.observations.flatten(0, 1)).distribution
         mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
         actions = (mean + deviation * self.noise).double()[..., 0]
@@ -102,17 +105,18 @@ class Episodes:
         return -100.0 / uniform * score.mean() + THICKNESS_WEIGHT * error.mean()
 
     def _tempo_loss(self, uniform: float) -> Any:
+        """Return the loss for placement noise and a schedule."""
         scene, tempo = self.scene, self.scene.as_placed.tempo
         assert tempo is not None
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
         schedule = torch.from_numpy(tempo.schedule(scene.count))
-        changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # zero but for their gradient
+        changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # value 0, with gradient
         for n in range(scene.count - 1):
             observation = self.observations[:, n].clone()
             if n:
                 earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
-                lateness = delay / (3.0 * tempo.tolerance)
+                lateness = delay / (LATENESS_UNIT * tempo.tolerance)
                 observation[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
                 bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
                 for k, (name, (low, high)) in enumerate(bounds.items()):
@@ -129,7 +133,7 @@ class Episodes:
         return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
-        """Return arrival times (B, P), and their derivatives (B, P, P) by gap and thickness."""
+        """Return arrival times (B, N-1) [s] and derivatives (B, N-1, N-1) by gap and thickness."""
         number, pairs = self.spacing.shape
         spacing, thickness = (np.repeat(x, pairs, axis=0) for x in (self.spacing, self.thickness))
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
@@ -141,12 +145,12 @@ class Episodes:
 
 
 def antithetic_noise(number: int, *shape: int) -> torch.Tensor:
-    """Return normal noise (number, …) whose second half is the negative of the first."""
+    """Return standard normal noise (number, …); the second half is the negative of the first."""
     half = torch.randn((number + 1) // 2, *shape)
     return torch.cat([half, -half])[:number]
 
 
 def _sizes(actions: torch.Tensor, bounds: tuple[float, float]) -> torch.Tensor:
-    """Return the sizes that actions stand for [m]."""
+    """Return the gaps or thicknesses [m] of actions from -1 to 1."""
     low, high = bounds
     return low + 0.5 * (high - low) * (actions.clamp(-1.0, 1.0) + 1.0)

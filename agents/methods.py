@@ -1,9 +1,9 @@
-"""Learners as search methods, with the budget and clock of a search.
+"""Search methods that train a policy from scratch, with the budget and clock of a search.
 
-They are named in the entry-point group `domino.methods`. A learner begins anew in each search;
-every layout that it builds while it learns is an evaluation, and so are those that it builds
-regularly without noise. The import takes as long as that of torch, before the clock of a search
-starts, and raises ImportError with the command to install it if the extra "rl" is missing.
+They are registered in the entry-point group `domino.methods`. Each layout that is built in training
+is an evaluation, and so is each that is built regularly without noise. The import of this module
+imports torch, before the clock of a search starts, and raises ImportError with the command that
+installs it if the extra "rl" is missing.
 
 References
 ----------
@@ -34,8 +34,8 @@ from domino_env.physics.wave import Outcome  # noqa: E402
 from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
 from optimize.problem import Scores  # noqa: E402
 
-NOISELESS_LAYOUTS = 50  # layouts built without noise in a whole search
-LEAST_GENERATIONS = 8  # least number of generations in a budget of evaluations
+NOISELESS_LAYOUTS = 50  # number of layouts built without noise in a whole search
+LEAST_GENERATIONS = 8  # smallest number of layouts per environment in a budget of evaluations
 
 
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -67,9 +67,9 @@ def _fit_to_budget(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperpara
         return defaults
     num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // LEAST_GENERATIONS, 1)))
     options = dict(defaults.options)
-    if "n_steps" in options:  # batches of the same part of a rollout
+    if "n_steps" in options:  # keep the number of batches per rollout
         options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
-    if "n_delta" in options:  # ARS evaluates each in two environments
+    if "n_delta" in options:  # ARS evaluates each direction in two environments
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
     return defaults.replace(num_envs=num_envs, options=options)
@@ -89,14 +89,15 @@ class _LearningSearch:
         self.next_evaluation = 0.0
 
     def run(self) -> None:
-        """Learn, then evaluate the policy if an evaluation remains."""
+        """Train until the budget is spent, then evaluate the policy if an evaluation remains."""
         model = self.learner.model
-        # all schedules follow the part of the budget that is spent, not the steps taken
+        # schedules follow the fraction of the budget that is spent, not the number of steps
         model._update_current_progress_remaining = self._progress
         optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
         if optimizer is not None:
             optimizer.register_step_pre_hook(lambda *_: self.evaluator.require_more())
         with suppress(BudgetSpent):
+            # a number of steps that no search reaches: the budget ends the training
             self.learner.learn(10**12, self.between_updates, self.after_step)
         self._evaluate()
 
@@ -130,6 +131,7 @@ class _LearningSearch:
             self._record([rollout.layout], score, reach)
 
     def _record(self, layouts: Any, scores: Floats, reach: Floats) -> None:
+        """Record layouts with scores (B,) and fractions of the chain that waves reach (B,)."""
         dominoes = self.problem.dominoes  # largest number of dominoes that a score simulates
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
@@ -140,7 +142,7 @@ class _LearningSearch:
 
 
 def _reach(info: dict[str, Any]) -> float:
-    """Return the part of a layout that its wave reached, 0 to 1."""
+    """Return the fraction of the chain that the wave reaches, 0 to 1."""
     if "reach" in info:
         return float(info["reach"])
     return 1.0 if info["outcome"] == Outcome.PROPAGATED else float(info["wave"].reach)

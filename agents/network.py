@@ -1,4 +1,4 @@
-"""Networks in NumPy, which evaluate trained policies without torch."""
+"""Multilayer perceptrons in NumPy, which evaluate trained policies without torch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Singles
 
 Policy = Callable[[Singles], NDArray[Any]]
-"""Maps an observation to an action."""
+"""Function from observations (…, O) to actions (…, A)."""
 
 ArrayFunction = Callable[[Singles], Singles]
 
@@ -30,15 +30,15 @@ ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
 
 
 class UnsupportedPolicyError(ValueError):
-    """Reason for which a policy is no plain multilayer perceptron."""
+    """Error of a policy that is not a plain multilayer perceptron."""
 
 
 class ActorKind(NamedTuple):
-    """Names of the layers of a kind of actor, and its functions."""
+    """Layer names and functions of the actor networks of some algorithms."""
 
-    hidden: str  # names of the hidden layers
-    last: str  # name of the last layer, if it differs
-    activation: str  # default of the hidden layers
+    hidden: str  # regular expression for the names of the hidden layers
+    last: str  # name of the last layer; empty if it is like those of the hidden layers
+    activation: str  # default activation function of the hidden layers
     squashed: bool  # True if actions are the tanh of the outputs
 
 
@@ -48,6 +48,7 @@ ACTOR_KINDS = (
     ActorKind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
     ActorKind(r"action_net\.\d+", "", "ReLU", True),  # ARS
 )
+# beginnings of the names of arrays that mean actions do not depend on
 UNUSED_WEIGHTS = re.compile(
     r"(log_std|value_net|mlp_extractor\.value_net|actor\.log_std|actor_target|critic)"
 )
@@ -55,9 +56,16 @@ UNUSED_WEIGHTS = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Hidden layers and a linear one: weights (outputs, inputs) and biases (outputs,) of each.
+    """Multilayer perceptron with a linear last layer.
 
-    As a policy, its actions are the outputs clipped to [-1, 1], or their tanh if it is `squashed`.
+    Parameters
+    ----------
+    layers
+        Weights (outputs, inputs) and biases (outputs,) of each layer, float32.
+    activation
+        Activation function of the hidden layers.
+    squashed
+        If True, actions are the tanh of the outputs, else the outputs clipped to [-1, 1].
     """
 
     layers: tuple[tuple[Singles, Singles], ...]
@@ -88,17 +96,17 @@ class Network:
         activation: ArrayFunction = np.tanh,
         squashed: bool = False,
     ) -> Network:
-        """Make a network from the arrays "weight" and "bias" of each named layer."""
+        """Return the network of the arrays NAMEweight and NAMEbias of each layer name."""
         layers = tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names)
         return cls(layers, activation, squashed)
 
     def require(self, inputs: int, outputs: int) -> Network:
-        """Return the network if its layers fit together and have these numbers at their ends.
+        """Return the network if its layers fit together and it has these inputs and outputs.
 
         Raises
         ------
         ValueError
-            If the shapes are other ones, or if weights are not finite float32 numbers.
+            If the shapes differ, or if weights are not finite float32 numbers.
         """
         size = inputs
         for i, (weight, bias) in enumerate(self.layers):
@@ -110,7 +118,7 @@ class Network:
                     raise ValueError(f"layer {i} has values that are not finite float32 numbers")
             size = weight.shape[0]
         if not self.layers or size != outputs:
-            raise ValueError(f"it has {size} outputs, {outputs} are expected")
+            raise ValueError(f"the last layer has {size} outputs: expected {outputs}")
         return self
 
 
@@ -136,19 +144,19 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def read_network(
     path: Path, make: Callable[[Mapping[str, Any]], Network], inputs: int, outputs: int
 ) -> Network:
-    """Read the network that `make` returns for the arrays of a file.
+    """Return the network that `make` builds from the arrays of a file, after checks.
 
     Raises
     ------
     ValueError
-        If the file holds the weights of another policy, or none.
+        If the file does not have the weights of a network with these inputs and outputs.
     """
     arrays = read_arrays(path)
     with errors_with_path(path):
         try:
             return make(arrays).require(inputs, outputs)
         except (ValueError, KeyError) as error:
-            raise ValueError(f"it does not hold the weights of such a policy: {error}") from None
+            raise ValueError(f"not the weights of this policy: {error}; train it again") from None
 
 
 def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Network:
@@ -164,7 +172,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     Raises
     ------
     UnsupportedPolicyError
-        If it is no multilayer perceptron.
+        If the policy is not a multilayer perceptron with Tanh or ReLU.
     """
     arrays = {name: value for name, value in arrays.items() if not UNUSED_WEIGHTS.match(name)}
     layers = {name.rpartition(".")[0] for name in arrays}
@@ -187,7 +195,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
 
 
 def _names(layers: set[str], kind: ActorKind) -> list[str]:
-    """Return the names of the layers of a kind, in their order."""
+    """Return the names of the layers of a kind of actor, in order of evaluation."""
     hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
     hidden.sort(key=lambda name: int(name.rpartition(".")[2]))
     return hidden + [kind.last] * (kind.last in layers)

@@ -24,30 +24,30 @@ from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import SceneResult
 from optimize.searching import compile_simulations
 
-SELECTION_SEEDS = range(64)  # seeds by which plans and policies are chosen
+SELECTION_SEEDS = range(64)  # seeds on which plans and policies are selected
 EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
-TRAINING_SEEDS = 10**6  # environments of training k begin at (k + 1) times this seed
+TRAINING_SEEDS = 10**6  # training k uses seeds from (k + 1) times this number
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout(SceneResult):
-    """A layout that a policy built, beside the uniform baseline.
+    """A layout that a policy built, with its score and the uniform baseline.
 
     Attributes
     ----------
     scene
-        The scene that it was built for.
+        The scene that the layout was built for.
     layout
-        The layout.
+        The layout of the first episode.
     wave
-        Its wave.
+        Wave in the layout.
     score
-        Its score; under placement noise or with pieces in random order the mean over rollouts with
-        `evaluation_seeds`, of which this is the first.
+        Score in the unit of the scene; under placement noise or with pieces in random order, the
+        mean over episodes with `evaluation_seeds`.
     uniform
         The uniform baseline, with its mean score over the same seeds.
     seconds
-        Time that building took [s], without the simulation of the baseline.
+        Time to build the layout [s], without the simulation of the baseline.
     simulations
         Number of layouts that were simulated to build it.
     """
@@ -83,7 +83,7 @@ def build(
     Parameters
     ----------
     policy
-        Maps an observation to an action.
+        Function from an observation (O,) to an action (A,).
     scene
         The scene to build for.
     distribution
@@ -117,39 +117,39 @@ def build(
 
 
 def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats:
-    """Return the scores of a policy in episodes with some seeds, built side by side.
+    """Return the scores of a policy in the episodes of given seeds, run as one batch.
 
     Parameters
     ----------
     policy
-        Maps observations (S, O) to actions (S, A).
+        Function from observations (S, O) to actions (S, A).
     scene
         The scene.
     seeds
-        S seeds.
+        Seeds of the S episodes.
 
     Returns
     -------
     ndarray
-        (S,) scores.
+        (S,) scores in the unit of the scene.
     """
     env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
     return np.array(last_infos(policy, env, "score", seed=list(seeds)))
 
 
 def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -> list[Any]:
-    """Run one episode in each environment, and return a value of its last info.
+    """Run one episode in each environment, and return one value of the last `info` of each.
 
     Parameters
     ----------
     policy
-        Maps observations (B, O) to actions (B, A).
+        Function from observations (B, O) to actions (B, A).
     env
         B environments, each of which begins its next episode in the step that ends one.
     key
         Key of the value, such as "score".
     reset
-        Arguments of the reset of the environments.
+        Arguments of `env.reset`, such as `seed`.
 
     Returns
     -------
@@ -168,12 +168,12 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
 
 
 def evaluation_seeds(scene: Scene) -> range:
-    """Return the seeds of the episodes over which a score is averaged; one if none is random."""
+    """Return the seeds over which scores are averaged; one seed if the scene is deterministic."""
     return EVALUATION_SEEDS if scene.hand or scene.placement_deviation else range(1)
 
 
 def average(rollout: Rollout) -> Rollout:
-    """Average the score of an open-loop rollout over `evaluation_seeds`, if episodes are random."""
+    """Average the score of an open-loop rollout over `evaluation_seeds` if the scene is random."""
     scene = rollout.scene
     if len(evaluation_seeds(scene)) == 1:
         return rollout
@@ -182,14 +182,14 @@ def average(rollout: Rollout) -> Rollout:
 
 
 def average_uniform(scene: Scene, seeds: range | None = None) -> UniformBaseline:
-    """Return the uniform baseline with its mean score over seeds, or `evaluation_seeds`."""
+    """Return the uniform baseline with its mean score over seeds, default `evaluation_seeds`."""
     baseline = scene.uniform()
     scores = scene.score_placed(baseline.layout, seeds or evaluation_seeds(scene))
     return replace(baseline, score=float(scores.mean()))
 
 
 def complete_layout(layout: Layout, scene: Scene) -> Layout:
-    """Return a layout completed to all dominoes with copies of the last one and its gap."""
+    """Return a layout of all dominoes of a scene: copies of the last one and its gap are added."""
     missing = scene.count - layout.count
     if missing == 0:
         return layout

@@ -19,10 +19,11 @@ from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
-VALUES = 41, 11  # values of the greedy policy for one free variable, for each of several
-RAMPS = 4000  # ramps that are simulated
-BEST_RAMPS = 20  # best ramps around which more are sampled
-NO_HIT = 1e3  # [s] lateness that stands for a hit that never happens
+# values of a variable that greedy tries: if it is the only free one; if there are several
+GREEDY_VALUES = 41, 11
+RAMPS = 4000  # number of ramps that are simulated
+BEST_RAMPS = 20  # number of best ramps around which others are sampled
+NO_HIT = 1e3  # [s] value of the lateness if the domino is not hit
 GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
 
@@ -33,17 +34,17 @@ def uniform(scene: Scene) -> Rollout:
 
 
 def greedy(scene: Scene) -> Rollout:
-    """Place each domino where the reward of this step is largest, by simulation of one interval."""
+    """Take the action with the largest reward in each step, among actions on a regular grid."""
     if len(evaluation_seeds(scene)) > 1:
         raise ValueError(
             f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
             "environment with the same placement noise and order of pieces, so its choice "
-            "would depend on what is still to come; use another policy"
+            "would depend on random events of later steps; use another policy"
         )
     env = DominoChain(scene)
     env.reset()
     size = env.action_space.shape[0]  # type: ignore[index]
-    values = np.linspace(-1.0, 1.0, VALUES[size > 1])
+    values = np.linspace(-1.0, 1.0, GREEDY_VALUES[size > 1])
     actions = np.stack(np.meshgrid(*[values] * size, indexing="ij"), axis=-1).reshape(-1, size)
     actions = actions.astype(np.float32)
 
@@ -53,20 +54,21 @@ def greedy(scene: Scene) -> Rollout:
         env.step(best)
         return best
 
-    # an action is tried by the simulation of one interval of each
+    # one action tried in all steps costs about the simulation of one layout
     return replace(build(policy, scene), simulations=len(actions) + 1)
 
 
 def ramp(scene: Scene) -> Rollout:
-    """Build a ramp, a plateau and a ramp: four numbers, the best of 4000 choices.
+    """Build the best of `RAMPS` layouts whose gaps change linearly at both ends.
 
-    First value, plateau, last value, and the part of the chain that each ramp takes; if both gaps
-    and thicknesses are free, a fifth number is the thickness, the same for all.
+    Gaps between the ends are equal. The parameters are the first gap, that of the middle, the last
+    gap, and the fraction of the chain that each end takes; if thicknesses are free, also the
+    thickness of all dominoes.
     """
     if scene.hand:
         raise ValueError(
-            f"scene '{scene.name}' draws its pieces in random order: ramp chooses them "
-            "without knowing what is in hand; use another policy"
+            f"scene '{scene.name}' draws its pieces in random order: ramp does not observe "
+            "the pieces in hand; use another policy"
         )
     baseline = scene.uniform()
     start = time.perf_counter()
@@ -74,9 +76,9 @@ def ramp(scene: Scene) -> Rollout:
     best = rng.random((RAMPS // 2, 5))
     simulations = len(best) + 1
     best = best[np.argsort(-_ramp_scores(scene, best))[:BEST_RAMPS]]
-    for width in (0.1, 0.03, 0.01):  # spread of the samples around the best
+    for deviation in (0.1, 0.03, 0.01):  # deviation of samples from the best
         centres = best[rng.integers(BEST_RAMPS, size=RAMPS // 6)]
-        neighbours = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
+        neighbours = np.clip(centres + deviation * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, neighbours])
         simulations += len(pool)
         best = pool[np.argsort(-_ramp_scores(scene, pool))[:BEST_RAMPS]]
@@ -89,6 +91,7 @@ def ramp(scene: Scene) -> Rollout:
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
+    """Return the scores (B,) of ramps; less than -2 for those that miss the scene's length."""
     gaps, thickness = _ramps(scene, numbers)
     scores = np.asarray(scene.evaluate(scene.batch(gaps, thickness)).score)
     if scene.length is None:
@@ -99,7 +102,7 @@ def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
 
 
 def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
-    """Return gaps (B, N-1) and thicknesses for B choices of five numbers in [0, 1]."""
+    """Return gaps (B, N-1) and thicknesses [m] of ramps with parameters (B, 5) in [0, 1]."""
     place = np.linspace(0.0, 1.0, scene.count - 1)[None]
     first, plateau, last, part, relative_thickness = (numbers[:, i : i + 1] for i in range(5))
     part = 0.02 + 0.48 * part  # 2 to 50 % of the chain
@@ -114,36 +117,36 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
         thickness = low + np.broadcast_to(relative_thickness, gaps.shape) * (high - low)
     if scene.length is not None:  # all gaps change by the same amount, within their bounds
         total = (scene.count - 1) * scene.thickness[0] if thickness is None else thickness.sum(1)
-        for _ in range(50):
+        for _ in range(50):  # clipped gaps leave an error of the length, which decreases
             gaps = gaps + ((scene.length - total - gaps.sum(axis=1)) / gaps.shape[1])[:, None]
             gaps = np.clip(gaps, *scene.spacing)
     return gaps, thickness
 
 
 def plan(scene: Scene) -> Rollout:
-    """Build the best known layout open loop.
+    """Build the best known layout without reaction to observations.
 
-    If pieces are drawn in random order, gaps and desired thicknesses are a fixed sequence.
+    If pieces are drawn in random order, take a fixed sequence of gaps and desired thicknesses.
     """
     if scene.hand:
         actions = shipped_references()["plan"]
         if len(actions) != scene.count - 1:
             raise ValueError(
-                f"scene '{scene.name}' has {scene.count} dominoes: the plan that ships is for the "
-                f'{len(actions) + 1} of "draw"; use rule'
+                f"scene '{scene.name}' has {scene.count} dominoes: the shipped plan is for the "
+                f'{len(actions) + 1} dominoes of scene "draw"; use the policy rule'
             )
         return build(open_loop(scene, actions), scene)
     record = best_known().get(scene.name)
     if record is None or scene.violations(record.layout):
         raise ValueError(
-            f"no best known layout of scene '{scene.name}' ships: search one with `domino optimize`"
+            f"no best known layout of scene '{scene.name}' ships: find one with `domino optimize`"
         )
     wave, baseline = scene.simulate(record.layout), scene.uniform()
     return average(Rollout(scene, record.layout, wave, record.score, baseline, 0.0))
 
 
 def rule(scene: Scene) -> Rollout:
-    """Take pieces by a template over the position, with gaps that depend on the pieces."""
+    """Choose gaps and desired thicknesses from position and pieces, by `agents.draw.rule`."""
     if not scene.hand:
         raise ValueError(
             f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
@@ -153,9 +156,10 @@ def rule(scene: Scene) -> Rollout:
 
 
 def controller(scene: Scene) -> Rollout:
-    """Keep a schedule: choose each gap so that without errors the next domino is hit on time.
+    """Choose each gap so that, without its placement error, the next domino is hit on schedule.
 
-    Thicknesses are those of the plan. Gaps are clipped to their bounds.
+    Thicknesses are those of `plan`. If no gap within the bounds meets the schedule, the nearest
+    bound is taken.
     """
     tempo, rollout = scene.as_placed.tempo, plan(scene)
     if tempo is None:
@@ -172,14 +176,14 @@ def controller(scene: Scene) -> Rollout:
     for n, due in enumerate(tempo.schedule(scene.count)):
 
         def lateness(gap: Floats, index: Ints, n: int = n, due: float = due) -> Floats:
-            chain = np.concatenate([gaps[index, :n], gap[:, None]], axis=1)
-            times = scene.batch(chain, thickness[index, : n + 1]).simulate().total_time
+            spacing = np.concatenate([gaps[index, :n], gap[:, None]], axis=1)
+            times = scene.batch(spacing, thickness[index, : n + 1]).simulate().total_time
             return np.where(np.isfinite(times), times - due, NO_HIT)
 
-        ends = np.full(len(errors), low), np.full(len(errors), high)
-        root = find_root(lateness, ends, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
+        bracket = np.full(len(errors), low), np.full(len(errors), high)
+        root = find_root(lateness, bracket, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
         simulations += int(root.nfev.sum())
-        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # if no gap is on time
+        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # used if no gap meets the schedule
         gaps[:, n] = add_errors(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])
@@ -201,7 +205,7 @@ SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
 
 @dataclass(frozen=True)
 class ScriptedPolicy:
-    """One of `SCRIPTED`, by name."""
+    """Scripted policy with a name in `SCRIPTED`."""
 
     name: str
 

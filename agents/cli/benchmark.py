@@ -34,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser,
         ("algorithms", split_names, "NAME,...", None, algorithms),
-        ("seeds", NATURAL, "N", 10, "number of seeds, of which the first is 100"),
-        ("steps", NATURAL, "N", None, "largest number of dominoes per training"),
-        ("seconds", SECONDS, "S", None, "largest processor time of a search [s]"),
+        ("seeds", NATURAL, "N", 10, "number of seeds, from 100 on"),
+        ("steps", NATURAL, "N", None, "number of dominoes placed in each training"),
+        ("seconds", SECONDS, "S", None, "processor time of each search [s]"),
     )
     add_out_option(parser, DEFAULT_FOLDER)
     add_flags(parser, page="write the page from the table without running anything")

@@ -3,7 +3,7 @@
 The speed of a layout with given gaps and thicknesses depends only on the features. The unit of
 length is the height h of a domino and the unit of time √(h/g), so scenes that differ only in scale
 (lengths × k, push / √k) have the same features. Density and width cancel if all dominoes have the
-same height.
+same height. A tight gap is one at its lower bound; fast layouts end with a few of them.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ FEATURES = (
     "friction", "push", "count", "spacing min", "spacing max", "first_thickness", "thickness min",
     "thickness max", "pitch",
 )  # fmt: skip
-"""Names of the features; "pitch" is the mean pitch, 0 if the scene gives no length."""
+"""Names of the features, in units of h and √(h/g); "pitch": mean pitch, 0 without a length."""
 
-TIGHT = 13  # candidate numbers of tight gaps at the end of the chain: 0 … 12
-# [dominoes] decay lengths of the entries for the ends of the chain
-SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)
-# values of the first eight entries that `scale_features` maps to -1
+TIGHT = 13  # how many numbers of tight gaps the designer compares: 0 … 12
+# [gaps] decay lengths of the entries for the ends of the chain
+DECAY_LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
+# smallest and largest values of the first eight entries, which `scale_features` maps to -1 and 1
 LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])
-HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])  # values mapped to 1
+HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])
+# entries that are scaled in the logarithm
 LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
 SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
-SIZE = SCENE_SIZE + 5 + 2 * len(SCALES)  # number of entries of an observation
+# number of entries of an observation, listed at `observations`
+SIZE = SCENE_SIZE + 5 + 2 * len(DECAY_LENGTHS)
 
 
 def scene_features(scene: Scene) -> Floats:
@@ -49,7 +51,7 @@ _distribution = lru_cache(load_distribution)
 
 
 def range_violations(scene: Scene) -> tuple[str, ...]:
-    """Describe the features of a scene that are outside the ranges of the training.
+    """Return a sentence for each feature of a scene that is outside the range of the training.
 
     The ranges are those of "varied", "varied-thickness" or "varied-course", in units of the height.
     """
@@ -95,7 +97,7 @@ def require_kind(scene: Scene) -> None:
 
 
 def tight_candidates(count: int) -> int:
-    """Count the candidate numbers of tight gaps in a chain; at most half the gaps are tight."""
+    """Return how many numbers of tight gaps are compared; at most half of the gaps are tight."""
     return min(TIGHT, count // 2)
 
 
@@ -111,9 +113,9 @@ def scale_features(features: Floats) -> Floats:
     -------
     NDArray
         (…, SCENE_SIZE): friction, push, count, bounds of the gap, first thickness, least thickness,
-        largest over least thickness; then, 0 without a given length: 1, the mean pitch scaled to
-        [-1, 1] by its bounds, and 1 plus the logarithm of the mean gap if all dominoes are as thin
-        as allowed.
+        largest over least thickness; then three entries that are 0 without a given length: 1, the
+        mean pitch scaled to [-1, 1] by its bounds, and 1 plus the logarithm of the mean gap of a
+        layout with the smallest thicknesses.
     """
     values = np.asarray(features, dtype=np.float64)
     least, largest, thin, thick, pitch = (values[..., i] for i in (3, 4, 6, 7, 8))
@@ -129,7 +131,7 @@ def scale_features(features: Floats) -> Floats:
 
 
 def observations(features: Floats, tight: Floats) -> Floats:
-    """Return the observations of the network for gaps and thicknesses.
+    """Return the observations of the network that gives gaps and thicknesses.
 
     Parameters
     ----------
@@ -141,12 +143,15 @@ def observations(features: Floats, tight: Floats) -> Floats:
     Returns
     -------
     NDArray
-        (K (N-1), SIZE) observations: for each number of tight gaps, one per gap.
+        (K (N-1), SIZE) observations: for each number k of tight gaps, one per gap n = 0 … N-2. The
+        entries are the scaled features; n; log(1 + n); log(1 + m), with the m gaps between gap n
+        and the tight ones; k; exp(-k / 2); and exp(-n / c), exp(-m / c) for each decay length c.
+        All but the exponentials are scaled to about [-1, 1].
     """
     pairs = int(features[2]) - 1
     k = np.asarray(tight, dtype=np.float64)
     index = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
-    distance = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps before the tight ones begin
+    distance = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps up to the tight ones
     entries = np.empty((len(k), pairs, SIZE))
     entries[..., :SCENE_SIZE] = scale_features(features)
     c = SCENE_SIZE
@@ -154,7 +159,7 @@ def observations(features: Floats, tight: Floats) -> Floats:
     entries[..., c + 1] = np.log1p(index) / 2.0 - 1.0
     entries[..., c + 2] = np.log1p(distance) / 2.0 - 1.0
     entries[..., c + 3], entries[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
-    for j, scale in enumerate(SCALES):
-        entries[..., c + 5 + 2 * j] = np.exp(-index / scale)
-        entries[..., c + 6 + 2 * j] = np.exp(-distance / scale)
+    for j, length in enumerate(DECAY_LENGTHS):
+        entries[..., c + 5 + 2 * j] = np.exp(-index / length)
+        entries[..., c + 6 + 2 * j] = np.exp(-distance / length)
     return entries.reshape(-1, SIZE)
