@@ -1,8 +1,8 @@
-"""Write the numbers that several pages quote, each from one source.
+"""Write the numbers that several pages quote; each has one source.
 
 A page marks such a number by an HTML comment with its name directly behind it: 3.2 and
 ``<!--gain.sprint-->``. ``python docs/quoted_numbers.py`` writes all marked numbers of README.md and
-of the pages; a test fails where a page holds another one.
+of the pages; a test fails if a page has another value.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from optimize.experiments.best_known import best_known
 DOCS = Path(__file__).resolve().parent
 MARK = re.compile(r"([^\s<>(|*`~]+)<!--([a-z][\w.-]*)-->")
 MEASURED = {
-    # of one core, a simulation of forty free-standing dominoes (domino simulate --floor 0.5) [s]
+    # [s] simulation of forty free-standing dominoes on one core (domino simulate --floor 0.5)
     "seconds.standing.least": "0.1",
     "seconds.standing.most": "0.2",
-    # a first simulation on one core (rm -r the cache, then domino simulate) [s]
+    # [s] first simulation on one core, with compilation (empty the cache, then domino simulate)
     "seconds.compile.least": "10",
     "seconds.compile.most": "25",
 }
@@ -69,7 +69,7 @@ def scene_numbers() -> dict[str, str]:
 
 
 def uncertainty_numbers() -> dict[str, str]:
-    """Return means over the trainings of uncertainty.csv, and its references."""
+    """Return mean scores, gains and errors of each policy and scene in uncertainty.csv."""
     values, lines = {}, dict[str, list[dict[str, str]]]()
     with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
         for line in csv.DictReader(file):
@@ -82,7 +82,7 @@ def uncertainty_numbers() -> dict[str, str]:
 
 
 def verification_numbers() -> dict[str, str]:
-    """Return how far the model and the reference simulator agree on fixed pivots."""
+    """Return the agreement of the model with the reference simulator on fixed pivots."""
     verified = read_verified().values()
     agreeing = [entry for entry in verified if entry.verdict.startswith("AGREES")]
     largest = max(entry.checks[0].largest for entry in agreeing)
@@ -100,12 +100,12 @@ def verification_numbers() -> dict[str, str]:
 
 
 def source_numbers() -> dict[str, str]:
-    """Return the results of the comparison with measured chains."""
+    """Return results of the comparison with measured chains, differences in speed in percent."""
     page = _page("measured-sources.md")
     explained, total = re.findall(r"\*\*(\d+) of (\d+) sources are explained", page)[0]
     friction, spread = re.findall(r"\(#chapman\) \| 3 \| ([\d.]+) ± ([\d.]+) ", page)[0]
     chapman = shipped_sources()["chapman"]
-    physics = de.Physics(friction=0.25, gravity=9.8)  # the friction that he measured
+    physics = de.Physics(friction=0.25, gravity=9.8)  # Chapman's measured friction
     slower = []
     for chain in chapman.chains:
         wave = de.steady_wave(chain.x, 0.0075, physics=physics)
@@ -121,7 +121,7 @@ def source_numbers() -> dict[str, str]:
 
 
 def with_numbers(text: str, values: dict[str, str]) -> str:
-    """Return a page with the present values of its marked numbers.
+    """Return the text of a page with the current values of its marked numbers.
 
     Raises
     ------

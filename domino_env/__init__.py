@@ -1,5 +1,7 @@
 """Toppling-domino chains: exact simulation of chains in which every domino may differ.
 
+    import gymnasium
+
     import domino_env as de
 
     layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
@@ -7,8 +9,8 @@
 
     env = gymnasium.make("DominoChain-v1", scene="sprint")
 
-Names load when they are first used.  All that importing the package does is to register the
-environments with Gymnasium.
+Names are imported when they are first used. Importing the package registers the environments with
+Gymnasium and the functions that draw results.
 """
 
 import sys
@@ -23,7 +25,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
-if "_domino_command" not in sys.modules:  # which needs none, and starts faster without
+# the `domino` command does not use registered environments and starts faster without them
+if "_domino_command" not in sys.modules:
     from domino_env.envs import register
 
     register()

@@ -1,10 +1,11 @@
 """Folder of a run: the result of a search, readable without the program.
 
 scene.toml     the scene
-layout.csv     the best layout, one line per domino; layout.json, the same
-trace.csv      evaluations, simulated falls, seconds and best score at every improvement
+layout.csv     the best layout, one line per domino; layout.json: the same data
+trace.csv      evaluations, simulated intervals between hits, seconds and best score at every
+               improvement
 summary.json   the result, SI units
-result.png     the picture
+result.png     drawing of the layout, its wave and the progress of the search
 journal.sqlite the evaluations of the search, from which it can resume; see `optimize.journal`
 """
 
@@ -36,7 +37,7 @@ from optimize.result import SearchResult
 SCENE, SUMMARY, PICTURE = "scene.toml", "summary.json", "result.png"
 FILES = (SCENE, "layout.csv", "layout.json", "trace.csv", SUMMARY, PICTURE)
 JOURNAL = "journal.sqlite"
-# files that other commands make of a run, outdated once it has another layout
+# files that other commands make from the layout of a run; outdated if the layout changes
 DERIVED_FILES = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
@@ -55,16 +56,16 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     Parameters
     ----------
     folder
-        The folder.
+        Folder of the run; created if missing.
     scene, method, seed
         See `optimize.search`.
     resume
-        True to continue with the run in the folder, if there is one.
+        If True, a run in the folder is continued.
 
     Returns
     -------
     int
-        Number of evaluations of the run in the folder; 0 if none has ended.
+        Number of evaluations of the run in the folder; 0 if the folder has no summary.
 
     Raises
     ------
@@ -98,11 +99,11 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
     Parameters
     ----------
     folder
-        The folder, prepared by `begin_run`.
+        Folder prepared by `begin_run`.
     result
-        The result.
+        Result of the search.
     evaluations_before
-        Number of evaluations of the run in the folder.
+        Number of evaluations of the run in the folder, as returned by `begin_run`.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
         If writing fails, or if the run in the folder has more evaluations; its files are then not
         changed.
     KeyboardInterrupt
-        If the search was interrupted before it had as many evaluations.
+        If the search was interrupted with fewer evaluations than the run in the folder.
     """
     if result.evaluations < evaluations_before:
         error = KeyboardInterrupt if result.interrupted else ValueError
@@ -133,11 +134,11 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         write_text(folder / SUMMARY, text + "\n")
     except OSError as error:
-        raise ValueError(f"{error}; make room, and continue with --resume") from None
+        raise ValueError(f"{error}; free disk space or allow writing, then use --resume") from None
 
 
 def _remove_outdated(folder: Path, layout: Layout) -> None:
-    """Remove files that other commands made of another layout, and log their names."""
+    """Remove files that were made from a layout other than `layout`, and log their names."""
     path = folder / "layout.json"
     with suppress(OSError, ValueError):
         if not path.exists() or Layout.read(path) == layout:
@@ -146,4 +147,4 @@ def _remove_outdated(folder: Path, layout: Layout) -> None:
     for name in (PICTURE, *outdated_files):
         (folder / name).unlink(missing_ok=True)
     if outdated_files:
-        notice(f"{folder}: removed {', '.join(outdated_files)}, made of an earlier layout")
+        notice(f"{folder}: removed {', '.join(outdated_files)}, made from an earlier layout")

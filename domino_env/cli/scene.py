@@ -1,6 +1,6 @@
 """Write the file of a scene for your own dominoes.
 
-Lengths are in millimetres and slopes in degrees here, and in metres in the file:
+Options take lengths in millimetres and the slope in degrees; lengths in the file are in metres:
 
 domino scene --count 120 --thickness 8 --height 43 --length 2500 --slope 1 -o mine.toml
 domino optimize mine.toml
@@ -14,27 +14,28 @@ from domino_env.cli import options
 
 HEAD = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
 COMMENTS = {
-    "objective": "mean_speed: length over the time of the last hit; robust: with inexact gaps",
+    "objective": "mean_speed: length over time; robust: its quantile under placement noise",
     "slope": "[degrees], positive downhill",
     "height": "[m]",
     "width": "[m] across the chain",
     "density": "[kg/m³]; equal dominoes topple alike at any density",
-    "first_thickness": "[m] of the first domino",
+    "first_thickness": "[m] thickness of the first domino",
     "length": "[m] from the first pivot to the last",
-    "min": "[m] of a free gap",
-    "max": "[m] of a free gap",
+    "min": "[m] smallest free gap",
+    "max": "[m] largest free gap",
     "friction": "Coulomb coefficient between dominoes",
     "floor_friction": "coefficient of friction of the floor",
     "gravity": "[m/s²]",
     "push": "[rad/s] angular velocity of the first domino",
     "fixed": "[m]; for free thicknesses write min and max, or values = [...]",
     "deviation": "[m] standard deviation of the error of each gap",
-    "quantile": "share of the random layouts that may be slower than the score",
-    "draws": "random layouts that are simulated for each score",
-    "seed": "of these layouts",
+    "quantile": "fraction of the random layouts that may be slower than the score",
+    "draws": "number of random layouts that are simulated for each score",
+    "seed": "seed of the random layouts",
 }
 SUMMARY = "write a scene file for your own dominoes"
-MIN_GAP, MAX_GAP = 2.0, 0.8  # [mm], [heights] bounds of the gaps without --gaps
+MIN_GAP, MAX_GAP = 2.0, 0.8  # bounds of the gaps without --gaps: [mm] and [heights of a domino]
+DRAWS, FLOOR_DRAWS = 256, 8  # random layouts per score: with fixed pivots and on a floor
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print or write the scene."""
+    """Print the scene as TOML, or write it to the file of `--out`."""
     from pathlib import Path
 
     from domino_env.core.checks import require
@@ -76,13 +77,12 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.scene import Scene
 
     low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
-    height = arguments.height
-    require("--thickness", arguments.thickness, below=height, unit="mm", hint="the height")
-    require("--gaps", high, below=arguments.height, unit="mm", hint="the height")
+    require("--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="height")
+    require("--gaps", high, below=arguments.height, unit="mm", hint="height")
     objective, settings = "mean_speed", None
     if arguments.deviation is not None:
         options.require_deviation(arguments.deviation, high)
-        draws = 256 if arguments.floor is None else 8
+        draws = DRAWS if arguments.floor is None else FLOOR_DRAWS
         objective, settings = "robust", Placement(_metres(arguments.deviation), draws=draws)
     sizes = f"{arguments.thickness:g} x {arguments.width:g} x {arguments.height:g}"
     scene = Scene(
@@ -105,12 +105,12 @@ def run(arguments: argparse.Namespace) -> int:
         print(text, end="")
         return 0
     write_text(Path(arguments.out), text)
-    print(f"written to {arguments.out}: domino optimize {arguments.out} searches its best layout")
+    print(f"written to {arguments.out}: search for a layout with domino optimize {arguments.out}")
     return 0
 
 
 def _add_comment(line: str) -> str:
-    """Return a line of a scene file with the comment on its key."""
+    """Return a line of a scene file with the comment that explains its key."""
     comment = COMMENTS.get(line.partition(" =")[0])
     return f"{line:<26} # {comment}\n" if comment else f"{line}\n"
 

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare the sources, print and write the results."""
+    """Compare the sources with the model, and print and write the results."""
     from pathlib import Path
 
     from domino_env.core.files import write_text
@@ -47,15 +47,15 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
         page, plot = Path(arguments.out) / PAGE, Path(arguments.out) / PLOT
-        words = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
+        old = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
         draw(validations, plot)
-        write_text(page, fill_tables(words, {"sources": markdown(validations)}))
+        write_text(page, fill_tables(old, {"sources": markdown(validations)}))
         print(f"{page}, {plot}")
     return 0
 
 
 def _sources(arguments: argparse.Namespace) -> list[Source]:
-    """Return the sources that are named, in order, with the given chains as the last."""
+    """Return the named sources in order, and last the source of the chains on the command line."""
     from pathlib import Path
 
     from domino_env.validation.source import TEMPLATE, Source, read_source, shipped_sources
@@ -82,9 +82,9 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
 
 
 def _pair(word: str) -> tuple[float, float]:
-    """Read PITCH=FREQUENCY, pitch in millimetres, as a pitch [m] and hits per second [1/s]."""
+    """Return the pitch [m] and the hits per second [1/s] of PITCH=FREQUENCY (pitch in mm)."""
     try:
         pitch, frequency = map(float, word.split("="))
     except ValueError:
-        raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
+        raise ValueError(f"'{word}': write PITCH=FREQUENCY [mm, 1/s], as in 16=64.4") from None
     return 1e-3 * pitch, frequency

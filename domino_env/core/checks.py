@@ -1,4 +1,4 @@
-"""Checks of arguments, whose messages have name, value, accepted range and next action."""
+"""Checks of arguments; their messages have name, value, accepted range and next action."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def require(
     optional: bool = False,
     array: bool = False,
 ) -> None:
-    """Raise a ValueError for a number that is not finite or out of its range.
+    """Raise a ValueError for a number that is not finite or not in the accepted range.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ def require(
     low, high
         Smallest and largest value that is accepted.
     unit
-        SI unit of the value in the message.
+        Unit of the value, for the message.
     hint
         Typical value or next action, at the end of the message.
     above, below
-        Exclusive bounds.
+        Exclusive lower and upper bound.
     whole
         If True, only whole numbers are accepted.
     optional
@@ -90,18 +90,23 @@ def numbers(
     shape: tuple[int | str, ...] | None = None,
     meaning: str = "",
 ) -> Floats:
-    """Return the numbers of an argument as an array; `copy` is that of `numpy.array`.
+    """Return the numbers of an argument as an array of float64.
 
     Parameters
     ----------
     name, value
         Name and value of the argument.
     copy
-        That of `numpy.array`.
+        Argument `copy` of `numpy.array`: True to copy always, None only if necessary.
     shape
         Accepted shape, with letters for sizes that are free, as in (2, "N"); None for any.
     meaning
         Meaning of the entries, at the end of the message about another shape.
+
+    Returns
+    -------
+    ndarray
+        The numbers; NaN and infinity are not rejected.
 
     Raises
     ------
@@ -111,7 +116,7 @@ def numbers(
     """
     try:
         given = np.asarray(value)
-        if given.dtype.kind not in "iufO":  # truth values, texts, dates
+        if given.dtype.kind not in "iufO":  # booleans, strings and dates are rejected
             raise TypeError
         array = np.array(given, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):
@@ -143,7 +148,7 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
 
 
 def require_type(name: str, value: object, kind: Any, expected: str) -> None:
-    """Raise a TypeError for a value that is no instance of a type; `expected` ends the message."""
+    """Raise a TypeError for a value that is not of a type; `expected` says what to give."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} = {as_text(value)}: give {expected}")
 

@@ -1,4 +1,4 @@
-"""Reading and writing of whole files; their errors as one sentence."""
+"""Reading and writing of whole files, and error messages of one line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, NoReturn
 
-LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million unlike dominoes takes 105 MB
+LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million different dominoes takes 105 MB
 LONGEST_SENTENCE, LONGEST_PATH = 480, 160  # [characters]
 _SHORT_REPR = reprlib.Repr()
 _SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = 60
@@ -40,7 +40,7 @@ def read_json(path: Path) -> Any:
 
 
 def decode(data: bytes) -> str:
-    """Return text in UTF-16 if there is its byte order mark, UTF-8 if it is that, else Latin-1."""
+    """Decode UTF-16 if its byte order mark is there, else UTF-8 if valid, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16")
     try:
@@ -51,7 +51,7 @@ def decode(data: bytes) -> str:
 
 @contextmanager
 def errors_with_path(path: Path | str) -> Iterator[None]:
-    """Turn errors inside into a ValueError of one line that begins with the path."""
+    """Replace errors in the `with` block by a ValueError of one line that begins with the path."""
     try:
         yield
     except (ValueError, ArithmeticError, MemoryError) as error:
@@ -73,12 +73,12 @@ def raise_with_path(path: Path | str, error: BaseException | str) -> NoReturn:
 
 
 def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
-    """Write a file by `fill(file)` beside its place, then move it there in one step.
+    """Write a temporary file by `fill(file)`, then rename it to the path in one step.
 
     Raises
     ------
     OSError
-        With the path and the reason, in one sentence.
+        If the file cannot be written; the message has the path and the reason.
     """
     new = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
     try:
@@ -98,12 +98,12 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text in one step."""
+    """Write a file of UTF-8 text, as `write_bytes` does."""
     write_bytes(path, lambda file: file.write(text.encode()))
 
 
 def require_unused(folder: Path, names: Iterable[str]) -> None:
-    """Raise a ValueError if a folder holds a file with one of the names; others may be there."""
+    """Raise a ValueError if a folder holds a file with one of the names."""
     taken = next((name for name in names if (folder / name).exists()), None)
     if taken is not None:
         raise ValueError(
@@ -123,13 +123,16 @@ def require_writable(folder: Path) -> None:
 
 
 def layout_name(path: Path) -> str:
-    """Return the name of a layout: that of its file, or of the run's folder for layout.csv."""
+    """Return the name of a layout's file, or of its folder if the file is named layout."""
     in_run_folder = path.stem == "layout"
     return one_line(path.resolve().parent.name if in_run_folder else path.stem, 100)
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
-    """Return text that is safe to print: no control characters, and not too long."""
+    """Return text with control characters escaped and "…" for all beyond `most` characters.
+
+    If `keep_end` is True, the beginning of a long text is left out, otherwise its end.
+    """
     text = text[-most:] if keep_end and len(text) > most else text[: most + 1]
     safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     if len(safe) <= most:
@@ -138,14 +141,14 @@ def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False)
 
 
 def amount(number: int, noun: str) -> str:
-    """Return "1 layout" or "2 layouts"."""
+    """Return a number and its noun, such as "1 layout" or "2 layouts"."""
     plural = "" if number == 1 else "es" if noun.endswith("ch") else "s"
     return f"{number} {noun}{plural}"
 
 
 def as_text(value: object) -> str:
-    """Return the repr of a value from a file, short enough for a sentence."""
+    """Return the repr of a value, shortened for an error message."""
     try:
         return one_line(_SHORT_REPR.repr(value), 80)
-    except (ValueError, RecursionError):  # whole numbers of thousands of digits have no repr
+    except (ValueError, RecursionError):  # an int of thousands of digits raises ValueError
         return f"a {type(value).__name__} too large to show"

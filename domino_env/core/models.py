@@ -1,8 +1,8 @@
-"""Models of documents: a class has fields, units and ranges; a violation is one sentence.
+"""Models of documents: classes whose fields have units, ranges and descriptions.
 
-msgspec compares a document (parsed TOML or JSON) with the class; this module turns its first error
-into a sentence with key, value and accepted range.  A class may check relations between its fields
-in ``__post_init__`` by a ValueError that begins with the name of a field.
+msgspec converts a document (parsed TOML or JSON) to the class; `read_model` replaces its first
+error by a sentence with key, value and accepted range. A class may check relations between its
+fields in ``__post_init__`` and raise a ValueError whose message begins with the name of a field.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from msgspec import Meta, inspect
 from domino_env.core.checks import format_range, require_choice
 from domino_env.core.files import as_text, one_line
 
-SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep their digits
+# [SI units] bounds of sizes in files; products of four sizes neither overflow nor underflow
+SMALLEST, LARGEST = 1e-9, 1e9
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
-"""A size, more than 0, SI units."""
+"""Positive size [SI units]."""
 Amount = Annotated[float, Meta(ge=0, le=LARGEST)]
-"""A number of 0 or more."""
+"""Finite number, 0 or more."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
-"""A finite number."""
+"""Finite number."""
 
 
 def about(description: str) -> Meta:
-    """Return the description of a field, for messages and schemas."""
+    """Return the metadata of a field with a description, which messages and schemas quote."""
     return Meta(description=description)
 
 
@@ -41,11 +42,11 @@ _FIELD = re.compile(r"(?:missing required|unknown) field `(.*)`", re.DOTALL)
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):
-    """A table of a file without unknown keys; fields that are None are left out."""
+    """Table of a file; unknown keys are rejected, and None stands for an absent key."""
 
 
 class Value(Table, frozen=True):  # type: ignore[misc]
-    """A frozen table whose constructor checks as `read_model` does, also NumPy's numbers."""
+    """Frozen table whose constructor checks as `read_model` does, and accepts NumPy numbers."""
 
     def __post_init__(self) -> None:
         checked = read_model(_fields_alone(type(self)), plain(self))
@@ -59,25 +60,25 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 
 @cache
 def _fields_alone(kind: type[Value]) -> type[msgspec.Struct]:
-    """Return a Struct with the fields of a class, without its checks and defaults."""
+    """Return a Struct with the fields of a class, without its relations and defaults."""
     entries = msgspec.structs.fields(kind)
     names = {field.name: field.encode_name for field in entries}
     return msgspec.defstruct(kind.__name__, [(f.name, f.type) for f in entries], rename=names)
 
 
 def plain(value: Any) -> Any:
-    """Return a value with Structs as dictionaries, and types of NumPy as those of Python."""
+    """Return a value with dictionaries for Structs, and types of Python for those of NumPy."""
     return msgspec.to_builtins(value, enc_hook=_from_numpy)
 
 
 def _from_numpy(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, np.ndarray | np.generic):  # "g": longdouble, which tolist keeps
         return value.astype(float).tolist() if value.dtype.char == "g" else value.tolist()
     return as_text(value)  # a string, which no field accepts
 
 
 class Document(msgspec.Struct):
-    """An object of a file that may have other keys."""
+    """Object of a file that may have more keys than the class has fields."""
 
 
 def read_model(kind: type[Model], document: object, where: str = "") -> Model:
@@ -90,7 +91,7 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     document
         Document read by `tomllib` or `json`.
     where
-        Prefix of its keys, such as "preset"; empty for the document itself.
+        Path of the document in the file, which messages put before its keys, such as "physics".
 
     Returns
     -------
@@ -100,7 +101,7 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     Raises
     ------
     ValueError
-        With the key, its value and the accepted range.
+        If the document does not fit the class; the message has key, value and accepted range.
     """
     try:
         return msgspec.convert(document, kind)
@@ -109,6 +110,7 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
 
 
 def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
+    """Raise a ValueError with the sentence for an error of msgspec."""
     match = _PLACE.fullmatch(str(error))
     message, path = (match["error"], match["path"]) if match else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
@@ -118,7 +120,7 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
         value = value[step]
         type_, meaning = _entry_type(type_, step, meaning)
     place, field = _key_path(where, *steps), _FIELD.search(message)
-    if error.__cause__ is not None:  # a relation, mostly with the key first
+    if error.__cause__ is not None:  # raised by __post_init__; most messages begin with a key
         sentence = str(error.__cause__)
         first = re.match(r"\w+", sentence)
         begins = first is not None and first[0] in _fields(type_)
@@ -165,7 +167,7 @@ def _fields(type_: Any) -> dict[str, Any]:
 
 
 def _entry_type(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
-    """Return the type of a field or an entry, and its description."""
+    """Return the type and the description of a field of a Struct or an entry of a list."""
     if isinstance(step, str):
         field = _fields(type_)[step]
         return field, _without_metadata(field)[1]

@@ -1,7 +1,7 @@
-"""Tables of a scene's file: keys, units, ranges and the relations of the keys of one table.
+"""Tables of a scene's file: keys, units, ranges, and relations between the keys of one table.
 
 A scene made in Python is checked by the same tables, and editors check files by the schema that
-`domino_env.scenes.shipping` makes of them.
+`domino_env.scenes.shipping` makes from them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,15 @@ from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import LARGEST_DRAWS
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 
-MAX_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
-RESOLUTION = 1e-8  # [m] least distance of two values
-SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")  # of files and scenes
+# largest number of pairs (listed gap, listed thickness), all tried for the uniform baseline
+MAX_PAIRS = 100_000
+RESOLUTION = 1e-8  # [m] smallest difference between two listed values
+# fields with the same name and value in `SceneTables` and `Scene`
+SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")
 
 # begins with a letter or a digit of any language; without characters special to paths and shells
 NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+# one line of text that is not blank
 LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 
 if TYPE_CHECKING:
@@ -43,7 +46,7 @@ class ChainTable(Table):
 
     count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
     height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
-    width: Annotated[Size, about("size across the fall; it changes no time [m]")] = WIDTH
+    width: Annotated[Size, about("size across the chain; times do not depend on it [m]")] = WIDTH
     density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
     first_thickness: Annotated[
         Size | None, about("thickness of domino 0 [m]; required if thickness is free")
@@ -59,16 +62,16 @@ PAIR = "a pair of bounds, such as (0.002, 0.04)"
 
 
 class RangeTable(Table):
-    """Allowed values: one, any from min to max, those in steps, or those of a list."""
+    """Allowed values: one value, an interval, an interval in steps, or a list."""
 
-    fixed: Annotated[Size | None, about("only value [m]")] = None
-    min: Annotated[Size | None, about("least value [m]")] = None
+    fixed: Annotated[Size | None, about("the only value allowed [m]")] = None
+    min: Annotated[Size | None, about("smallest value [m]")] = None
     max: Annotated[Size | None, about("largest value [m]")] = None
-    step: Annotated[Step | None, about("from min to max only in steps of this [m]")] = None
+    step: Annotated[Step | None, about("difference of values allowed from min to max [m]")] = None
     values: Annotated[Listed | None, about("all values allowed [m]")] = None
     of: Annotated[
         Literal["height"] | None,
-        about("unit: height of the domino, at a gap of the shorter one; else metres"),
+        about("unit of the values: height of the domino, of the shorter one at a gap; default: m"),
     ] = None
 
     SCHEMA: ClassVar = {
@@ -88,7 +91,7 @@ class RangeTable(Table):
                 raise ValueError(f"values has {a} and {b}: list values over {RESOLUTION} m apart")
         low, high = self.min or 0.0, self.max or 0.0
         if low > high:
-            raise ValueError(f"min = {low} m is more than max = {high} m")
+            raise ValueError(f"min = {low} is more than max = {high}: give min <= max")
         if self.step is not None and (high - low) / self.step >= MAX_PAIRS:
             raise ValueError(f"step = {self.step} m: {MAX_PAIRS:,} values or more; enlarge it")
 
@@ -96,7 +99,7 @@ class RangeTable(Table):
     def from_bounds(
         cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
     ) -> dict[str, Any]:
-        """Return the table, as in a document, whose `domain` is these bounds and values."""
+        """Return the document of the table whose `domain` is these bounds and values."""
         low, high = numbers(name, bounds, None, (2,), PAIR).tolist()
         if values is None:
             given = {"fixed": low} if low == high else {"min": low, "max": high}
@@ -105,13 +108,14 @@ class RangeTable(Table):
             raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
         listed = numbers(f"{name}.values", values).ravel().tolist()
         step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
-        is_short = step > 0.0 and (high - low) / step < len(listed)
-        if is_short and steps(low, high, step) == tuple(listed):
+        # the number of steps is compared first, as tiny ones would make a very long list
+        is_possible = step > 0.0 and (high - low) / step < len(listed)
+        if is_possible and steps(low, high, step) == tuple(listed):
             return {"min": low, "max": high, "step": step, **entries}
         return {"values": values, **entries}
 
     def domain(self) -> tuple[Bounds, Values | None]:
-        """Return the least and the largest value, and all values if they are discrete."""
+        """Return the bounds, and all values if they are discrete, in the unit of the table."""
         if self.fixed is not None:
             return (self.fixed, self.fixed), None
         low, high = self.min or 0.0, self.max or 0.0
@@ -130,21 +134,21 @@ class SpacingTable(RangeTable):
 
 
 class GrowthTable(Table, kw_only=True):
-    """Ratio of the heights of a domino and the previous one."""
+    """Bounds of the height of a domino over that of the one before."""
 
-    min: Annotated[float, Meta(ge=1, le=LARGEST, description="least ratio")] = 1.0
+    min: Annotated[float, Meta(ge=1, le=LARGEST, description="smallest ratio")] = 1.0
     max: Annotated[float, Meta(ge=1, le=LARGEST, description="largest ratio")]
 
     def __post_init__(self) -> None:
         if self.min > self.max:
-            raise ValueError(f"min = {self.min} is more than max = {self.max}")
+            raise ValueError(f"min = {self.min} is more than max = {self.max}: give min <= max")
 
 
 class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
-        Amount | None, about("friction of dominoes with the floor; without it pivots are fixed")
+        Amount | None, about("friction coefficient of the floor; without it pivots are fixed")
     ] = None
 
 
@@ -154,7 +158,7 @@ class PlacementTable(Table):
     deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
     draws: Annotated[
         Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)],
-        about("layouts are scored by the mean over as many draws; 0: without errors"),
+        about("number of draws over which scores are averaged; 0: no errors"),
     ] = 0
 
     def __post_init__(self) -> None:
@@ -171,8 +175,8 @@ class SceneTables(Table, kw_only=True):
     name: Annotated[
         Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
         about(
-            "of the scene and of its runs' folder: begins with a letter or a digit, "
-            'none of / \\ < > : " | ? * ` $; without it, that of the file',
+            "name of the scene and of its run folders: begins with a letter or a digit, "
+            'none of / \\ < > : " | ? * ` $; default: name of the file',
         ),
     ] = None  # fmt: skip
     title: Annotated[Title | None, about("subject of the scene in one line")] = None
@@ -180,7 +184,7 @@ class SceneTables(Table, kw_only=True):
     row: ChainTable
     spacing: SpacingTable
     thickness: RangeTable | None = None
-    stock: Annotated[Stock | None, about("instead of thickness")] = None
+    stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
     growth: GrowthTable | None = None
     ground: Ground | None = None
     physics: PhysicsTable
@@ -191,11 +195,11 @@ class SceneTables(Table, kw_only=True):
 
     @property
     def in_heights(self) -> bool:
-        """True if gaps and thicknesses count in heights."""
+        """True if gaps and thicknesses are given in heights of a domino."""
         return self.spacing.of is not None
 
     def value_at(self, place: str) -> Any:
-        """Return the value of a table or key, as [stock] or row.length; None if it is absent."""
+        """Return the value at a place such as "[stock]" or "row.length"; None if it is absent."""
         value: Any = self
         for name in place.strip("[]").split("."):
             value = getattr(value, name, None)
@@ -210,7 +214,7 @@ class SceneTables(Table, kw_only=True):
         return low * self.row.height if self.in_heights else low
 
     def thickness_domain(self) -> tuple[Bounds, Values | None]:
-        """Return the thicknesses allowed for dominoes 1 … N-1, as `RangeTable.domain`."""
+        """Return `RangeTable.domain` of the thicknesses of dominoes 1 … N-1."""
         if self.thickness is not None:
             return self.thickness.domain()
         assert self.stock is not None
@@ -222,8 +226,8 @@ class SceneTables(Table, kw_only=True):
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
         spacing, spacing_values = self.spacing.domain()
         thickness, thickness_values = self.thickness_domain()
-        same = {name: getattr(self, name) for name in SHARED_FIELDS}
-        return msgspec.structs.asdict(self.row) | same | {
+        shared = {name: getattr(self, name) for name in SHARED_FIELDS}
+        return msgspec.structs.asdict(self.row) | shared | {
             "title": self.title or self.name,
             "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
             "floor_friction": self.physics.floor_friction,
@@ -262,8 +266,8 @@ def make_document(scene: Any) -> dict[str, Any]:
         noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
         tables["placement"] = noise
     if scene.settings is not None:
-        kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
-        tables[next(kinds, "settings")] = scene.settings
+        names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
+        tables[next(names, "settings")] = scene.settings
     return dict(_drop_none(plain(tables)))
 
 
@@ -275,7 +279,7 @@ def _drop_none(value: Any) -> Any:
 
 
 def steps(low: float, high: float, step: float) -> Values:
-    """Return low, low + step, … up to high [m], to the picometre."""
+    """Return low, low + step, … up to high, rounded to twelve decimals."""
     number = math.floor((high - low) / step + 1e-9) + 1
     return tuple(round(low + k * step, 12) for k in range(number))
 

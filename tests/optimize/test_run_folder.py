@@ -85,7 +85,7 @@ def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_p
     better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
     assert better.layout != first.layout
     assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))
-    assert f"removed {', '.join(DERIVED_FILES)}, made of an earlier layout" in caplog.text
+    assert f"removed {', '.join(DERIVED_FILES)}, made from an earlier layout" in caplog.text
 
 
 @pytest.mark.usefixtures("no_pictures")
@@ -129,7 +129,7 @@ def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_p
     with monkeypatch.context() as patch:
         patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
         patch.setattr("optimize.run_folder.require_writable", lambda _: None)  # it filled up later
-        with pytest.raises(ValueError, match=r"No space .*; make room, and continue"):
+        with pytest.raises(ValueError, match=r"No space .*; free disk space or allow"):
             search(scenes["both"], "cma", 300, **options)
     after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}

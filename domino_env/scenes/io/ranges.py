@@ -40,7 +40,7 @@ class Range(Table, frozen=True):  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         if self.min > self.max:
-            raise ValueError(f"min = {self.min} is more than max = {self.max}")
+            raise ValueError(f"min = {self.min} is more than max = {self.max}: give min <= max")
         if self.spread == "log" and self.min <= 0.0:
             raise ValueError(f'min = {self.min}: give more than 0 for spread = "log"')
 

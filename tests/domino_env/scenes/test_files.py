@@ -118,7 +118,7 @@ def test_a_scene_made_in_python_has_the_defaults_of_a_file():
 
 
 @pytest.mark.parametrize(("changes", "words"), [
-    ({"spacing": (0.04, 0.002)}, "spacing.min = 0.04 m is more than max = 0.002 m"),
+    ({"spacing": (0.04, 0.002)}, "spacing.min = 0.04 is more than max = 0.002: give"),
     ({"length": 9.0}, "row.length = 9 m cannot be met: 40 dominoes within the bounds cover 0.3705 "
      r"to 1.8525 m; row.count = 191 to 948 would fit"),
     ({"length": 1200}, "row.length = 1200 m cannot be met: .*; 1200 mm is row.length = 1.2$"),
