@@ -102,7 +102,7 @@ def load_policy(
         return ScriptedPolicy(str(run))
     folder = find_folder(run)
     if not folder.exists():
-        others = "the folder of a training", "an archive (.zip)"
+        others = "the existing folder of a training", "an existing archive (.zip)"
         require_choice("policy", str(run), (*SCRIPTED, DESIGNER, *policy_names(), *others))
     if folder.suffix == ".zip":
         return load_archive(folder, trust, distribution)

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_physics_options(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
     tolerance = "largest relative error of the arrival times"
-    standing = "coefficient of friction of a floor: simulate free-standing dominoes too (free: 1)"
+    standing = "friction of a floor ('free' is 1): simulate free-standing dominoes too"
     noise = "standard deviation of each gap [mm]: simulate 256 draws with placement noise too"
     options.add_options(
         parser,

@@ -70,8 +70,8 @@ class DominoChain(DominoEnv):
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
     | lead        | 1    | distance ahead of the reference speed, over 10 h         | -100, 100 |
     | speed       | 1    | mean speed over the reference speed, - 1; 0 at first     | -1, 20    |
-    | lateness    | 1    | delay of the last hit from the schedule, over three      |           |
-    |             |      | tolerances                                               | -1, 1     |
+    | lateness    | 1    | delay of the last hit from the schedule, over three      | -1, 1     |
+    |             |      | tolerances                                               |           |
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
     | length_left | 1    | remaining length over the length                         | 0, 1      |
     | pitch_left  | 1    | remaining mean pitch: -1 the smallest, 1 the largest     | -1, 1     |
