@@ -78,7 +78,7 @@ def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(c
     assert scores[-1] < shipped_references()["hindsight"]
     assert main(["evaluate", "rule", "--scene", "draw"]) == 0
     assert "over the open-loop plan over the same 200 episodes" in capsys.readouterr().out
-    with pytest.raises(ValueError, match='40 of "draw"; use rule'):
+    with pytest.raises(ValueError, match='40 dominoes of scene "draw"; use the policy rule'):
         ScriptedPolicy("plan").build(SMALL)
     with pytest.raises(ValueError, match="draws no pieces in random order"):
         ScriptedPolicy("rule").build(de.load_scene("stock"))
