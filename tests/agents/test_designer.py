@@ -116,4 +116,4 @@ def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
     assert main(["evaluate", "uniform", "--scenes", "3"]) == 0
     assert "0.0% of 3" in capsys.readouterr().out
     assert main(["evaluate", "designer", "--scenes", "201"]) != 0
-    assert "has 200 scenes" in capsys.readouterr().err
+    assert "at most 200 (the test set of varied" in capsys.readouterr().err
