@@ -189,8 +189,8 @@ class _Space:
             reach = 2.0 * float(layout.height.max())
             self._add_floor(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
         self._pivots = layout.pivots
-        self._slopes = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
-        self._rears = self._pivots - layout.thickness[:, None] * self._slopes * (1.0, -1.0)
+        self._directions = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
+        self._rears = self._pivots - layout.thickness[:, None] * self._directions * (1.0, -1.0)
         self._tipping = np.arctan2(layout.thickness, layout.height)
         self.place_up_to(min(1, layout.count - 1))
         half_height, half_thickness = layout.height[0] * MM / 2.0, layout.thickness[0] * MM / 2.0
@@ -230,7 +230,7 @@ class _Space:
 
     def _rotate_to_ground(self, i: int, x: float, y: float) -> tuple[float, float]:
         """Return a direction on flat ground, turned to the ground under domino i."""
-        cosine, sine = map(float, self._slopes[i])
+        cosine, sine = map(float, self._directions[i])
         return x * cosine + y * sine, y * cosine - x * sine
 
     def _add_floor(
@@ -270,7 +270,7 @@ class _Space:
         sine, cosine = math.sin(body.angle), math.cos(body.angle)
         tip = body.position.x + half[0] * cosine - half[1] * sine
         top = body.position.y + half[0] * sine + half[1] * cosine
-        (rear, foot), (along, down) = self._rears[i + 1], self._slopes[i + 1]
+        (rear, foot), (along, down) = self._rears[i + 1], self._directions[i + 1]
         return float((rear * MM - tip) * along - (foot * MM - top) * down)
 
 
