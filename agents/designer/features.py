@@ -22,7 +22,7 @@ FEATURES = (
 )  # fmt: skip
 """Names of the features, in units of h and √(h/g); "pitch": mean pitch, 0 without a length."""
 
-TIGHT = 13  # how many numbers of tight gaps the designer compares: 0 … 12
+TRIES = 13  # numbers of tight gaps that the designer compares: 0 … 12
 # [gaps] decay lengths of the entries for the ends of the chain
 DECAY_LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
 # smallest and largest values of the first eight entries, which `scale_features` maps to -1 and 1
@@ -32,7 +32,7 @@ HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])
 LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
 SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
 # number of entries of an observation, listed at `observations`
-SIZE = SCENE_SIZE + 5 + 2 * len(DECAY_LENGTHS)
+OBSERVATION_SIZE = SCENE_SIZE + 5 + 2 * len(DECAY_LENGTHS)
 
 
 def scene_features(scene: Scene) -> Floats:
@@ -98,7 +98,7 @@ def require_kind(scene: Scene) -> None:
 
 def tight_candidates(count: int) -> int:
     """Return how many numbers of tight gaps are compared; at most half of the gaps are tight."""
-    return min(TIGHT, count // 2)
+    return min(TRIES, count // 2)
 
 
 def scale_features(features: Floats) -> Floats:
@@ -143,7 +143,7 @@ def observations(features: Floats, tight: Floats) -> Floats:
     Returns
     -------
     NDArray
-        (K (N-1), SIZE) observations: for each number k of tight gaps, one per gap n = 0 … N-2. The
+        (K (N-1), O) observations: for each number k of tight gaps, one per gap n = 0 … N-2. The
         entries are the scaled features; n; log(1 + n); log(1 + m), with the m gaps between gap n
         and the tight ones; k; exp(-k / 2); and exp(-n / c), exp(-m / c) for each decay length c.
         All but the exponentials are scaled to about [-1, 1].
@@ -152,7 +152,7 @@ def observations(features: Floats, tight: Floats) -> Floats:
     k = np.asarray(tight, dtype=np.float64)
     index = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
     distance = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps up to the tight ones
-    entries = np.empty((len(k), pairs, SIZE))
+    entries = np.empty((len(k), pairs, OBSERVATION_SIZE))
     entries[..., :SCENE_SIZE] = scale_features(features)
     c = SCENE_SIZE
     entries[..., c] = 2.0 * index / (pairs - 1) - 1.0
@@ -162,4 +162,4 @@ def observations(features: Floats, tight: Floats) -> Floats:
     for j, length in enumerate(DECAY_LENGTHS):
         entries[..., c + 5 + 2 * j] = np.exp(-index / length)
         entries[..., c + 6 + 2 * j] = np.exp(-distance / length)
-    return entries.reshape(-1, SIZE)
+    return entries.reshape(-1, OBSERVATION_SIZE)

@@ -21,9 +21,9 @@ from threadpoolctl import ThreadpoolController
 
 from agents.designer.decoding import decode
 from agents.designer.features import (
+    OBSERVATION_SIZE,
     SCENE_SIZE,
-    SIZE,
-    TIGHT,
+    TRIES,
     observations,
     range_violations,
     require_kind,
@@ -99,7 +99,7 @@ class Designer:
 
     __repr__ = dataclass_repr
 
-    def propose(self, scene: Scene, tries: int = TIGHT) -> tuple[Layout, int]:
+    def propose(self, scene: Scene, tries: int = TRIES) -> tuple[Layout, int]:
         """Return the best layout for the preferred numbers of tight gaps, and its number.
 
         Parameters
@@ -128,7 +128,7 @@ class Designer:
         free = thickness[best] if scene.free_thickness else None
         return scene.layout(gaps[best], free), int(number)
 
-    def design(self, scene: Scene, tries: int = TIGHT, steps: int | None = None) -> Design:
+    def design(self, scene: Scene, tries: int = TRIES, steps: int | None = None) -> Design:
         """Design a layout; see `agents.design`."""
         require("tries", tries, 1, whole=True)
         require("steps", steps, 0, whole=True, optional=True)
@@ -167,8 +167,8 @@ class Designer:
         """
         path = folder / POLICY
         return cls(
-            read_network(path, lambda arrays: _part(arrays, "layout"), SIZE, 2),
-            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE_SIZE, TIGHT),
+            read_network(path, lambda arrays: _part(arrays, "layout"), OBSERVATION_SIZE, 2),
+            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE_SIZE, TRIES),
         )
 
 
@@ -236,7 +236,7 @@ def shipped_designer() -> Designer:
     return Designer.load(POLICIES / DESIGNER)
 
 
-def design(scene: str | Path | Scene, *, tries: int = TIGHT, steps: int | None = None) -> Design:
+def design(scene: str | Path | Scene, *, tries: int = TRIES, steps: int | None = None) -> Design:
     """Design a layout for a scene in milliseconds: a proposal and a few exact-gradient steps.
 
     The networks propose a layout for each of a few numbers of tight gaps at the end, these are

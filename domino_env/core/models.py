@@ -81,7 +81,7 @@ class Document(msgspec.Struct):
     """Object of a file that may have more keys than the class has fields."""
 
 
-def read_model(kind: type[Model], document: object, where: str = "") -> Model:
+def read_model(kind: type[Model], document: object, place: str = "") -> Model:
     """Read a document as an instance of a class.
 
     Parameters
@@ -90,7 +90,7 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
         A msgspec Struct, a dataclass, or a type annotated with `msgspec.Meta`.
     document
         Document read by `tomllib` or `json`.
-    where
+    place
         Path of the document in the file, which messages put before its keys, such as "physics".
 
     Returns
@@ -106,10 +106,10 @@ def read_model(kind: type[Model], document: object, where: str = "") -> Model:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        _raise(error, kind, document, where)
+        _raise(error, kind, document, place)
 
 
-def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
+def _raise(error: msgspec.ValidationError, kind: Any, document: Any, place: str) -> NoReturn:
     """Raise a ValueError with the sentence for an error of msgspec."""
     match = _PLACE.fullmatch(str(error))
     message, path = (match["error"], match["path"]) if match else (str(error), "")
@@ -119,7 +119,7 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str)
     for step in steps:
         value = value[step]
         type_, meaning = _entry_type(type_, step, meaning)
-    place, field = _key_path(where, *steps), _FIELD.search(message)
+    place, field = _key_path(place, *steps), _FIELD.search(message)
     if error.__cause__ is not None:  # raised by __post_init__; most messages begin with a key
         sentence = str(error.__cause__)
         first = re.match(r"\w+", sentence)

@@ -31,7 +31,7 @@ class Layout:
     height
         Scalar or (N,) [m]; by default 0.048, as of the standard domino.
     width
-        Size across the fall [m], which changes no time; by default 0.024.
+        Size across the chain [m]; times do not depend on it. By default 0.024.
     density
         Scalar or (N,) [kg/m³]; by default 1040.
     rise
@@ -166,7 +166,7 @@ class Layout:
         height
             Height of every domino [m].
         width
-            Size across the fall [m].
+            Size across the chain [m].
         density
             Density of every domino [kg/m³].
         slope
@@ -280,7 +280,7 @@ class Layout:
         path
             The file, in the format of `domino_env.physics.files.read_arguments`.
         width
-            Size across the fall if the file does not give it [m].
+            Size across the chain if the file does not give it [m].
 
         Returns
         -------

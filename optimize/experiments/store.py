@@ -180,7 +180,7 @@ class Store:
                 yield connection
         except (sqlite3.Error, msgspec.MsgspecError) as error:
             raise ValueError(
-                f"{self.path}: {error}; results stored before are kept: make room or end the "
+                f"{self.path}: {error}; results stored before are kept: free disk space or end the "
                 "program that locks it and continue with --resume; if it is damaged or no store of "
                 "studies, name another file"
             ) from None
