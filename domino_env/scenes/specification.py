@@ -146,7 +146,7 @@ class Specification:
             require_type("generators", generator, np.random.Generator, "a list of Generators")
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
-        return np.array(drawn)[:, : self.count - 1]
+        return np.array(drawn).reshape(-1, len(pieces))[:, : self.count - 1]
 
     @property
     def free_spacing(self) -> bool:

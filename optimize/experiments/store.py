@@ -15,6 +15,7 @@ Dask workers return their results to the process that writes.
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -26,7 +27,7 @@ from typing import Any
 import msgspec
 
 from domino_env.core.checks import as_path, require_extra
-from domino_env.core.files import require_writable, write_bytes
+from domino_env.core.files import as_text, require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
 
@@ -112,7 +113,7 @@ class Store:
         Parameters
         ----------
         name
-            1 to 200 printable characters.
+            1 to 200 printable characters without / and \\: it can be the name of a folder.
         kind
             Kind of experiment, such as "sweep".
         settings
@@ -124,6 +125,9 @@ class Store:
             If the study of that name has another kind or other settings, if the name or a setting
             is invalid, or if the store cannot be written.
         """
+        if not re.fullmatch(r"(?!\.+$)[^/\\]{1,200}", name) or not name.isprintable():
+            expected = "give 1 to 200 printable characters without / and \\"
+            raise ValueError(f"study name = {as_text(name)}: {expected}")
         text = json.dumps(dict(settings), allow_nan=False)
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with self.transaction() as connection:
@@ -207,6 +211,8 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
         If the file is damaged, is no store, or cannot be written; it is not changed.
     """
     path = as_path("path", path)
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder: name the file of a store, such as studies.sqlite")
     if not path.exists() or not (create or path.stat().st_size):
         if not create:
             raise ValueError(f"there is no store {path}: give an existing file (--store)")

@@ -35,6 +35,7 @@ def feasible(order, sequence, hand):
 
 def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
     orders = SMALL.orders([*map(np.random.default_rng, range(5))])
+    assert SMALL.orders([]).shape == (0, SMALL.count - 1)
     origin, sequences = references._changes(orders, orders, SMALL.hand)
     expected = set()
     for b, order in enumerate(orders):

@@ -74,6 +74,9 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path):
             store.begin("one", kind, settings | changed)
     with pytest.raises(ValueError, match=r"has no study 'two' \(there: 'one'\)"):
         store.study("two")
+    for name in ("", "..", "../one", "a\\b", "a\nb", 201 * "a"):
+        with pytest.raises(ValueError, match="study name = '.*': give 1 to 200 printable"):
+            store.begin(name, "sweep", settings)
 
 
 def test_results_that_are_not_finite_are_rejected(path, result):
@@ -158,7 +161,7 @@ def test_other_files_are_rejected(tmp_path):
     (tmp_path / "text").write_text("spacing,thickness\n" * 99)
     for name, message in {
         "text": r"is not a database; .* no store of studies, name",
-        ".": "unable to open database file",
+        ".": "is a folder: name the file",
         "text/a.sqlite": "text is a file: name a folder",
     }.items():
         with pytest.raises(ValueError, match=message):
