@@ -75,7 +75,7 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path):
     with pytest.raises(ValueError, match=r"has no study 'two' \(there: 'one'\)"):
         store.study("two")
     for name in ("", "..", "../one", "a\\b", "a\nb", 201 * "a"):
-        with pytest.raises(ValueError, match="study name = '.*': give 1 to 200 printable"):
+        with pytest.raises(ValueError, match=r"study name = '.*': give 1 to 200 printable"):
             store.begin(name, "sweep", settings)
 
 
