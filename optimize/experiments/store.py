@@ -113,7 +113,7 @@ class Store:
         Parameters
         ----------
         name
-            1 to 200 printable characters without / and \\: it can be the name of a folder.
+            1 to 200 printable characters, no slash or backslash.
         kind
             Kind of experiment, such as "sweep".
         settings
