@@ -563,7 +563,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
         kinds=kinds,
-        left=np.tile(kinds[1], (num_envs, 1)),
+        box=np.tile(kinds[1], (num_envs, 1)),
         hand=np.zeros((num_envs, kinds.shape[1])),
         order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),

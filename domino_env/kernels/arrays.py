@@ -47,12 +47,12 @@ def record_type(
 # A lane is one angle of a quadrature rule: the start of the interval, its nodes, its end. All lanes
 # advance along the stack together. One plain array with a constant pitch shows the compiler that
 # the quantities never overlap, so that it vectorises.
-PITCH = 32
-SIN, VER, WGT, JAC, DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
-SUM_M, SUM_G, SUM_D = 5 * PITCH, 6 * PITCH, 7 * PITCH
-MAP_E, MAP_U, SPEED2, SLOWNESS, COEF = 8 * PITCH, 9 * PITCH, 10 * PITCH, 11 * PITCH, 12 * PITCH
-EXPO, RATE = 13 * PITCH, 14 * PITCH
-LANES = 15 * PITCH
+STRIDE = 32
+SIN, VER, WGT, JAC, DRV = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE, 4 * STRIDE
+SUM_M, SUM_G, SUM_D = 5 * STRIDE, 6 * STRIDE, 7 * STRIDE
+MAP_E, MAP_U, SPEED2, SLOWNESS, COEF = 8 * STRIDE, 9 * STRIDE, 10 * STRIDE, 11 * STRIDE, 12 * STRIDE
+EXPO, RATE = 13 * STRIDE, 14 * STRIDE
+LANES = 15 * STRIDE
 
 # --- The ring -------------------------------------------------------------------------------------
 # Dominoes and their contacts with the next, domino i at ring[i & mask]. A ring shorter than the
@@ -137,7 +137,7 @@ STATE = record_type(
     slowest_at=float,  # position of the lowest u if time was integrated in panels, else -1
     # the stack
     m_end=float,  # M at the end of the last interval
-    cut=float,  # bound on the neglected tail, over u
+    tail_bound=float,  # bound on the error of u by the neglected tail, over u
     kappa=float,  # largest gravity torque over inertia and g
     noise=float,  # rounding error of u in an interval
     log_rho=float,  # decay of the Legendre coefficients of the last interval, and its length

@@ -307,7 +307,7 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
         if outcome != arrays.PROPAGATED:
             leader = j
             break
-        tail = max(tail, state.cut)
+        tail = max(tail, state.tail_bound)
         if not composing:
             falls[j].time = state.fall_time
             falls[j].release = math.sqrt(u_start)

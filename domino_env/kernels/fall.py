@@ -39,7 +39,7 @@ def initialise(state, push):
     state.lowest_margin = 1.0
     state.switch_angle = state.speed_before = state.speed_after = 0.0
     state.flush_loss = state.slowest_at = 0.0
-    state.m_end = state.cut = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
+    state.m_end = state.tail_bound = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
     state.gain, state.offset, state.least_start, state.composing = 1.0, 0.0, 0.0, False
     state.back = state.depth = state.last_due = 0
     state.flushes = state.releases = state.event_count = 0
@@ -230,7 +230,7 @@ def hit(leader, next_domino, state):
     if not m > 0.0:
         return arrays.JAMMED
     slow_down(state, m / (m * hit_ratio(leader) + next_domino.inertia))
-    state.u_error += (HIT_ROUNDING * arrays.EPS + 2.0 * state.cut) * state.u
+    state.u_error += (HIT_ROUNDING * arrays.EPS + 2.0 * state.tail_bound) * state.u
     state.u_round += HIT_ROUNDING * arrays.EPS * state.u
     return arrays.PROPAGATED
 

@@ -131,7 +131,7 @@ def end_interval(lanes, k, h, mismatch, tail, state):
     decay = min(max(mismatch, LEAST_MISMATCH), MOST_MISMATCH)
     state.log_rho = math.log(1.0 / decay) / ORDERS[k]
     state.last_h = h
-    state.cut = tail
+    state.tail_bound = tail
     state.m_end = lanes[SUM_M + ORDERS[k] + 1]
 
 

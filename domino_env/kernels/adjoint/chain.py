@@ -198,7 +198,7 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     if count > 3 and is_uniform(layout):
         # three sums for every lane and a line for their total, PARAMS bars per domino and two more
         table = np.empty((3 * count_lanes + 1, (depth + 2) * PARAMS))
-    saved = np.empty((depth + 2, 8 * arrays.PITCH))
+    saved = np.empty((depth + 2, 8 * arrays.STRIDE))
     own = np.zeros(arrays.LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)
     reverse = Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from domino_env.kernels.arrays import (
     JAC,
-    PITCH,
     SIN,
+    STRIDE,
     TINY,
     TIP,
     VER,
@@ -20,12 +20,12 @@ from domino_env.kernels.jit import always_inline, internal, leaf
 
 # Lanes of bars: of the five numbers that go down the stack; seeds, the bars of the three sums; of
 # friction; and of the parameters of one domino and its contact, in the order of the next table.
-B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
-SEED_M, SEED_G, SEED_D, B_MU = 5 * PITCH, 6 * PITCH, 7 * PITCH, 8 * PITCH
-B_PITCH, B_GAP, B_THICKNESS = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d
-B_INERTIA, B_HALF, B_SLENDERNESS = 12 * PITCH, 13 * PITCH, 14 * PITCH
-B_RISE, B_TURN = 15 * PITCH, 16 * PITCH  # of e and β, on uneven ground
-BARS = 17 * PITCH
+B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE, 4 * STRIDE
+SEED_M, SEED_G, SEED_D, B_MU = 5 * STRIDE, 6 * STRIDE, 7 * STRIDE, 8 * STRIDE
+B_PITCH, B_GAP, B_THICKNESS = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # of p, s, d
+B_INERTIA, B_HALF, B_SLENDERNESS = 12 * STRIDE, 13 * STRIDE, 14 * STRIDE
+B_RISE, B_TURN = 15 * STRIDE, 16 * STRIDE  # of e and β, on uneven ground
+BARS = 17 * STRIDE
 
 # Parameters of each domino: p, s, d of its contact (in L_i), its inertia, half weight and
 # slenderness; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.

@@ -19,10 +19,10 @@ from domino_env.kernels.arrays import (
     EXPO,
     MAP_E,
     MAP_U,
-    PITCH,
     RATE,
     SLOWNESS,
     SPEED2,
+    STRIDE,
     SUM_M,
     record_type,
 )
@@ -57,7 +57,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
     time = 0.0
     if x_low >= 0.0:
         series(lanes, SPEED2, k)
-        moments = bars[B_MU : B_MU + PITCH]
+        moments = bars[B_MU : B_MU + STRIDE]
         moments[:] = 0.0
         time, _ = slow_time(lanes, count, x_low, moments)
         for j in range(count):

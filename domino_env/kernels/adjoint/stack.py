@@ -28,8 +28,8 @@ from domino_env.kernels.adjoint.contact import (
 from domino_env.kernels.arrays import (
     DRV,
     JAC,
-    PITCH,
     SIN,
+    STRIDE,
     SUM_D,
     SUM_G,
     SUM_M,
@@ -113,11 +113,11 @@ def gather(bars, count, domino, param_bars):
     """Add the bars of all lanes to those of one domino."""
     for k in range(2):  # three sums at a time, each of which waits for its last addition
         a, b, c = 0.0, 0.0, 0.0
-        at = B_PITCH + 3 * k * PITCH
+        at = B_PITCH + 3 * k * STRIDE
         for j in range(count):
             a += bars[at + j]
-            b += bars[at + PITCH + j]
-            c += bars[at + 2 * PITCH + j]
+            b += bars[at + STRIDE + j]
+            c += bars[at + 2 * STRIDE + j]
         param_bars[3 * k] += a
         param_bars[3 * k + 1] += b
         param_bars[3 * k + 2] += c
@@ -239,7 +239,7 @@ def tabulate_stack(reverse, k, n, low, table):
     for q in range(3):
         for j in range(count):
             bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
-            bars[SEED_M + q * PITCH + j] = 1.0
+            bars[SEED_M + q * STRIDE + j] = 1.0
         clear_bars(bars, count)
         for i in range(low, n + 1):
             if i < n:
@@ -248,7 +248,7 @@ def tabulate_stack(reverse, k, n, low, table):
                 add_leader_back(bars, saved[0], count, ring[n], mu)
             for j in range(count):
                 for c in range(PARAMS if is_uneven(ring[i]) else PARAMS - 2):
-                    table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * PITCH + j]
+                    table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * STRIDE + j]
         for j in range(count):
             x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS
             table[q * count + j, at] = POSITIONS[k, j] * x
@@ -264,7 +264,7 @@ def stack_back_from_table(reverse, count, n, low, table):
         sums[x] = 0.0
     for q in range(3):
         for j in range(count):
-            seed, entries = reverse.bars[SEED_M + q * PITCH + j], table[q * count + j]
+            seed, entries = reverse.bars[SEED_M + q * STRIDE + j], table[q * count + j]
             if seed != 0.0:
                 for x in range(size):
                     sums[x] += seed * entries[x]

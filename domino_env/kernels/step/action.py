@@ -67,7 +67,7 @@ def gap_bounds(rules, spacing, n, distance, thickness):
 
 
 @internal
-def nearest_left(kinds, left, thickness):
+def nearest_kind(kinds, left, thickness):
     """Return the index of the nearest thickness that is still in stock."""
     best, least = 0, np.inf
     for k in range(len(kinds)):
@@ -79,14 +79,14 @@ def nearest_left(kinds, left, thickness):
 @always_inline
 def pieces_of(rules, batch, b):
     """Return the numbers of pieces of each kind that can be placed next: in hand, or all left."""
-    return batch.hand[b] if rules.hand > 0 else batch.left[b]
+    return batch.hand[b] if rules.hand > 0 else batch.box[b]
 
 
 @internal
 def restock(batch, b):
     """Put all pieces back into the box."""
     for k in range(batch.kinds.shape[1]):
-        batch.left[b, k], batch.hand[b, k] = batch.kinds[1, k], 0.0
+        batch.box[b, k], batch.hand[b, k] = batch.kinds[1, k], 0.0
 
 
 @internal
@@ -94,7 +94,7 @@ def draw(batch, b, first, last):
     """Move pieces first … last - 1 of the random order, if there is one, into the hand."""
     for j in range(first, min(last, batch.order.shape[1])):
         k = batch.order[b, j]
-        batch.left[b, k] -= 1.0
+        batch.box[b, k] -= 1.0
         batch.hand[b, k] += 1.0
 
 
@@ -130,7 +130,7 @@ def decode(action, rules, batch, b, n, distance, layout):
         thickness = scale_action(action[column], low, high)
         if batch.kinds.shape[1] > 0:
             pieces = pieces_of(rules, batch, b)
-            k = nearest_left(batch.kinds[0], pieces, thickness)
+            k = nearest_kind(batch.kinds[0], pieces, thickness)
             pieces[k] -= 1.0
             draw(batch, b, n + rules.hand, n + rules.hand + 1)
             thickness = batch.kinds[0, k]

@@ -60,7 +60,7 @@ class Batch(NamedTuple):
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
     kinds: NDArray[np.float64]  # (2, K) thicknesses in stock, and how many of each
-    left: NDArray[np.float64]  # (B, K) how many are left, without those in hand
+    box: NDArray[np.float64]  # (B, K) how many are left in the box, without those in hand
     hand: NDArray[np.float64]  # (B, K) how many are in hand
     order: NDArray[np.int16]  # (B, S) kinds in the order in which they are drawn; or (B, 0)
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)

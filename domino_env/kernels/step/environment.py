@@ -128,7 +128,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         if not chosen[b]:
             continue
         rules, layout = rules_of(batch, b), layout_in(batch, b)
-        episode, left = batch.episodes[b], batch.left[b]
+        episode, left = batch.episodes[b], batch.box[b]
         ring, state = batch.rings[b], batch.states[b]
         configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
         start_chain(layout, rules.push, ring, state)
@@ -138,7 +138,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         action.restock(batch, b)
         for i in range(given[b]):
             if len(left) > 0:
-                left[action.nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
+                left[action.nearest_kind(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
             fall_onto_next(rules, batch, b, lanes, layout, tape)
             if episode.phase == OVER:

@@ -133,7 +133,7 @@ def observe(batch, b, layout, observation):
             observation[start.hand + k] = batch.hand[b, k] / rules.hand
     if start.stock >= 0:
         for k in range(batch.kinds.shape[1]):
-            observation[start.stock + k] = batch.left[b, k] / max(batch.kinds[1, k], 1.0)
+            observation[start.stock + k] = batch.box[b, k] / max(batch.kinds[1, k], 1.0)
     observation[start.placed] = placed / pairs
     for j in range(batch.closeness.shape[1]):
         observation[start.near_start + j] = batch.closeness[placed, j]
