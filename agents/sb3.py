@@ -36,10 +36,10 @@ from agents.rollout import TRAINING_SEEDS, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
 from domino_env.core.files import errors_with_path, write_bytes
-from domino_env.envs.spaces import SCALES
+from domino_env.envs.spaces import DECAY_LENGTHS
 
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
-NEAR_END_ENTRY = SCALES.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
+NEAR_END_ENTRY = DECAY_LENGTHS.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
 
 
 class Learner:

@@ -1,4 +1,4 @@
-"""Environments in which a layout is chosen domino by domino: DominoChain-v1, single and vector."""
+"""Environments in which one action places one domino: DominoChain-v1, single and vector."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from domino_env.physics.wave import simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-SHARE = 128  # environments per thread at least, whose steps take as long as starting a thread
+MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 
 
 class DominoChain(DominoEnv):
-    """A chain of dominoes, placed one by one while the wave runs through them.
+    """A chain of dominoes, placed one by one while the wave runs through it.
 
     ## Description
     A scene fixes the number of dominoes in the chain and what may be chosen: the gaps between
@@ -38,7 +38,7 @@ class DominoChain(DominoEnv):
     microseconds.
 
     ## Action space
-    `Box(-1, 1, (A,), float32)`, with those of these entries that the scene leaves free, in this
+    `Box(-1, 1, (A,), float32)`, with the entries of this table that the scene leaves free, in this
     order. -1 is the smallest value and 1 the largest; other actions are clipped.
 
     | entry     | meaning                                     | unit                     |
@@ -55,8 +55,9 @@ class DominoChain(DominoEnv):
       gap is bounded for the chosen thickness; the last pitch is the remaining length.
       `bounds_ahead()` returns these bounds.
     - A largest change: the gap differs from the previous gap by at most this value.
-    - Lists, steps: the nearest allowed value is taken. A stock: the nearest thickness that is left
-      in the stock, or in the hand if the scene has one; the thinner of two equally near ones.
+    - Lists, steps: the nearest allowed value is taken.
+    - A stock: the nearest thickness that is left in the stock, or in the hand if the scene has one,
+      is taken; the thinner of two equally near ones.
 
     Scenes with a length and also lists, a stock or a largest change are rejected.
 
@@ -68,7 +69,7 @@ class DominoChain(DominoEnv):
     | part        | size | meaning                                                  | range     |
     |-------------|------|----------------------------------------------------------|-----------|
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
-    | lead        | 1    | distance ahead of the reference speed, over 10 h         | -100, 100 |
+    | lead        | 1    | lead over a wave at the reference speed, over 10 h       | -100, 100 |
     | speed       | 1    | mean speed over the reference speed, - 1; 0 at first     | -1, 20    |
     | lateness    | 1    | delay of the last hit from the schedule, over three      | -1, 1     |
     |             |      | tolerances                                               |           |
@@ -78,7 +79,7 @@ class DominoChain(DominoEnv):
     | gaps        | W    | last gaps, latest first: -1 the smallest, 1 the largest  | -1, 1     |
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
     | growths     | W    | last growths, likewise                                   | -1, 1     |
-    | height      | 1    | log of the height over the first's, over its maximum     | 0, 1      |
+    | height      | 1    | log of the last height over h, over its maximum          | 0, 1      |
     | hand        | K    | pieces of each thickness in the hand, thin to thick,     | 0, 1      |
     |             |      | over the size of the hand                                |           |
     | stock       | K    | fraction of each thickness left in the box, thin to      | 0, 1      |
@@ -122,7 +123,7 @@ class DominoChain(DominoEnv):
     | score          | gain                                                        |
     |----------------|-------------------------------------------------------------|
     | more than 0    | score / score of the uniform baseline - 1                   |
-    | 0 or less      | score - 1: the wave stops, or exceeds a limit of the scene  |
+    | 0 or less      | score - 1: the wave stops or violates a limit of the scene  |
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
     `Scene.score`). Its return is between -200 and -100, below that of every layout that completes.
@@ -140,8 +141,8 @@ class DominoChain(DominoEnv):
 
     ## Starting state
     Only the first domino is placed. `reset(options={"layout": layout})` starts from a layout of
-    fewer dominoes than the scene has, which have toppled; the rewards that follow are those of a
-    whole episode after the same dominoes.
+    fewer dominoes than the scene has, at the hit of its last domino; the rewards that follow are
+    those of a whole episode after the same dominoes.
 
     A fixed scene is random only in two cases. With placement noise (`placement_deviation`), every
     reset samples normal errors with `np_random`. One of them is added to each gap that an action
@@ -187,17 +188,25 @@ class DominoChain(DominoEnv):
         that of `scene.simulate(layout, rtol)`; `scene.score` uses 1e-10.
     reference_speed
         Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
-        uniform baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
+        uniform baseline, or √(g h) if its wave stops. May be set at any time:
+        `env.unwrapped.reference_speed = 0.83`.
     window
-        W, number of gaps and thicknesses observed; at most N - 1.
+        W, number of gaps, thicknesses, growths, intervals and places that are observed; a number of
+        N or more is reduced to N - 1.
     num_scenes
-        Number of scenes of a distribution from which each reset samples; None for all 4096. A
-        policy can be tested on the other scenes.
+        Number of scenes of a distribution from which each reset samples; None for all of its pool
+        of 4096 from `first_scene` on. A policy can be tested on the other scenes.
     first_scene
-        Index of the first of these scenes in the distribution.
+        Index of the first of these scenes in the pool.
     hide
         Names from `distribution.features` that are left out of the observation. Other parts may
         still depend on them.
+
+    Raises
+    ------
+    ValueError
+        For a scene that leaves nothing free or has rules that need the whole layout, and for
+        arguments out of range.
 
     Examples
     --------
@@ -228,7 +237,7 @@ class DominoChain(DominoEnv):
 
     @property
     def reference_speed(self) -> float:
-        """Speed to which observations refer [m/s]; may be set at any time."""
+        """Speed to which `lead` and `speed` of observations refer [m/s]; it may be set."""
         return cast("float", self._vector.reference_speed)
 
     @reference_speed.setter
@@ -241,9 +250,9 @@ class DominoChain(DominoEnv):
         Returns
         -------
         dict
-            (low, high) [m] under "spacing" and "thickness". In a scene with a length the bounds of
-            the gap depend on the thickness that the same action chooses; the result is for the
-            middle of the range of thickness.
+            (low, high) of "spacing" and "thickness" [m, or heights]. In a scene with a length the
+            bounds of the gap depend on the thickness that the same action chooses; these are for
+            the middle of the range of thickness.
         """
         return self._vector.bounds_ahead(0)
 
@@ -253,12 +262,12 @@ class DominoChainVector(DominoVectorEnv):
 
     Actions (B, A), observations (B, O) and rewards (B,) float64 are as in Gymnasium's vector
     environments; infos hold an array of length B for each key of the single environment's info, and
-    under "_key" the mask of entries that are set. The number of threads is Numba's
-    (`numba.set_num_threads`).
+    under "_key" the mask of entries that are set. `numba.set_num_threads` limits the threads.
 
     The options of a reset are "reset_mask", a (B,) mask of the environments to reset, and "layout",
-    the first dominoes: one Layout for all environments, or a Layout or None for each. If scenes are
-    sampled, "scene" chooses them: one for all environments, or a scene or None for each.
+    the first dominoes: one `Layout` for all environments, or a list with a `Layout` or None for
+    each. If scenes are sampled, "scene" chooses them: one for all environments, or a list with a
+    `Scene` or None for each.
 
     Parameters
     ----------
@@ -283,6 +292,11 @@ class DominoChainVector(DominoVectorEnv):
         - DISABLED: none; call `reset(options={"reset_mask": …})` before the next step.
     num_scenes, first_scene, hide
         See `DominoChain`.
+
+    Raises
+    ------
+    ValueError
+        As for `DominoChain`, and for another number of environments or autoreset mode.
 
     Examples
     --------
@@ -317,9 +331,9 @@ class DominoChainVector(DominoVectorEnv):
 
     @property
     def reference_speed(self) -> float | Floats:
-        """Speed to which observations refer [m/s]; may be set at any time.
+        """Speed to which `lead` and `speed` of observations refer [m/s].
 
-        The shape is (B,) if each environment has its own scene. Setting a speed sets it for all.
+        Its shape is (B,) if scenes are sampled. A number may be set, for all environments.
         """
         speeds: Floats = self._rules["reference_speed"]
         return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
@@ -336,7 +350,7 @@ class DominoChainVector(DominoVectorEnv):
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        envs, previous = np.flatnonzero(mask), self._scene_indices.copy()
+        envs, previous_scenes = np.flatnonzero(mask), self._scene_indices.copy()
         layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
             scenes, source = self._value_per_env("scene", options.get("scene"), Scene), self.source
@@ -347,9 +361,9 @@ class DominoChainVector(DominoVectorEnv):
         starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
         try:
             for b, start in starts:
-                _require_start(start, self._scene(b), self.source.rtol)
+                _check_start(start, self._scene(b), self.source.rtol)
         except ValueError:
-            self._scene_indices = previous
+            self._scene_indices = previous_scenes
             raise
         self._load_scenes(envs)
         self._randomise(envs, generators, dict(starts))
@@ -378,7 +392,7 @@ class DominoChainVector(DominoVectorEnv):
         return values
 
     def _load_scenes(self, envs: Indices) -> None:
-        """Copy the rules, features and baselines of the scenes of environments into the batch."""
+        """Copy rules, features and baselines of the environments' sampled scenes to the batch."""
         batch, source, indices = self._batch, self.source, self._scene_indices[envs]
         if self.distribution is None:
             return
@@ -397,7 +411,7 @@ class DominoChainVector(DominoVectorEnv):
         rewards = np.empty(self.num_envs)
         ended = np.empty(self.num_envs, np.bool_)
         share_evenly(
-            kernels.step_batch, self.num_envs, SHARE,
+            kernels.step_batch, self.num_envs, MIN_PER_THREAD,
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip
         infos: Infos = {}
@@ -418,6 +432,11 @@ class DominoChainVector(DominoVectorEnv):
         -------
         dict
             Bounds, see `DominoChain.bounds_ahead`.
+
+        Raises
+        ------
+        ValueError
+            For an index that no environment has.
         """
         require("env", env, 0, self.num_envs - 1, whole=True)
         low, high, thinnest, thickest = kernels.next_bounds(self._batch, env)
@@ -429,7 +448,7 @@ class DominoChainVector(DominoVectorEnv):
         Parameters
         ----------
         layout
-            Layout of all environments, or one for each.
+            Layout of all environments, or a list with one for each.
 
         Returns
         -------
@@ -442,7 +461,7 @@ class DominoChainVector(DominoVectorEnv):
             If the number of layouts is not that of the environments.
         """
         layouts = self._value_per_env("layout", layout, Layout)
-        targets = np.zeros((self.num_envs, 4))
+        targets = np.zeros((self.num_envs, 4))  # gap, thickness, heights behind and ahead of it
         for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
             if target is not None and n < target.count - 1:
                 sizes = target.spacing[n], target.thickness[n + 1]
@@ -454,13 +473,13 @@ class DominoChainVector(DominoVectorEnv):
     def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:
         """Place all dominoes of every environment without simulating the wave.
 
-        No placement errors are added. Afterwards all episodes are over, without a result.
+        No placement errors are added. Afterwards all episodes are over; they have no result.
 
         Parameters
         ----------
         actions
-            (B, P, A) for the P dominoes of the longest chain after its first one; surplus actions
-            of shorter chains are ignored.
+            (B, P, A) in [-1, 1], for the P dominoes of the longest chain after its first one;
+            surplus actions of shorter chains are ignored.
 
         Returns
         -------
@@ -483,22 +502,23 @@ class DominoChainVector(DominoVectorEnv):
         Parameters
         ----------
         actions
-            (B, P, A) actions of that call. Outside [-1, 1] the result is that at the nearer bound.
+            (B, P, A) actions of that call. Outside [-1, 1] the derivatives are those at the nearer
+            bound.
         derivatives
             (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 
         Returns
         -------
         ndarray
-            Derivatives with respect to the actions, (B, P, A).
+            Derivatives with respect to the actions, (B, P, A); 0 for surplus actions.
         """
         gradient = np.zeros(actions.shape)
         kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
 
 
-def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
-    """Raise ValueError for a layout from which no episode in the scene can start."""
+def _check_start(layout: Layout, scene: Scene, rtol: float) -> None:
+    """Raise a ValueError for a layout from which no episode in the scene can start."""
     violations = scene.violations(layout, complete=False)
     if not violations and layout.count >= scene.count:
         violations = [
@@ -523,5 +543,5 @@ def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
 
 
 def _as_integers(records: NDArray[np.record]) -> NDArray[np.uint64]:
-    """Return records (S,) as 64-bit integers (S, W), which NumPy copies three times as fast."""
+    """Return a view of records (S,) as integers (S, K), which NumPy copies three times as fast."""
     return records.view(np.uint64).reshape(len(records), -1)

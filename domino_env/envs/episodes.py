@@ -20,7 +20,7 @@ from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.waves import LayoutBatch
 
-_OUTCOMES = np.array([*Outcome], object)  # by their values
+_OUTCOMES = np.array([*Outcome], object)  # members by value
 
 
 @dataclass(eq=False)
@@ -34,23 +34,24 @@ class EpisodeResults:
     baseline
         Scores of their uniform baselines, (E,).
     unit
-        Scores by which successes are divided in `gain`, (E,).
+        Divisors of positive scores in `returns`, (E,).
     rtol
         Relative error allowed in the arrival times.
     spacing
-        Gaps, (E, N-1) [m]; entries beyond the dominoes placed are not used.
+        Gaps, (E, N-1) [m]. Here and below, entries beyond the placed dominoes are not used.
     thickness
         Thicknesses, (E, N) [m].
     height
         Heights, (E, N), or (1, N) if all episodes share them [m].
     placed
-        Numbers of dominoes placed after the first.
+        Numbers of dominoes placed after the first, E integers.
     outcome
         Values of `Outcome`, (E,).
     reach
         Fraction of the scene's N dominoes that each wave reached, (E,).
     score
-        Scores as of `Scene.score`, (E,).
+        Scores as in `Scene.score`, (E,). `simulate` replaces scores, outcomes and reaches that the
+        steps could not determine.
     """
 
     scenes: list[Scene]
@@ -67,10 +68,15 @@ class EpisodeResults:
     _waves: dict[int, Wave] = field(default_factory=dict)
 
     def simulate(self, episodes: Iterable[int]) -> None:
-        """Simulate the layouts of some episodes as a whole, and score their waves.
+        """Simulate the whole layouts of some episodes, and score their waves.
 
         A wave that stopped before all dominoes were placed keeps its outcome and reach, as its
         layout is incomplete.
+
+        Parameters
+        ----------
+        episodes
+            Indices of the episodes.
         """
         groups: dict[tuple[int, int], list[int]] = {}
         for i in episodes:
@@ -102,7 +108,7 @@ class EpisodeResults:
 
     @cached_property
     def returns(self) -> Floats:
-        """Gains over the uniform baseline, (E,) [%], once all scores are known."""
+        """Gains over the uniform baseline, (E,) [%]; cached, so `simulate` has to come first."""
         relative = np.where(self.score > 0.0, self.score / self.unit, self.score)
         return 100.0 * (relative - np.where(self.baseline > 0.0, 1.0, self.baseline))
 
@@ -119,12 +125,11 @@ class EpisodeResults:
 
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
-        heights = self.height[i % len(self.height)]
-        spacing, thickness = self.spacing[i], self.thickness[i]
-        return placed_layout(self.scenes[i], self.placed[i], spacing, thickness, heights)
+        sizes = self.spacing[i], self.thickness[i], self.height[i % len(self.height)]
+        return placed_layout(self.scenes[i], self.placed[i], *sizes)
 
     def wave(self, i: int) -> Wave:
-        """Return the wave of episode i; its reach counts against the scene's N dominoes."""
+        """Return the wave of episode i; its reach is relative to the scene's N dominoes."""
         if i in self._waves:
             return self._waves[i]
         wave = simulate(self.layout(i), self.scenes[i].physics, rtol=self.rtol)
@@ -132,31 +137,28 @@ class EpisodeResults:
 
 
 class _Lazy:
-    """Result of one episode, computed when an attribute is first read.
+    """Result of one episode, computed when an attribute is first read."""
 
-    `_compute` is the name of the method of `EpisodeResults` that computes it.
-    """
-
-    _compute: ClassVar[str]
+    _compute: ClassVar[str]  # name of the method of `EpisodeResults` that computes it
 
     @classmethod
     def from_episode(cls, results: EpisodeResults, i: int) -> Self:
         """Return the result of episode i, to be computed later."""
         self = object.__new__(cls)
-        self.__dict__["_lazy"] = (results, i)
+        self.__dict__["_episode"] = (results, i)
         return self
 
     def __getattr__(self, name: str) -> Any:
-        lazy = None if name.startswith("__") else self.__dict__.pop("_lazy", None)
-        if lazy is None:
+        episode = None if name.startswith("__") else self.__dict__.pop("_episode", None)
+        if episode is None:
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-        results, i = lazy
+        results, i = episode
         self.__dict__.update(vars(getattr(results, self._compute)(i)))
         return getattr(self, name)
 
 
 class LazyLayout(_Lazy, Layout):
-    """Layout whose arrays are made when they are first read."""
+    """Layout that is built when it is first read."""
 
     _compute = "layout"
 
@@ -182,16 +184,27 @@ class LazyWave(_Lazy, Wave):
 def placed_layout(
     scene: Scene, placed: int, spacing: Floats, thickness: Floats, height: Floats
 ) -> Layout:
-    """Return the layout of the scene's first domino and of the `placed` dominoes after it."""
+    """Return the layout of the dominoes that an episode has placed.
+
+    Parameters
+    ----------
+    scene
+        Scene of the episode.
+    placed
+        n, number of dominoes placed after the first.
+    spacing, thickness, height
+        Gaps (n,), thicknesses (n + 1,) and heights (n + 1,) of its dominoes [m], or more; entries
+        beyond these are not used.
+    """
     sizes = spacing[:placed], thickness[: placed + 1], height[: placed + 1]
     parts = *sizes, scene.width, scene.density
     return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
 
 
 def object_array(values: Iterable[Any]) -> NDArray[Any]:
-    """Return an array of objects of any type."""
+    """Return values of any type as an array of dtype object, one entry for each."""
     listed = list(values)
     array = np.empty(len(listed), object)
-    for i, value in enumerate(listed):  # NumPy would convert a list of arrays to one array
+    for i, value in enumerate(listed):  # a list of arrays would become an array of two dimensions
         array[i] = value
     return array

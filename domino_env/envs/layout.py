@@ -1,4 +1,4 @@
-"""DominoLayout-v1: a whole layout as one action, single or in a vector environment."""
+"""Environments in which one action is a whole layout: DominoLayout-v1, single and vector."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from domino_env.kernels.step.batch import EPISODE, RUNNING
 from domino_env.kernels.step.environment import place_batch
 from domino_env.scenes.scene import Scene
 
-SHARE = 16  # environments per thread at least
+MIN_PER_THREAD = 16  # environments; placing them takes about as long as waking a thread
 
 
 class DominoLayout(DominoEnv):
-    """A whole layout as one action: for bandits and black-box search.
+    """A chain of dominoes, placed by one action: for bandits and black-box search.
 
     ## Description
-    Scenes and scores are those of `DominoChain-v1`; an episode is one step.
+    Scenes and scores are those of `DominoChain-v1`; an episode is one step, which places the whole
+    layout and simulates it.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
     them free. -1 is the smallest and 1 the largest value; other actions are clipped. If the scene
-    has a total length, the layout is the nearest one (in metres) that has it. Other rules narrow
+    has a total length, the layout is the nearest one (in metres) of this length. Other rules narrow
     the bounds from the first domino to the last, as in `DominoChain-v1`. If pieces are drawn in
     random order, each thickness of the action is replaced by the nearest in hand.
 
@@ -39,12 +40,18 @@ class DominoLayout(DominoEnv):
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
 
     ## Rewards
-    100 times the gain, as the return of `DominoChain-v1`. On a floor
-    the layout is simulated free-standing, some 130 ms of one core with forty dominoes.
+    100 times the gain, as the return of `DominoChain-v1`. On a floor (`floor_friction`) the layout
+    is simulated free-standing, which takes some 130 ms of one core with forty dominoes (`table`).
 
-    ## Starting state, episode end, info
-    The first domino alone; every step ends its episode. `info` has `score`, `gain`, `outcome`,
-    `layout`, `wave`, as in `DominoChain-v1`.
+    ## Starting state
+    Only the first domino is placed.
+
+    ## Episode end
+    Terminated after one step. Never truncated.
+
+    ## Info
+    Empty after a reset. After the step it has `score`, `gain`, `outcome`, `layout` and `wave`, as
+    in `DominoChain-v1`.
 
     ## Version history
     - v1: the reward of a wave that stops is 100 (score - 1).
@@ -54,10 +61,23 @@ class DominoLayout(DominoEnv):
     ----------
     scene
         See `DominoChain`.
+        Scene distributions are rejected, as the size of the action is that of the layout.
     render_mode
         See `DominoChain`.
     rtol
         See `DominoChain`.
+
+    Raises
+    ------
+    ValueError
+        For a scene distribution, and as for `DominoChain`.
+
+    Examples
+    --------
+    >>> import gymnasium, domino_env
+    >>> env = gymnasium.make("DominoLayout-v1", scene="sprint")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
 
     def __init__(
@@ -67,9 +87,10 @@ class DominoLayout(DominoEnv):
 
 
 class DominoLayoutVector(DominoVectorEnv):
-    """Vector environment of `DominoLayout`, bitwise equal to single ones; one simulation call.
+    """Vector environment of `DominoLayout`, bitwise equal to single environments.
 
-    Infos, seeds and the option "reset_mask" are those of `DominoChainVector`.
+    One call simulates all layouts. Infos, seeds and the option "reset_mask" are those of
+    `DominoChainVector`.
 
     Parameters
     ----------
@@ -83,6 +104,11 @@ class DominoLayoutVector(DominoVectorEnv):
         See `DominoLayout`.
     autoreset_mode
         See `DominoChainVector`.
+
+    Raises
+    ------
+    ValueError
+        As for `DominoLayout`, and for another number of environments or autoreset mode.
     """
 
     def __init__(
@@ -101,7 +127,7 @@ class DominoLayoutVector(DominoVectorEnv):
                 "an action would change with its number of dominoes: use DominoChain-v1"
             )
         first = self.source.first
-        self._batch.rules["length"] = 0.0  # a projection of the whole layout meets it
+        self._batch.rules["length"] = 0.0  # left to `_project`
         entries = action_entries(first) * (first.count - 1)
         self._set_spaces(entries, Box(0.0, 1.0, (1,), np.float32))
 
@@ -125,20 +151,20 @@ class DominoLayoutVector(DominoVectorEnv):
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}
-        parts = actions.reshape(self.num_envs, action_entries(scene), -1).transpose(0, 2, 1)
-        parts = np.ascontiguousarray(parts)
-        share_evenly(place_batch, self.num_envs, SHARE, self._batch, ended, parts)
+        placements = actions.reshape(self.num_envs, -1, scene.count - 1).transpose(0, 2, 1)
+        placements = np.ascontiguousarray(placements)
+        share_evenly(place_batch, self.num_envs, MIN_PER_THREAD, self._batch, ended, placements)
         if scene.length is not None:
-            self._meet_length(scene, scene.length)
+            self._project(scene, scene.length)
         rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos
 
-    def _meet_length(self, scene: Scene, length: float) -> None:
-        """Project the layouts onto those of a total length."""
+    def _project(self, scene: Scene, length: float) -> None:
+        """Replace the layouts by the nearest ones of a total length [m]."""
         spacing, thickness, pairs = self._batch.spacing, self._batch.thickness, scene.count - 1
         free = [(spacing, scene.spacing)] * scene.free_spacing
         free += [(thickness[:, 1:], scene.thickness)] * scene.free_thickness
-        fixed = scene.spacing[0] * (not scene.free_spacing)
+        fixed = scene.spacing[0] * (not scene.free_spacing)  # part of each pitch
         fixed += scene.thickness[0] * (not scene.free_thickness)
         parts = [part for part, _ in free]
         low, high = np.repeat([bounds for _, bounds in free], pairs, axis=0).T

@@ -1,6 +1,6 @@
 """Frames of the environments: images, a window, lines of text.
 
-A frame shows the chain at the latest hit, with the leans that the model gives it.
+A frame shows the chain at the latest hit; the leans are those of the model.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
 FRAMES_PER_SECOND = 20  # largest rate of a window
-WIDTH, HEIGHT = 1200, 200  # [px]
-TEXT_WIDTH = 100  # [characters]
+WIDTH, HEIGHT = 1200, 200  # of an image [px]
+TEXT_WIDTH = 100  # of a frame of text [characters]
+LYING = 1.1  # [rad] lean from which a domino is drawn as a line on the ground
 
 
 def _window_works() -> bool:
@@ -35,7 +36,7 @@ def _window_works() -> bool:
 
 VECTOR_MODES = ("rgb_array", "ansi")
 MODES = (*VECTOR_MODES, "human")
-OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries all
+OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker renders all
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +48,15 @@ class Snapshot:
     layout
         The dominoes placed so far.
     hit
-        Number of dominoes hit; the leader is domino hit - 1.
+        Number of dominoes hit; the leading domino is number hit - 1.
     time
         Time of the latest hit [s].
     uniform_speed
         Mean speed of the scene's uniform baseline [m/s].
     wave
-        The wave through these dominoes; None while it runs on.
+        The wave through these dominoes; None before the end of the episode.
     hand
-        Thicknesses of the pieces in hand [m], if they are drawn in random order.
+        Thicknesses of the pieces in hand [m]; empty unless they are drawn in random order.
     """
 
     layout: Layout
@@ -79,7 +80,7 @@ class Renderer:
     Raises
     ------
     ValueError
-        For another mode.
+        For a mode that is not allowed.
     """
 
     def __init__(self, mode: str | None, allowed: tuple[str, ...]) -> None:
@@ -91,7 +92,14 @@ class Renderer:
         self._scaled_to: Scene | None = None
 
     def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
-        """Return an image (H, W, 3) or a text; None for a window, which then shows it.
+        """Return an image (H, W, 3) or a text; None after a frame was shown in a window.
+
+        Parameters
+        ----------
+        snapshot
+            The chain.
+        scene
+            Its scene, which sets the scale.
 
         Raises
         ------
@@ -107,7 +115,7 @@ class Renderer:
 
         if self._scaled_to is not scene:
             uniform = scene.uniform().layout
-            length = scene.length or 1.1 * float(uniform.length)
+            length = scene.length or 1.1 * float(uniform.length)  # for slightly longer layouts
             tallest = float(uniform.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
@@ -134,16 +142,16 @@ class Renderer:
 
 def _draw_text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
     """Return the chain to scale in characters, at least one per domino, and a status line."""
-    cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH
+    cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH  # [m], not 0 for one domino
     chain = ""
     for i, x in enumerate(snapshot.layout.positions):
-        sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
+        sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > LYING else "/"
         chain = chain.ljust(int(x / cell)) + sign
     return f"{chain}\n{_status_line(snapshot)}\n"
 
 
 def _status_line(snapshot: Snapshot) -> str:
-    """Return time, place and speed, compared with the uniform baseline."""
+    """Return a line with the time, the number of hits, and the mean speed, as far as known."""
     layout = snapshot.layout
     line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} hit"
     if snapshot.time > 0.0 and snapshot.hit > 1:
@@ -159,7 +167,7 @@ def _status_line(snapshot: Snapshot) -> str:
 
 
 class _Window:
-    """A pygame window that shows images of a size [px]."""
+    """A pygame window for images of a size (width, height) [px]."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         require_extra("a window", "render", "pygame")

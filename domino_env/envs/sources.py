@@ -1,4 +1,4 @@
-"""Scenes of episodes: always the same one, or one sampled at every reset."""
+"""Scenes of episodes: always the same one, or one that every reset samples."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from domino_env.scenes.objectives.robust import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 
-Generators = Callable[[int], np.random.Generator]  # generator of an environment, by its index
+Generators = Callable[[int], np.random.Generator]  # returns the generator of an environment
 SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
 
-COUNT_FACTOR = 2  # largest count of a given scene over that of the longest sampled one
+COUNT_FACTOR = 2  # largest count of a scene given to a reset, over the largest sampled count
 
 
 class SceneSource:
-    """Scenes by their indices, with rules, features and uniform baselines as arrays.
+    """Scenes of episodes by index, with rules, features and uniform baselines as arrays.
 
     Parameters
     ----------
     scene
-        The one scene, or the distribution that one is sampled from at every reset; or the name or
+        Scene of all episodes, or distribution from which every reset samples one; or the name or
         path of either.
     num_envs
         B, the number of environments.
     rtol
         Relative error allowed in the arrival times.
     window
-        Number of gaps (and thicknesses) observed, at most.
+        Largest number of gaps and thicknesses that are observed.
     num_scenes, first_scene, hide
         See `DominoChain`.
 
@@ -48,36 +48,46 @@ class SceneSource:
     distribution
         The distribution; None if the scene is fixed.
     first
-        The scene, or the first of the distribution.
+        The scene, or an example of the distribution.
+    rtol
+        Relative error allowed in the arrival times.
     observed
         Indices of the sampled numbers that are observed.
+    pool_size
+        P, number of scenes in the pool of the distribution; 1 if the scene is fixed.
     indices
         Indices of the scenes that resets sample.
     longest
-        Largest number of dominoes of a scene.
+        N, largest number of dominoes of a scene.
     window
-        Number of gaps (and thicknesses) observed.
+        Number of gaps and thicknesses that are observed.
     scenes
-        Scenes of the pool, then one place for each environment that is given its own scene.
+        S scenes: P of the pool, then one of each environment, for scenes given to resets; None
+        until it is used.
     rules
-        RULES of each scene, (S,). A success is divided by their "score_unit" in the gain: the score
-        of the baseline. Where that is no success: √(g h), h, or 1, by the unit of the objective.
+        RULES of each scene, (S,). Their "score_unit" divides positive scores in the gain: the score
+        of the uniform baseline or, if that is not positive, √(g h), h or 1, by the unit of the
+        objective.
     features
-        Observed numbers of each, (S, F); F = 0 if the scene is fixed.
+        Observed numbers of each scene, scaled to [-1, 1] over their ranges, (S, F); F = 0 if the
+        scene is fixed.
     first_thickness
-        Thickness of the first domino of each, (S,) [m].
+        Thickness of the first domino of each scene, (S,) [m].
     score, speed
-        Score and speed [m/s] of the uniform baseline of each, (S,).
+        Score and mean speed [m/s] of the uniform baseline of each scene, (S,).
     schedule
-        Arrival times [s] and intervals, scaled to -1 … 1, if hits have a schedule, (S, N, 2).
+        Scheduled arrival times [s], and intervals scaled to [-1, 1], (S, N, 2); 0 without a
+        schedule.
     uniform_left
-        Length [m] and time [s] that the baseline has left with k dominoes placed, (S, N, 2).
+        Length [m] and time [s] that the uniform baseline has left with k dominoes placed,
+        (S, N, 2).
 
     Raises
     ------
     ValueError
-        If the scene leaves nothing free or has rules that need the whole layout, and for a
-        tolerance out of the simulator's range.
+        For a scene that leaves nothing free or has rules that need the whole layout, for a
+        distribution with uneven ground or with sampled bounds of a list, and for numbers out of
+        range.
     """
 
     def __init__(
@@ -92,34 +102,34 @@ class SceneSource:
     ) -> None:
         require("num_envs", num_envs, 1, whole=True)
         require("rtol", rtol, MIN_RTOL, MAX_RTOL)
-        require("window", window, 0, whole=True, hint="the number of dominoes observed")
+        require("window", window, 0, whole=True, hint="the number of gaps observed")
         if not isinstance(scene, Scene | SceneDistribution):
             scene = load_any(scene)
         self.rtol = float(rtol)
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
-        _require_choice(self.first)
+        _check_scene(self.first)
         names = () if self.distribution is None else self.distribution.features
         self.observed = _observed_indices(names, hide)
-        count, sampled = self.first.count, 1
+        count, self.pool_size = self.first.count, 1
         if isinstance(scene, SceneDistribution):
-            _require_shared(scene)
-            sampled = len(shared_pool(scene))
+            _check_distribution(scene)
+            self.pool_size = len(shared_pool(scene))
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
-        self.indices = _sampled_indices(sampled, num_scenes, first_scene)
-        self.sampled, self.window = sampled, min(int(window), count - 1)
-        places = sampled + num_envs * (self.distribution is not None)
+        self.indices = _sampled_indices(self.pool_size, num_scenes, first_scene)
+        self.window = min(int(window), count - 1)
+        size = self.pool_size + num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
-        self.scenes: list[Scene | None] = [None] * places
-        self.rules = np.zeros(places, RULES)
-        self.features = np.zeros((places, len(self.observed)), np.float32)
-        self.first_thickness, self.score, self.speed = np.zeros((3, places))
-        self.schedule, self.uniform_left = np.zeros((2, places, self.longest, 2))
+        self.scenes: list[Scene | None] = [None] * size
+        self.rules = np.zeros(size, RULES)
+        self.features = np.zeros((size, len(self.observed)), np.float32)
+        self.first_thickness, self.score, self.speed = np.zeros((3, size))
+        self.schedule, self.uniform_left = np.zeros((2, size, self.longest, 2))
         if isinstance(scene, Scene):
             self._store(0, scene, np.empty(0))
 
     def sample(self, generator: np.random.Generator) -> int:
-        """Return the index of a random scene; 0 if the scene is fixed."""
+        """Sample a scene, and return its index; 0 if the scene is fixed."""
         if self.distribution is None:
             return 0
         i = self.indices[int(len(self.indices) * generator.random())]
@@ -129,7 +139,19 @@ class SceneSource:
         return i
 
     def add(self, env: int, scene: Scene) -> int:
-        """Store a scene for one environment, and return its index.
+        """Store a scene for one environment.
+
+        Parameters
+        ----------
+        env
+            Index of the environment.
+        scene
+            The scene; it replaces the one stored before.
+
+        Returns
+        -------
+        int
+            Index of the scene.
 
         Raises
         ------
@@ -143,32 +165,33 @@ class SceneSource:
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
                 f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
-        self._store(self.sampled + env, scene, self.distribution.scale(numbers))
-        return self.sampled + env
+        self._store(self.pool_size + env, scene, self.distribution.scale(numbers))
+        return self.pool_size + env
 
     def _store(self, i: int, scene: Scene, features: Floats) -> None:
-        baseline, free_fall = scene.uniform(), free_fall_speed(scene)
+        """Store scene i with its features and its uniform baseline."""
+        baseline, typical = scene.uniform(), typical_speed(scene)
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
-        if scene.hand and scene.criterion.is_mean_speed:  # the score is a mean over orders
+        if scene.hand and scene.criterion.is_mean_speed:  # a mean over orders of the pieces
             speed = baseline.score
         times = baseline.wave.arrival_times
-        if not speed > 0.0:  # of free fall, if the baseline stops
-            times = positions / free_fall
+        if not speed > 0.0:  # the wave of the baseline stops
+            times = positions / typical
         unit = baseline.score
         if not unit > 0.0:
-            unit = {"m/s": free_fall, "m": scene.height}.get(scene.unit, 1.0)
+            unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
         self.scenes[i] = scene
-        self.rules[i] = _make_rules(scene, self.rtol, speed if speed > 0.0 else free_fall, unit)
+        self.rules[i] = _make_rules(scene, self.rtol, speed if speed > 0.0 else typical, unit)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
         self.score[i], self.speed[i] = baseline.score, speed
         tempo = scene.as_placed.tempo
         if tempo is not None:
-            due = np.append(0.0, tempo.schedule(scene.count))
-            intervals = np.diff(due)
+            scheduled = np.append(0.0, tempo.schedule(scene.count))
+            intervals = np.diff(scheduled)
             low, high = intervals.min(), intervals.max()
-            middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
-            self.schedule[i, : scene.count, 0] = due
+            middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)  # not 0 if all equal
+            self.schedule[i, : scene.count, 0] = scheduled
             self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
         left = positions[-1] - positions, times[-1] - times
         self.uniform_left[i, : scene.count] = np.transpose(left)
@@ -176,12 +199,12 @@ class SceneSource:
 
 @lru_cache(maxsize=8)
 def shared_pool(distribution: SceneDistribution) -> ScenePool:
-    """Return the pool that all environments of this process sample from."""
+    """Return the pool of a distribution, which all environments of this process share."""
     return ScenePool(distribution)
 
 
 def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]:
-    """Return the indices of the sampled numbers that are observed."""
+    """Return the indices of the features that are not hidden."""
     hidden = list(hide) if np.iterable(hide) and not isinstance(hide, str) else [hide]
     for name in hidden:
         if not features:
@@ -190,25 +213,26 @@ def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]
     return [i for i, name in enumerate(features) if name not in hidden]
 
 
-def _sampled_indices(sampled: int, num_scenes: int | None, first_scene: int) -> range:
-    """Return the indices of the scenes that are sampled."""
-    hint = f"scenes are numbered from 0 to {sampled - 1}" if sampled > 1 else "the scene is fixed"
-    require("first_scene", first_scene, 0, sampled - 1, whole=True, hint=hint)
+def _sampled_indices(size: int, num_scenes: int | None, first_scene: int) -> range:
+    """Return the indices of the scenes that resets sample, in a pool of a size."""
+    hint = f"scenes are numbered from 0 to {size - 1}" if size > 1 else "the scene is fixed"
+    require("first_scene", first_scene, 0, size - 1, whole=True, hint=hint)
     if num_scenes is None:
-        return range(first_scene, sampled)
-    require("num_scenes", num_scenes, 1, sampled - first_scene, whole=True, hint=hint)
+        return range(first_scene, size)
+    require("num_scenes", num_scenes, 1, size - first_scene, whole=True, hint=hint)
     return range(first_scene, first_scene + num_scenes)
 
 
-def free_fall_speed(scene: Scene) -> float:
-    """Return √(g h), the reference speed of a scene whose baseline stops [m/s]."""
+def typical_speed(scene: Scene) -> float:
+    """Return √(g h), the reference speed of a scene whose uniform baseline stops [m/s]."""
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
 def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any, ...]:
-    """Return the fields of RULES of a scene that is compared with a speed [m/s].
+    """Return the fields of RULES of a scene.
 
-    unit: score by which a success is divided in the gain.
+    speed: of the uniform baseline, and reference of observations [m/s]. unit: divisor of positive
+    scores in the gain.
     """
     growth, tempo = scene.growth or (1.0, 1.0), scene.as_placed.tempo
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
@@ -237,7 +261,7 @@ def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[A
     return tuple(values[name] for name in RULES.names or ())
 
 
-def _require_choice(scene: Scene) -> None:
+def _check_scene(scene: Scene) -> None:
     """Raise a ValueError for a scene without free sizes, or whose rules need the whole layout."""
     if not action_entries(scene):
         raise ValueError(
@@ -248,14 +272,14 @@ def _require_choice(scene: Scene) -> None:
     if scene.length is not None and any(rule is not None for rule in rules):
         raise ValueError(
             f"scene '{scene.name}' has a length and also lists, a stock or a largest change: "
-            "an environment cannot compute domino by domino what remains reachable; leave one "
-            "out, or search with `optimize`"
+            "an environment cannot compute after which actions the length can still be met; leave "
+            "one out, or search with `optimize`"
         )
 
 
-def _require_shared(distribution: SceneDistribution) -> None:
-    """Raise a ValueError for ground and for differing lists or stocks, which environments share."""
-    first, sampled = distribution.first, distribution.ranges
+def _check_distribution(distribution: SceneDistribution) -> None:
+    """Raise a ValueError for uneven ground, and for lists or stocks that differ between scenes."""
+    first, ranges = distribution.first, distribution.ranges
     if first.ground is not None:
         raise ValueError(
             f"'{distribution.name}' has uneven ground, which only a fixed scene may have: "
@@ -267,8 +291,8 @@ def _require_shared(distribution: SceneDistribution) -> None:
         (first.spacing_values, "a list or steps of gaps", gaps),
         (first.thickness_values, "a list, steps or a box of thicknesses", thicknesses),
     ):
-        varied = [key for key in keys if tuple(key.split(".")) in sampled]
-        if rule is not None and varied:
+        sampled = [key for key in keys if tuple(key.split(".")) in ranges]
+        if rule is not None and sampled:
             raise ValueError(
-                f"'{distribution.name}' has {name} and samples {', '.join(varied)}: leave one out"
+                f"'{distribution.name}' has {name} and samples {', '.join(sampled)}: leave one out"
             )

@@ -1,4 +1,4 @@
-"""Vector environments, and single ones as batches of one: seeds, masks, autoreset, infos."""
+"""Base classes of vector environments, and of single ones as batches of one."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from domino_env.scenes.scene import Scene
 Indices = NDArray[np.intp]  # (E,) indices of environments
 Infos = dict[str, NDArray[Any]]
 
-RTOL = 1e-6
-WINDOW = 8
-MAX_RING = 1024  # dominoes stored behind the leader; some thirty influence the wave
+RTOL = 1e-6  # default relative error of the arrival times
+WINDOW = 8  # default number of gaps and thicknesses that are observed
+MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
 
 
 class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
@@ -54,17 +54,23 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     render_mode
         None, "rgb_array" or "ansi".
     autoreset_mode
-        Step on which an environment resets, as for `DominoChainVector`.
+        See `DominoChainVector`.
 
     Attributes
     ----------
     source
-        Scenes of episodes.
+        Scenes of the episodes.
     observation_layout
         Slice of each part of an observation, by name.
+
+    Raises
+    ------
+    ValueError
+        For another render mode or autoreset mode.
     """
 
-    options: ClassVar[tuple[str, ...]] = ()  # options of a reset if the scene is fixed
+    # names of options of a reset, besides "reset_mask", and "scene" if scenes are sampled
+    options: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -85,23 +91,22 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.source = source
-        features = self.source.features.shape[1]
-        self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
-        self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
+        num_features = source.features.shape[1]
+        self.observation_layout = ObservationLayout(source.first, source.window, num_features)
+        self._batch = _new_batch(source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
-        self._pieces = self._remaining(np.array([self.source.first.first_thickness]))
-        # the scene before the first reset
-        index = self.source.sample(np.random.default_rng(0))
-        self._scene_indices = np.full(self.num_envs, index)
-        self._waves = np.full(self.num_envs, None, object)  # waves of episodes that are over
-        self._over = np.zeros(self.num_envs, np.bool_)  # episodes that a new one replaces next
-        self._begun = np.zeros(self.num_envs, np.bool_)
+        self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
+        # until the first reset
+        self._scene_indices = np.full(self.num_envs, source.sample(np.random.default_rng(0)))
+        self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
+        self._over = np.zeros(self.num_envs, np.bool_)  # episodes to be replaced by new ones
+        self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
 
-    def _set_spaces(self, action: int, observation: Box) -> None:
-        """Set the spaces, for actions of `action` numbers."""
-        self.single_action_space = Box(-1.0, 1.0, (action,), np.float32)
+    def _set_spaces(self, action_size: int, observation: Box) -> None:
+        """Set the spaces; actions have `action_size` entries."""
+        self.single_action_space = Box(-1.0, 1.0, (action_size,), np.float32)
         self.single_observation_space = observation
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(observation, self.num_envs)
@@ -133,8 +138,9 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         seed
-            Seeds of the generators that scenes, placement errors and orders of pieces are sampled
-            with: one for each environment, or a number, from which environment i gets seed + i.
+            Seeds of the generators, which sample scenes, placement errors and orders of pieces: one
+            for each environment, or a number s, with which environment i has seed s + i. None
+            continues with a generator, or with a random seed if there is none.
         options
             Options of the class, and "reset_mask": (B,) booleans. Environments where it is False
             stay as they are.
@@ -144,13 +150,15 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         observations : NDArray
             (B, O).
         infos : dict
-            "scene" of each environment that sampled one.
+            "scene" of each environment that was reset, if scenes are sampled.
 
         Raises
         ------
         ValueError
             For unknown options, for a mask or seeds of another shape, for a layout that breaks the
             scene's rules or whose wave stops, and for a scene that the distribution does not cover.
+        TypeError
+            For options that are not a dictionary.
         """
         start = self.check_options(options, "reset_mask")
         mask = self._check_mask(start.pop("reset_mask", None))
@@ -171,18 +179,18 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         mask
-            (B,) mask of environments.
+            (B,) True for the environments.
         observations
-            (B, O), written for those.
+            (B, O) array to which their first observations are written.
         generators
-            Random generator of each environment, by its index.
+            Function that returns the random generator of an environment, by its index.
         options
             Options of the reset, without the mask.
 
         Returns
         -------
         dict
-            Infos of these environments, arrays in their order: "scene" if it was sampled.
+            Arrays of infos, in the order of these environments: "scene" if scenes are sampled.
 
         Raises
         ------
@@ -201,19 +209,36 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             if len(errors):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
             if order.shape[1]:
-                pieces = self._remaining(starts[env].thickness) if env in starts else self._pieces
+                given = starts.get(env)
+                pieces = self._pieces if given is None else self._remaining_kinds(given.thickness)
+                # entries of the given dominoes are not read
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
 
-    def _remaining(self, taken: Floats) -> NDArray[np.int16]:
-        """Return the kinds of the pieces that remain in the stock of all scenes."""
+    def _remaining_kinds(self, taken: Floats) -> NDArray[np.int16]:
+        """Return the kind of each piece in the stock, without dominoes of thicknesses `taken`."""
         stock, kinds = self.source.first.stock, self._batch.kinds[0]
         left = np.empty(0) if stock is None else stock.without(*taken).dominoes
         return np.searchsorted(kinds, left).astype(np.int16)
 
-    def check_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
-        """Return the options of a reset; raise ValueError for an unknown one."""
+    def check_options(self, options: dict[str, Any] | None, *others: str) -> dict[str, Any]:
+        """Return a copy of the options of a reset, after a check of their names.
+
+        Parameters
+        ----------
+        options
+            Options; None for none.
+        others
+            Names that are accepted besides the options of the class.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name.
+        TypeError
+            For options that are not a dictionary.
+        """
         require_type("options", options, dict | None, "a dictionary of options, or None")
-        known = (*self.options, *("scene",) * (self.distribution is not None), *more)
+        known = (*self.options, *("scene",) * (self.distribution is not None), *others)
         for key in options or {}:
             if key not in known:
                 allowed = ", ".join(known) or "none"
@@ -234,7 +259,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             seed = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         seeds = list(seed) if np.iterable(seed) else [seed] * self.num_envs
         if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments: give one each")
+            raise ValueError(f"seed of length {len(seeds)}: give a number or {self.num_envs} seeds")
         for value in seeds:
             require("seed", value, 0, whole=True, optional=True)
         return seeds
@@ -264,18 +289,18 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         actions
-            (B, A) in [-1, 1].
+            (B, A) in [-1, 1]; entries beyond are clipped.
 
         Returns
         -------
         observations : NDArray
             (B, O).
         rewards : NDArray
-            (B,).
+            (B,) float64.
         terminated, truncated : NDArray
             (B,) masks of episodes that ended; none is ever truncated.
         infos : dict
-            Infos of the class, for episodes that ended.
+            Infos of the class, for episodes that ended or, if scenes are sampled, began.
 
         Raises
         ------
@@ -287,17 +312,17 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         values = check_actions(actions, self.action_space)
         if not self._begun.all():
             raise ResetNeeded("call reset() before the first step()")
-        is_new = self._over
-        if self.autoreset_mode == AutoresetMode.DISABLED and is_new.any():
+        over = self._over
+        if self.autoreset_mode == AutoresetMode.DISABLED and over.any():
             raise ResetNeeded(
-                f"the episode of environment {int(np.argmax(is_new))} is over: "
+                f"the episode of environment {int(np.argmax(over))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
         observations, rewards, ended, last_infos = self.advance(values)
         infos = self._spread({}, last_infos, ended)
-        if is_new.any():
-            first_infos = self.begin(is_new, observations, self._generator)
-            infos = self._spread(infos, first_infos, is_new)
+        if over.any():
+            first_infos = self.begin(over, observations, self._generator)
+            infos = self._spread(infos, first_infos, over)
         self._over = ended
         if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, object)
@@ -321,25 +346,26 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         actions
-            (B, A) in [-1, 1].
+            (B, A) in [-1, 1]; entries beyond are clipped.
 
         Returns
         -------
         observations : NDArray
-            (B, O); entries of other environments are not set.
+            (B, O); those of other environments are not set.
         rewards : NDArray
             (B,); 0 for other environments.
         ended : NDArray
             (B,) mask of episodes that ended.
         infos : dict
-            Infos of the E episodes that ended, (E,) arrays in their order; empty if E = 0.
+            Arrays (E,) of the infos of the E episodes that ended, in their order; empty if E = 0.
         """
 
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
-        """Return the last rewards and the infos of (E,) environments whose episodes have ended.
+        """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended.
 
-        If the score is not just a speed, or if the error estimate of a wave exceeds the tolerance,
-        the layout is simulated as a whole, as earlier steps cannot be repeated more exactly.
+        The whole layout is simulated if the score is not just a speed, if the error estimate
+        exceeds the tolerance, as earlier steps cannot be repeated more exactly, and if the layout
+        is uniform, as `simulate` has another algorithm for it.
         """
         batch, episodes = self._batch, self._episodes[envs]
         scenes = self._scene_indices[envs]
@@ -365,21 +391,21 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._waves[envs] = infos["wave"]
         return results.returns - episodes["reward_sum"], infos
 
-    def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
-        """Write infos of some environments, arrays in their order, into arrays of all of them."""
+    def _spread(self, infos: dict[str, Any], values: Infos, mask: Bools) -> dict[str, Any]:
+        """Write arrays of infos of the environments of a mask into arrays of all environments."""
         for key, entries in values.items():
             if key not in infos:
-                blank = np.empty if entries.dtype == object else np.zeros  # objects: None
+                blank = np.empty if entries.dtype == object else np.zeros  # empty objects are None
                 infos[key] = blank(self.num_envs, entries.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
-            infos[key][envs] = entries
-            infos[f"_{key}"] |= envs
+            infos[key][mask] = entries
+            infos[f"_{key}"] |= mask
         return infos
 
     # rendering ------------------------------------------------------------------------------------
 
     def snapshot(self, env: int) -> Snapshot:
-        """Return the chain of an environment at its latest hit."""
+        """Return the chain of an environment, by its index, at its latest hit."""
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
         height = batch.height[env % len(batch.height)]
         sizes = batch.spacing[env], batch.thickness[env], height
@@ -407,12 +433,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
 
 class DominoEnv(gymnasium.Env[Singles, Singles]):
-    """Single environment: a vector environment of one, with frames.
+    """Single environment, which steps a vector environment of one.
 
     Parameters
     ----------
     vector
-        Vector environment of one.
+        Vector environment with one environment.
     render_mode
         None, "rgb_array", "human" or "ansi".
 
@@ -420,6 +446,11 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     ----------
     observation_layout
         Slice of each part of an observation, by name.
+
+    Raises
+    ------
+    ValueError
+        For another render mode.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -439,7 +470,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
     @property
     def scene(self) -> Scene:
-        """Scene of the episode; the latest, if one is sampled at every reset."""
+        """Scene of the current episode."""
         return self._vector.scenes[0]
 
     @property
@@ -455,7 +486,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         Parameters
         ----------
         seed
-            Seed of `np_random`, which samples scenes, placement errors and orders of pieces.
+            Seed of `np_random`, which samples scenes, placement errors and orders of pieces. None
+            continues with the generator, or with a random seed if there is none.
         options
             Options of the class.
 
@@ -464,13 +496,15 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         observation : NDArray
             (O,).
         info : dict
-            "scene" if one was sampled.
+            "scene" if scenes are sampled.
 
         Raises
         ------
         ValueError
             For unknown options, for a layout that breaks the scene's rules or whose wave stops,
             and for a scene that the distribution does not cover.
+        TypeError
+            For options that are not a dictionary.
         """
         super().reset(seed=seed)
         start = self._vector.check_options(options)
@@ -487,16 +521,18 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         Parameters
         ----------
         action
-            (A,) in [-1, 1].
+            (A,) in [-1, 1]; entries beyond are clipped.
 
         Returns
         -------
         observation : NDArray
             (O,).
         reward : float
-            Reward, as the class page defines it.
-        terminated, truncated : bool
-            True if the episode has ended; it is never truncated.
+            Reward, as the class defines it.
+        terminated : bool
+            True if the episode has ended.
+        truncated : bool
+            False.
         info : dict
             Info of the class after the last step, else empty.
 
@@ -509,8 +545,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         """
         values = check_actions(action, self.action_space)
         if self._over or not self._begun:
-            over = "the episode is over: " * self._over
-            raise ResetNeeded(f"{over}call reset() before the next step()")
+            reason = "the episode is over: " if self._over else ""
+            raise ResetNeeded(f"{reason}call reset() before the next step()")
         observations, rewards, ended, infos = self._vector.advance(values[None])
         self._over = bool(ended[0])
         if self.render_mode == "human":
@@ -538,7 +574,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
 
 def check_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
-    """Return actions as float64; raise a ValueError for another shape or infinite entries."""
+    """Return actions as float64; raise a ValueError for another shape or entries not finite."""
     values = numbers("action", actions, None, space.shape, "entries from -1 to 1")
     if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
         require("action", values, hint="from -1 to 1", array=True)
@@ -546,19 +582,19 @@ def check_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
 
 
 def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> Batch:
-    """Allocate the arrays of the environments."""
-    scene, longest = source.first, source.longest
-    kinds = _allowed_thicknesses(scene)
-    sampled = source.distribution
-    own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
-    # a power of two for the chain, or for the part that influences the wave
-    size = 1 << min(longest, MAX_RING - 1).bit_length()
+    """Return the arrays of the environments, before their first reset."""
+    scene, longest, distribution = source.first, source.longest, source.distribution
+    kinds, features = _allowed_thicknesses(scene), distribution.features if distribution else ()
+    own_height = scene.growth is not None or "height" in features
+    # a power of two for the whole chain, or for the part that influences the wave
+    ring_size = 1 << min(longest, MAX_RING - 1).bit_length()
+    num_scenes = 1 if distribution is None else num_envs
     contact = CONTACT if scene.ground is None else UNEVEN_CONTACT
     batch = Batch(
-        rules=np.zeros(1 if sampled is None else num_envs, RULES),
+        rules=np.zeros(num_scenes, RULES),
         entries=layout.starts,
-        uniform_left=np.zeros((1 if sampled is None else num_envs, longest, 2)),
-        schedule=np.zeros((1 if sampled is None else num_envs, longest, 2)),
+        uniform_left=np.zeros((num_scenes, longest, 2)),
+        schedule=np.zeros((num_scenes, longest, 2)),
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
@@ -567,7 +603,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         hand=np.zeros((num_envs, kinds.shape[1])),
         order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
-        rings=np.zeros((num_envs, size), contact),
+        rings=np.zeros((num_envs, ring_size), contact),
         states=np.zeros(num_envs, STATE),
         episodes=np.zeros(num_envs, EPISODE),
         spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
@@ -589,7 +625,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
 
 
 def _allowed_thicknesses(scene: Scene) -> Floats:
-    """Return the thicknesses that a list or stock allows [m], and how many of each, (2, K)."""
+    """Return the thicknesses of a list or stock [m], and their numbers (inf for a list), (2, K)."""
     if scene.stock is not None:
         box = scene.stock.without(scene.first_thickness)
         kinds = np.array([box.thickness, box.count], dtype=np.float64)

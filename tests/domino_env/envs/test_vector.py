@@ -189,7 +189,7 @@ def test_misuse_is_explained():
     ):
         with pytest.raises(ValueError, match=words):
             env.reset(options={"reset_mask": mask})
-    for seed, words in (([1], "1 seeds for 2 env"), ([1, -3], "seed = -3"), (1.5, "seed = 1.5")):
+    for seed, words in (([1], "a number or 2 seeds"), ([1, -3], "seed = -3"), (1.5, "seed = 1.5")):
         with pytest.raises(ValueError, match=words):
             env.reset(seed=seed)
     ended = np.zeros(2, np.bool_)
