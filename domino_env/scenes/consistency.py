@@ -12,10 +12,10 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
-from domino_env.scenes.tables import MAX_PAIRS, RangeTable, SceneFile
+from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
 
-MAX_LOG10_HEIGHT = 30.0  # of heights in metres, whose squares remain finite
-MAX_GROUND_RATIO = 100.0  # of a profile's end to the longest layout
+MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
+MAX_GROUND_RATIO = 100.0  # largest ratio of the end of a profile to the longest layout
 
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
@@ -23,15 +23,15 @@ EXCLUSIVE = (
      "stall margins and flushes are those of dominoes with fixed pivots"),
     ("stock.hand", "physics.floor_friction",
      "the uniform baseline is a mean over orders, which takes too long on a floor"),
-    ("stock.hand", "row.length", "an environment takes no stock with a length"),
+    ("stock.hand", "row.length", "no environment has both a stock and a length"),
     ("[placement]", "[robust]", "both draw errors of the gaps"),
     ("[placement]", "row.length", "gaps with errors do not add up to a length"),
     ("ground.profile", "row.length", "the length of a layout depends on where its gaps lie"),
-    ("ground.profile", "[growth]", "taller dominoes do not fit its bends"),
+    ("ground.profile", "[growth]", "its curvature is checked for one height only"),
     ("ground.profile", "[placement]",
-     "gaps may come out so narrow that dominoes lean on each other"),
+     "gaps with errors may be so narrow that dominoes lean against each other"),
 )  # fmt: skip
-"""Tables or keys that exclude each other, and why."""
+"""Pairs of tables or keys that exclude each other, each with the reason."""
 
 
 def check_document(document: dict[str, Any]) -> SceneFile:
@@ -40,12 +40,19 @@ def check_document(document: dict[str, Any]) -> SceneFile:
     Parameters
     ----------
     document
-        As `tomllib` reads it from a file, or `Specification.document` writes it.
+        Tables of the scene, as `tomllib` reads them from a file or `Specification.document`
+        returns them.
+
+    Returns
+    -------
+    SceneFile
+        The tables.
 
     Raises
     ------
     ValueError
-        With key, value and accepted range, or the tables that exclude each other.
+        For the first violation; the message has key, value and accepted range, or the tables that
+        contradict each other.
     """
     tables = read_model(SceneFile, document)
     for sentence in _violations(tables):
@@ -54,7 +61,7 @@ def check_document(document: dict[str, Any]) -> SceneFile:
 
 
 def _violations(tables: SceneFile) -> Iterator[str]:
-    """Yield a sentence for each violation; a check may rely on those before it."""
+    """Yield a sentence for each violation; a check relies on those before it."""
     if tables.thickness is None and tables.stock is None:
         keys = ", ".join(RangeTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
@@ -64,12 +71,13 @@ def _violations(tables: SceneFile) -> Iterator[str]:
     yield from _violations_in_heights(tables)
     yield from _violations_of_units(tables)
     yield from _violations_of_objective(tables)
-    yield from _violations_of_first(tables)
-    pairs = len(tables.spacing.domain()[1] or "1") * len(tables.thickness_domain()[1] or "1")
-    if pairs > MAX_PAIRS:
+    yield from _violations_of_sizes(tables)
+    gaps, thicknesses = tables.spacing.domain()[1], tables.thickness_domain()[1]
+    combinations = len(gaps or (None,)) * len(thicknesses or (None,))  # no list counts once
+    if combinations > MAX_COMBINATIONS:
         yield (
-            f"spacing and thickness have {pairs:,} pairs of listed values, and each is tried "
-            f"for the uniform baseline: list at most {MAX_PAIRS:,}"
+            f"spacing and thickness have {combinations:,} combinations of listed values, and each "
+            f"is tried for the uniform baseline: list at most {MAX_COMBINATIONS:,}"
         )
     yield from _violations_of_length(tables)
     if tables.ground is not None:
@@ -77,9 +85,9 @@ def _violations(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
-    """Yield mixtures of lengths in metres and in heights."""
-    is_relative = tables.thickness is not None and tables.thickness.of is not None
-    if tables.in_heights != is_relative and tables.thickness is not None:
+    """Yield keys in metres that do not go with others in heights, and the reverse."""
+    thickness_in_heights = tables.thickness is not None and tables.thickness.of is not None
+    if tables.in_heights != thickness_in_heights and tables.thickness is not None:
         here, there = ("spacing", "thickness") if tables.in_heights else ("thickness", "spacing")
         yield f'{here}.of = "height" but {there} is in metres: give both in heights'
     if tables.growth is not None and not tables.in_heights:
@@ -95,32 +103,35 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
-    """Yield bounds in which no domino falls on the next, probably given in another unit."""
-    height, scale = tables.row.height, tables.row.height if tables.in_heights else 1.0
-    (low, high), _ = tables.spacing.domain()
-    thinnest, thickest = (0.0, 0.0) if tables.stock else tables.thickness_domain()[0]
-    if (tables.growth is None and scale * low >= height) or scale * thinnest > MAX_RATIO * height:
-        hint = unit_hint(height, (scale * low, scale * high), (scale * thinnest, scale * thickest))
+    """Yield lengths with which no domino falls on the next, probably given in another unit."""
+    height, unit = tables.row.height, tables.row.height if tables.in_heights else 1.0
+    low, high = (unit * gap for gap in tables.spacing.domain()[0])
+    # a stock is checked later; until then a plausible thickness takes its place
+    thicknesses = (height, height) if tables.stock else tables.thickness_domain()[0]
+    thinnest, thickest = (unit * thickness for thickness in thicknesses)
+    if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
+        hint = unit_hint(height, (low, high), (thinnest, thickest))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
     for name in ("placement.deviation", "robust.deviation"):
-        if (tables.value_at(name) or 0.0) > scale * high:
+        if (tables.value_at(name) or 0.0) > high:
             yield (
-                f"{name} = {tables.value_at(name):g} m is more than the largest gap, "
-                f"{scale * high:g} m: lengths are in metres, 0.5 mm is 0.0005"
+                f"{name} = {tables.value_at(name):g} m is more than the largest gap, {high:g} m: "
+                "lengths are in metres, 0.5 mm is 0.0005"
             )
 
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
+    """Yield contradictions between the objective and other tables."""
     for name, objective in OBJECTIVES.items():
         given = tables.value_at(name) is not None
         if given != (objective.table is not None and tables.objective == name):
             yield (
                 f"the table [{name}] {'is given' if given else 'is missing'} and objective = "
-                f"{tables.objective!r}: [{name}] and objective = {name!r} go together"
+                f"{tables.objective!r}: give both [{name}] and objective = {name!r}, or neither"
             )
     objective = OBJECTIVES[tables.objective]
     if tables.physics.floor_friction is not None and not objective.rewards_speed:
-        speeds = " or ".join(repr(name) for name, o in OBJECTIVES.items() if o.rewards_speed)
+        speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.rewards_speed)
         yield (
             f"physics.floor_friction and objective = {tables.objective!r}: free-standing layouts "
             f"are scored by their speed; choose objective = {speeds}, or leave the floor out"
@@ -128,21 +139,22 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
     yield from objective.violations(tables)
 
 
-def _violations_of_first(tables: SceneFile) -> Iterator[str]:
-    """Yield violations by domino 0, by the stock and by the largest height."""
+def _violations_of_sizes(tables: SceneFile) -> Iterator[str]:
+    """Yield contradictions between the number of dominoes, first thickness, stock and growth."""
     row, stock = tables.row, tables.stock
+    # a stock, like bounds that differ, does not fix the thickness of domino 0
     low, high = tables.thickness.domain()[0] if tables.thickness else (0.0, 1.0)
     if row.first_thickness is None and low < high:
         yield (
             "row.first_thickness is missing: give the thickness of domino 0 [m], as that of the "
-            "others is free"
+            "others is not fixed"
         )
     if stock is not None:
         if sum(stock.count) < row.count or (row.length and sum(stock.count) > row.count):
-            exactly = "exactly " if row.length else "at least "
+            needed = " and row.length need exactly" if row.length else " needs at least"
             yield (
                 f"stock.count adds up to {sum(stock.count)} dominoes: row.count = {row.count}"
-                f"{' and row.length' * bool(row.length)} need {exactly}as many"
+                f"{needed} as many"
             )
         try:
             stock.without(tables.first_thickness())
@@ -153,12 +165,12 @@ def _violations_of_first(tables: SceneFile) -> Iterator[str]:
         if tallest > MAX_LOG10_HEIGHT:
             yield (
                 f"growth.max = {tables.growth.max}: {row.count} dominoes could grow to "
-                f"10^{tallest:.0f} m; let them grow less, or ask for fewer"
+                f"10^{tallest:.0f} m; make growth.max or row.count smaller"
             )
 
 
 def _pitches(tables: SceneFile) -> Bounds:
-    """Return the least and the largest mean pitch within the bounds [m]."""
+    """Return the smallest and the largest mean pitch within the bounds [m]."""
     unit = tables.row.height if tables.in_heights else 1.0
     (low, high), _ = tables.spacing.domain()
     (thinnest, thickest), _ = tables.thickness_domain()
@@ -169,7 +181,10 @@ def _pitches(tables: SceneFile) -> Bounds:
 
 
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
-    """Yield a sentence if no layout within the bounds has the total length; lists are ignored."""
+    """Yield a sentence if no layout within the bounds has the total length.
+
+    Lists of allowed values are ignored. The constants 1e-12 m and 1e-9 allow for rounding.
+    """
     length, pairs = tables.row.length, tables.row.count - 1
     if length is None:
         return
@@ -193,14 +208,14 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
 def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     """Yield the reasons why some layouts within the bounds cannot stand on the ground.
 
-    Without violations every layout within the bounds stands, so a search or an episode never finds
-    one that does not. It is sufficient, and nearly necessary, that the ground is nowhere too steep
-    for the thinnest domino and nowhere too curved for the narrowest or the widest gap.
+    Without violations every layout within the bounds stands, so a search or an episode cannot
+    produce one that does not. It is sufficient, and nearly necessary, that the ground is nowhere
+    too steep for the thinnest domino and nowhere too curved for the narrowest or the widest gap.
     """
     height, first = tables.row.height, tables.first_thickness()
     unit = height if tables.in_heights else 1.0
-    free = [unit * depth for depth in tables.thickness_domain()[0]]
-    thinnest, thickest = min(first, *free), max(first, *free)
+    others = [unit * thickness for thickness in tables.thickness_domain()[0]]
+    thinnest, thickest = min(first, *others), max(first, *others)
     if ground.profile is not None:
         span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
         if span > MAX_GROUND_RATIO * longest:
@@ -211,12 +226,12 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     place, steepest = ground.steepest
     if steepest >= thinnest / height:
         tangents = steepest, thinnest / height
-        slope, most = (math.degrees(math.atan(tangent)) for tangent in tangents)
+        slope, tipping = (math.degrees(math.atan(tangent)) for tangent in tangents)
         where = "" if ground.is_even else f" near x = {place:.4g} m"
         yield (
             f"the ground slopes by {slope:.4g}°{where}, where a domino {1e3 * thinnest:.4g} mm "
-            f"thick and {1e3 * height:.4g} mm high tips over by itself from {most:.4g}° on: make "
-            "it flatter, or the dominoes thicker"
+            f"thick and {1e3 * height:.4g} mm high tips over by itself from {tipping:.4g}° on: "
+            "make the ground flatter, or the dominoes thicker"
         )
     if ground.is_even:
         return
@@ -231,33 +246,38 @@ def _violations_of_bends(
 ) -> Iterator[str]:
     """Yield places at which the ground is too curved for the narrowest or the widest gap.
 
-    If the curvature is at most k, the slopes of two neighbouring chords differ by at most
-    k (s + d), and a pivot lies at most k s (s + d)/2 off the line of the next chord. Dominoes do
-    not lean against each other while L k (s + d) < s, and then a tip strikes below the top too, as
-    L - √(L² - s²) > s²/2L. Both conditions are strictest at the narrowest gap. At the widest gap a
-    pivot must not be off by more than s, nor than the contact height √(L² - s²).
+    If the curvature is at most k, the slopes of the chords under two neighbouring dominoes differ
+    by at most k (s + d), and a pivot lies at most k s (s + d)/2 from the line of the next chord.
+    Dominoes do not lean against each other if L k (s + d) < s; a tip then strikes below the top
+    too, as L - √(L² - s²) > s²/2L. Both conditions are strictest at the narrowest gap. At the
+    widest gap, the distance of a pivot from that line must not exceed s, nor `REACH` times the
+    contact height √(L² - s²).
     """
     low, high = spacing
-    for sign, name in ((1.0, "hollow"), (-1.0, "crest")):
+    for sign, name in ((1.0, "hollow"), (-1.0, "crest")):  # sign of the curvature
         place, curvature = ground.curvature(sign)
         if curvature == 0.0:
             continue
         where = f"the {name} near x = {place:.4g} m, of radius {1.0 / curvature:.3g} m"
         if sign > 0.0 and height * _slope_difference(curvature, low + thickest) >= low:
             yield (
-                f"spacing from {1e3 * low:.4g} mm on is too narrow for {where}: dominoes would "
+                f"the smallest gap, {1e3 * low:.4g} mm, is too narrow for {where}: dominoes would "
                 "lean against each other, or strike above the next one's top; make spacing.min "
                 "larger, or the ground less hollow"
             )
-        offset = 0.5 * high * _slope_difference(curvature, high + thickest)
+        offset = 0.5 * high * _slope_difference(curvature, high + thickest)  # [m]
         if high >= height or offset > min(high, REACH * math.sqrt(height**2 - high**2)):
             yield (
-                f"spacing up to {1e3 * high:.4g} mm is too wide for {where}: a tip would miss the "
-                "next domino; make spacing.max smaller, or the ground more even"
+                f"the largest gap, {1e3 * high:.4g} mm, is too wide for {where}: a tip would miss "
+                "the next domino; make spacing.max smaller, or the ground more even"
             )
 
 
-def _slope_difference(curvature: float, reach: float) -> float:
-    """Return a bound on the difference of slopes at two places a distance `reach` apart [m]."""
-    turn = curvature * reach
+def _slope_difference(curvature: float, distance: float) -> float:
+    """Return a bound on the difference of the slopes at two places a distance apart [m].
+
+    Their angles differ by about `turn` [rad]. The factor, which is larger than tan(turn)/turn,
+    allows for the tangent and for arcs longer than their chords.
+    """
+    turn = curvature * distance
     return float(turn * (1.0 + turn * turn) ** 1.5)

@@ -1,4 +1,4 @@
-"""Rules of a scene, each with a sentence for a layout that violates it, and the stock."""
+"""Rules of a scene, each of which returns a sentence if a layout violates it, and the stock."""
 
 from __future__ import annotations
 
@@ -13,56 +13,60 @@ from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 
-Bounds = tuple[float, float]
-Values = tuple[float, ...]
+Bounds = tuple[float, float]  # smallest and largest value
+Values = tuple[float, ...]  # all allowed values, in increasing order
 
 GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
-LIST_TOLERANCE = 1e-9  # [m] largest difference of values that count as equal
+LIST_TOLERANCE = 1e-9  # [m] largest difference from a listed value
+CHANGE_TOLERANCE = 1e-12  # [m] excess over the largest change that counts as rounding
 
 
 def bounds_violations(
     name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
 ) -> list[str]:
-    """Return a sentence for values beyond their bounds by more than `slack` of the upper one.
+    """Return a sentence if values exceed their bounds by more than `slack` times the upper one.
 
     `first` is the index of the first value in the array of the layout.
     """
     low, high = bounds
-    excess = slack * high
+    tolerance = slack * high
     allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
-    is_allowed = (values >= low - excess) & (values <= high + excess)
+    is_allowed = (values >= low - tolerance) & (values <= high + tolerance)
     return _violations(f"{name}[{{0}}]", values, is_allowed, allowed, first, unit)
 
 
 def list_violations(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
-    """Return a sentence for values that are not on the list; None allows any."""
+    """Return a sentence if values are not on the list; None allows any value.
+
+    `first` is the index of the first value in the array of the layout.
+    """
     if allowed is None:
         return []
     shown = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    mask = is_listed(values, allowed)
-    return _violations(f"{name}[{{0}}]", values, mask, f"only {shown} m", first)
+    is_allowed = is_listed(values, allowed)
+    return _violations(f"{name}[{{0}}]", values, is_allowed, f"only {shown} m", first)
 
 
 def is_listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
-    """Return True for each value (…) that is one of the rising values `allowed`."""
+    """Return a mask (…) of the values (…) that are among `allowed`, which increase."""
     return np.abs(values - find_nearest(values, np.array(allowed))) <= LIST_TOLERANCE
 
 
 def change_violations(spacing: Floats, largest_change: float | None) -> list[str]:
-    """Return a sentence for neighbouring gaps that differ by too much; None allows any change."""
+    """Return a sentence if neighbouring gaps differ by too much; None allows any change."""
     if largest_change is None:
         return []
     change = np.diff(spacing)
     allowed = f"a change of at most {largest_change} m"
-    is_allowed = np.abs(change) <= largest_change + 1e-12
+    is_allowed = np.abs(change) <= largest_change + CHANGE_TOLERANCE
     return _violations("spacing[{1}] - spacing[{0}]", change, is_allowed, allowed)
 
 
 def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
-    """Return a sentence if rise or tilt of a layout are not those of the ground; None is flat."""
+    """Return sentences if rise or tilt of a layout differ from the ground; None is flat ground."""
     if ground is None:
-        flat = "the layout has uneven ground, and the scene flat ground: give rise and tilt of 0"
-        return [] if layout.is_flat else [flat]
+        sentence = "the layout has uneven ground and the scene does not: give rise and tilt of 0"
+        return [] if layout.is_flat else [sentence]
     rise, tilt = ground.rise_and_tilt(layout.spacing, layout.thickness)
     violations = []
     for name, values, expected, unit in (
@@ -71,17 +75,17 @@ def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
     ):
         is_allowed = np.abs(values - expected) <= GROUND_TOLERANCE
         value = f"{expected[np.argmin(is_allowed)]:.9g} {unit} on its ground"
-        allowed = f"{value}; use the scene's `layout`"
+        allowed = f"{value}; make the layout with `scene.layout`"
         violations += _violations(f"{name}[{{0}}]", values, is_allowed, allowed, unit=unit)
     return violations
 
 
 def find_nearest(values: Floats, allowed: Floats) -> Floats:
-    """Return the nearest of the rising values `allowed` for each entry of an array of any shape."""
-    place = np.clip(np.searchsorted(allowed, values), 1, max(len(allowed) - 1, 1))
+    """Return the nearest of the increasing values `allowed` (K,) for each of the values (…)."""
     if len(allowed) == 1:
         return np.full_like(values, allowed[0])
-    below, above = allowed[place - 1], allowed[place]
+    index = np.clip(np.searchsorted(allowed, values), 1, len(allowed) - 1)
+    below, above = allowed[index - 1], allowed[index]
     return np.where(values - below <= above - values, below, above)
 
 
@@ -93,18 +97,21 @@ def _violations(
     first: int = 0,
     unit: str = "m",
 ) -> list[str]:
-    """Return a sentence for the first value that is not allowed, and the number of others."""
+    """Return a sentence about the first value that is not allowed, with the number of others.
+
+    `place` is a format of the value's name with fields for its index and the next one.
+    """
     if is_allowed.all():
         return []
-    bad = np.flatnonzero(~is_allowed)
-    i = int(bad[0])
-    more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+    violating = np.flatnonzero(~is_allowed)
+    i = int(violating[0])
+    more = f" (and {len(violating) - 1} more)" if len(violating) > 1 else ""
     given = f"{place.format(i + first, i + first + 1)} = {values[i]:.13g} {unit}".strip()
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 
-MAX_DOMINOES = 100_000  # the uniform baseline takes some 3 ms per domino
-MAX_KINDS = 1_000  # of dominoes in a stock
+MAX_DOMINOES = 100_000  # of a scene; the uniform baseline takes some 3 ms per domino
+MAX_KINDS = 1_000  # largest number of thicknesses in a stock
 SAME_THICKNESS = 1e-9  # [m] largest difference of thicknesses of one kind
 
 
@@ -114,17 +121,17 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
     Parameters
     ----------
     thickness
-        (K,) thicknesses of the kinds [m], no two alike.
+        (K,) thicknesses of the kinds of dominoes [m], all different.
     count
-        (K,) number of dominoes of each kind.
+        (K,) numbers of dominoes of each kind.
     hand
-        Number of pieces that an environment offers at a time, drawn from the stock in random
-        order; None if the whole stock is offered.
+        Number of pieces that are held at a time, drawn from the stock in random order; None for the
+        whole stock.
 
     Raises
     ------
     ValueError
-        For lists of different lengths, equal kinds, and values out of range.
+        For lists of different lengths, kinds of equal thickness, and values out of range.
     """
 
     thickness: Annotated[
@@ -153,7 +160,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
 
     @property
     def dominoes(self) -> Floats:
-        """Thicknesses of all dominoes, in the order given [m]."""
+        """Thicknesses of all dominoes, in the order of the kinds [m]."""
         return np.repeat(np.array(self.thickness), self.count)
 
     def without(self, *thickness: float) -> Stock:
@@ -167,13 +174,13 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         Returns
         -------
         Stock
-            The pieces that remain; `generator.permutation` of its `dominoes` is the order in which
-            an environment draws them.
+            The remaining pieces. An environment draws them in the order `permutation(dominoes)` of
+            its random generator.
 
         Raises
         ------
         ValueError
-            For a domino that the stock does not have.
+            For a domino that is not in the stock.
         """
         count = list(self.count)
         for size in thickness:
@@ -188,39 +195,34 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         return self.replace(count=tuple(count))
 
     def violations(self, thickness: Floats) -> list[str]:
-        """Return the violations of the stock by a layout.
+        """Return sentences if the dominoes of a layout are not all in the stock.
 
         Parameters
         ----------
         thickness
-            (N,) thicknesses of all its dominoes [m].
+            (N,) thicknesses of all dominoes of the layout [m].
 
         Returns
         -------
         list of str
-            A sentence for each kind of which the layout has too many; empty if there is none.
+            One sentence about the first thickness that the stock does not have, or else one for
+            each kind of which the layout has too many; empty if there is no violation.
         """
-        kinds = np.array(self.thickness)
-        rising = np.argsort(kinds)
-        nearest = find_nearest(thickness, kinds[rising])
-        near = rising[np.searchsorted(kinds[rising], nearest)]
-        unknown = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME_THICKNESS)
+        sizes = np.array(self.thickness)
+        order = np.argsort(sizes)
+        nearest = find_nearest(thickness, sizes[order])
+        kinds = order[np.searchsorted(sizes[order], nearest)]
+        unknown = np.flatnonzero(np.abs(thickness - sizes[kinds]) > SAME_THICKNESS)
         if len(unknown):
             i = int(unknown[0])
             return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.describe()}"]
-        used = np.bincount(near, minlength=len(kinds))
+        used = np.bincount(kinds, minlength=len(sizes))
         return [
             f"{used[k]} dominoes are {self.thickness[k]} m thick: the stock has {self.count[k]}"
             for k in np.flatnonzero(used > np.array(self.count))
         ]
 
     def describe(self) -> str:
-        """Describe the stock.
-
-        Returns
-        -------
-        str
-            Such as "16 of 0.005 m, 14 of 0.0075 m".
-        """
+        """Return a description such as "16 of 0.005 m, 14 of 0.0075 m"."""
         pairs = zip(self.count, self.thickness, strict=True)
         return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

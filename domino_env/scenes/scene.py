@@ -1,4 +1,4 @@
-"""Scene: a design problem, with the scores of layouts in it."""
+"""Scene: a design problem that simulates and scores layouts."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import UniformBaseline, best_uniform, format_gain, gain
 from domino_env.scenes.waves import LayoutBatch, Waves
 
-SCORE_RTOL = 1e-10  # of reported scores; searches may be less exact
+SCORE_RTOL = 1e-10  # relative tolerance of reported scores; that of searches may be larger
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene(Specification):
-    """A design problem: dominoes, allowed values, objective.
+    """Design problem: dominoes, allowed values, objective.
 
-    Scenes are equal if all their fields are. A scene made in Python has the defaults of a file and
-    is checked like a file; `count`, `spacing` and `thickness` or `stock` are needed.
+    Scenes are equal if all their fields are equal. A scene made in Python has the defaults of a
+    scene file and is checked like one; `count`, `spacing`, and either `thickness` or `stock` are
+    required.
 
     Parameters
     ----------
     name
         Name of the scene and of its run folders.
     title
-        Subject in one line.
+        Subject in one line; by default the name.
     objective
         Scoring rule, one of `domino_env.scenes.objectives.OBJECTIVES`.
     physics
@@ -49,49 +50,52 @@ class Scene(Specification):
     density
         Density of every domino [kg/m³].
     first_thickness
-        Thickness of domino 0, which is not a design variable [m].
+        Thickness of domino 0, which is not a design variable [m]; by default that of the others,
+        if the scene fixes it.
     spacing
-        Least and largest free gap [m]; equal if the scene fixes it. If `in_heights`, in
-        heights of the shorter of the two dominoes at the gap.
+        Least and largest free gap [m]; equal if the scene fixes it. If `in_heights`, in heights of
+        the shorter of the two dominoes at the gap.
     thickness
-        Least and largest thickness of dominoes 1 … N-1 [m]; equal if the scene fixes it. Where
-        `in_heights`, in heights of the domino itself.
+        Least and largest thickness of dominoes 1 … N-1 [m]; equal if the scene fixes it. If
+        `in_heights`, in heights of the domino itself. With a stock, those of its pieces.
     length
-        Distance of the first and the last pivot [m], met to 1e-9 m; None if it is free.
+        Distance from the first to the last pivot [m], with a tolerance of 1e-9 m; None if it is
+        free.
     spacing_values
-        All gaps allowed, rising [m]; None for any.
+        All allowed gaps in increasing order [m]; None for any within the bounds.
     thickness_values
-        All thicknesses allowed, rising [m]; None for any.
+        All allowed thicknesses in increasing order [m]; None for any within the bounds.
     largest_change
         Largest change from one gap to the next [m]; None for any.
     stock
-        Box from which all dominoes are taken, the first one included; None for no box.
+        Stock from which all dominoes are taken, the first one included; None for no stock.
     growth
-        Least and largest ratio of a height to the one before, both 1 or more; None if all
-        heights are equal.
+        Least and largest ratio of a height to the one before, both 1 or more; None if all heights
+        are equal.
     in_heights
-        True if `spacing` and `thickness` count in heights.
+        True if `spacing` and `thickness` are given in heights of a domino.
     limits
-        Smallest stall margin, largest flush loss; None for none.
+        Smallest stall margin and largest flush loss; None for no limits.
     settings
         Table of the objective: a `Tempo` for "tempo", a `Placement` for "robust"; None for others.
     floor_friction
-        Coulomb coefficient of the floor of free-standing dominoes, 0 or more: the score is
-        then the speed by `domino_env.simulate_standing`, if all dominoes topple. None for fixed
-        pivots, as in the analytic model.
+        Coulomb coefficient of the floor of free-standing dominoes, 0 or more: the score is then
+        the mean speed [m/s] that `domino_env.simulate_standing` computes, if all dominoes topple.
+        None for fixed pivots, as in the analytic model.
     ground
         Ground on which layouts stand, a slope or a curve; None for flat ground.
     placement_deviation
         Placement noise of the environments: standard deviation of the normal error of every gap
-        [m], which is never less than 0.2 mm. 0 for none.
+        [m]; a gap with its error is at least 0.2 mm. 0 for no noise.
     placement_draws
-        Number of draws of placement noise over which a score is the mean, so that a search plans
-        for the noise; 0 to score layouts without errors.
+        Number of draws of placement noise over which a score is the mean, so that a search takes
+        the noise into account; 0 to score layouts without errors.
 
     Raises
     ------
     ValueError
-        For a value out of its range, and for fields that contradict each other.
+        For a value out of its range, and for fields that contradict each other; the message has
+        key, value and accepted range.
 
     Examples
     --------
@@ -101,11 +105,11 @@ class Scene(Specification):
     0.833
     """
 
-    known_point: ClassVar[tuple[float, float] | None] = None  # of the uniform baseline, if known
+    known_point: ClassVar[tuple[float, float] | None] = None  # `best_point`, if it is known
 
     @property
     def unit(self) -> str:
-        """Unit of the score of a success, as in "m/s"; empty for none."""
+        """Unit of the score of a success, such as "m/s"; empty for none."""
         return self.criterion.unit
 
     def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
@@ -114,14 +118,14 @@ class Scene(Specification):
         Parameters
         ----------
         layout
-            The layout.
+            The layout; the scene's rules are not checked.
         rtol
             Relative tolerance of the arrival times.
 
         Returns
         -------
         Wave
-            Its wave.
+            The wave of the layout.
         """
         return simulate(layout, self.physics, rtol=rtol)
 
@@ -131,19 +135,20 @@ class Scene(Specification):
         Parameters
         ----------
         layout
-            A layout, to be simulated with a relative tolerance of 1e-10, or its wave.
+            A layout, which is simulated with a relative tolerance of 1e-10, or its wave, for which
+            the scene's rules are not checked.
 
         Returns
         -------
         float
             More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that stops
-            scores between -1 and 0, higher the further it came. See
-            `domino_env.scenes.objectives`.
+            scores between -1 and 0, higher the further it came; with "toppled" it scores more than
+            0 too. See `domino_env.scenes.objectives`.
 
         Raises
         ------
         ValueError
-            For a layout that breaks the scene's rules.
+            For a layout that violates the scene's rules.
         """
         if isinstance(layout, Wave):
             return float(self.evaluate_waves([layout]).score[0])
@@ -162,13 +167,18 @@ class Scene(Specification):
         batch
             The layouts, see `Scene.batch`.
         gradient
-            Compute the exact derivatives of the scores by gaps, thicknesses and heights too. On a
-            floor they are approximate, see `Objective.evaluate`.
+            Compute the exact derivatives of the scores with respect to gaps, thicknesses and
+            heights too. On a floor they are approximate, see `Objective.evaluate`.
 
         Returns
         -------
         Evaluation
             Scores, reaches, numbers of falls, and derivatives if requested.
+
+        Raises
+        ------
+        TypeError
+            For anything but a batch.
         """
         require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
         return self.criterion.evaluate(batch, gradient)
@@ -177,18 +187,23 @@ class Scene(Specification):
         """Score waves that have been simulated.
 
         The score of a wave that stopped in an incomplete layout does not depend on the dominoes
-        that are missing. The objective "robust" simulates its draws, and a scene with a floor the
-        free-standing layouts, by all threads.
+        that are missing. Complete layouts are simulated again, with all threads, if the scores
+        need their draws of placement noise or free-standing dominoes.
 
         Parameters
         ----------
         waves
-            Waves of layouts of the scene.
+            Waves of layouts of the scene, complete or not.
 
         Returns
         -------
         Evaluation
             Scores, reaches and numbers of falls.
+
+        Raises
+        ------
+        TypeError
+            For anything but a sequence of waves.
         """
         require_type("waves", waves, Sequence, "a list of waves")
         criterion = self.criterion
@@ -206,25 +221,26 @@ class Scene(Specification):
         return evaluation
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
-        """Return the scores of a layout with sampled placement noise and orders of pieces.
+        """Return the scores of a layout with random errors of its gaps and random orders of pieces.
 
         Parameters
         ----------
         layout
-            The layout without errors. If pieces are drawn in random order, they replace its own.
+            The layout without errors. If the scene draws pieces in random order, these replace
+            those of the layout.
         seeds
-            One seed for each draw; an environment reset with the same seed makes the same errors
-            and draws the same pieces.
+            One seed per draw, 0 or more; an environment reset with the same seed has the same
+            errors and the same order of pieces.
 
         Returns
         -------
         NDArray
-            (len(seeds),) scores.
+            (len(seeds),) scores of the placed layouts.
 
         Raises
         ------
         ValueError
-            For a layout that breaks the scene's rules.
+            For a layout that violates the scene's rules, and for invalid seeds.
         """
         self._require(layout)
         require("seeds", seed_array := np.atleast_1d(seeds), 0, whole=True, array=True)
@@ -247,7 +263,7 @@ class Scene(Specification):
         Returns
         -------
         NDArray
-            (N-1,) errors [m]; zeros, and nothing is drawn, without placement noise.
+            (N-1,) errors [m]; without placement noise zeros, for which nothing is drawn.
         """
         if not self.placement_deviation:
             return np.zeros(self.count - 1)
@@ -261,17 +277,17 @@ class Scene(Specification):
         score
             A score of the scene.
         wave
-            The wave that has it.
+            The wave that has this score.
 
         Returns
         -------
         str
-            Such as "0.828550 m/s", or the reason why there is no success.
+            Text such as "0.828550 m/s", or the reason for a score of 0 or less.
         """
         if score > 0.0:
             return self.criterion.format_score(score, wave)
-        breaks_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
-        return "breaks a limit of the scene" if breaks_limit else self.criterion.failure
+        violates_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
+        return "violates a limit of the scene" if violates_limit else self.criterion.failure
 
     def against_uniform(self, score: float, wave: Wave) -> str:
         """Format a score with its unit and, if there is one, its gain over the uniform baseline.
@@ -281,12 +297,12 @@ class Scene(Specification):
         score
             A score of the scene.
         wave
-            The wave that has it.
+            The wave that has this score.
 
         Returns
         -------
         str
-            Such as "0.828550 m/s, 3.18% over uniform".
+            Text such as "0.828550 m/s, 3.18% over uniform".
         """
         relative = gain(score, self.uniform().score)
         suffix = "" if relative is None else f", {format_gain(relative)} uniform"
@@ -298,13 +314,13 @@ class Scene(Specification):
         Parameters
         ----------
         seconds
-            Time limit of its search on a floor [s]; the best layout found until then is the
-            baseline from then on. None for no limit. Without a floor there is no limit.
+            Time limit of the search on a floor [s]; the best layout found until then is the
+            baseline of this scene from then on. None for no limit. Ignored without a floor.
 
         Returns
         -------
         UniformBaseline
-            Its `layout`, `wave` and `score`.
+            The baseline, with its `layout`, `wave` and `score`.
 
         Raises
         ------
@@ -313,12 +329,12 @@ class Scene(Specification):
         """
         require("seconds", seconds, 0.0, unit="s", optional=True)
         limit = None if self.floor_friction is None else seconds
-        if "_uniform" not in vars(self):  # kept here too, so that it is pickled with the scene
+        if "_uniform" not in vars(self):  # also stored here, so that it is pickled with the scene
             vars(self)["_uniform"] = _find_baseline(self, self.known_point, limit)
         return cast("UniformBaseline", vars(self)["_uniform"])
 
     def with_uniform(self, point: Floats) -> Self:
-        """Return the same scene with a known uniform baseline.
+        """Return the same scene with a given uniform baseline.
 
         Parameters
         ----------
@@ -328,15 +344,15 @@ class Scene(Specification):
         Returns
         -------
         Scene
-            The scene; it is not checked again.
+            The scene.
         """
-        scene = object.__new__(type(self))  # checked already
+        scene = object.__new__(type(self))  # without the checks, which the fields have passed
         vars(scene).update(vars(self), known_point=tuple(map(float, point)))
         vars(scene).pop("_uniform", None)
         return scene
 
     def to_toml(self) -> str:
-        """Return the file of the scene.
+        """Return the text of the scene's file.
 
         Returns
         -------

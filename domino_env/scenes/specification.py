@@ -26,8 +26,8 @@ from domino_env.scenes.rules import Bounds, Stock
 from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
 
-LENGTH_TOLERANCE = 1e-9  # [m]
-DERIVED: Any = None  # default of fields that follow from others
+LENGTH_TOLERANCE = 1e-9  # [m] largest difference from the length of the scene
+DERIVED: Any = None  # default of fields whose values then follow from other fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,17 +69,22 @@ class Specification:
     def from_document(cls, document: dict[str, Any]) -> Self:
         """Return the scene of a file's document, which has a name.
 
+        Parameters
+        ----------
+        document
+            Tables of the file, as `tomllib` reads them.
+
         Raises
         ------
         ValueError
-            With key, value and accepted range.
+            For an invalid document; the message has key, value and accepted range.
         """
         scene = object.__new__(cls)
         vars(scene).update(check_document(document).fields())
         return scene
 
     def document(self) -> dict[str, Any]:
-        """Return the tables of the file that reads back as the same scene."""
+        """Return the tables of the file that is read as the same scene."""
         return make_document(self)
 
     def replace(self, **changes: Any) -> Self:
@@ -109,12 +114,12 @@ class Specification:
 
     @cached_property
     def as_placed(self) -> Self:
-        """Scene that scores a layout as placed, not by the mean over draws of placement noise."""
+        """Scene without `placement_draws`: it scores a layout by one simulation."""
         return self.replace(placement_draws=0) if self.placement_draws else self
 
     @property
     def tempo(self) -> Tempo | None:
-        """Schedule by which a layout is scored; None if there is none, or a mean over draws."""
+        """Schedule of the hits; None for other objectives, and if scores are means over draws."""
         return self.criterion.settings if isinstance(self.criterion.settings, Tempo) else None
 
     @property
@@ -128,7 +133,7 @@ class Specification:
         Parameters
         ----------
         generators
-            Source of randomness of each of M orders.
+            M sources of randomness, one for each order.
 
         Returns
         -------
@@ -137,6 +142,8 @@ class Specification:
 
         Raises
         ------
+        TypeError
+            For anything but generators.
         ValueError
             For a scene without a stock.
         """
@@ -177,12 +184,12 @@ class Specification:
     ) -> Layout:
         """Return the layout with these free gaps, thicknesses and heights.
 
-        The scene's rules are not applied: see `violations`.
+        The scene's rules are not checked, see `violations`.
 
         Parameters
         ----------
         spacing
-            (N-1,) free gaps [m]; a single number is used for all.
+            (N-1,) free gaps [m], or a single number for all.
         thickness
             (N-1,) thicknesses of dominoes 1 … N-1 [m], or a single number; None if the scene
             fixes it.
@@ -197,7 +204,8 @@ class Specification:
         Raises
         ------
         ValueError
-            If the thickness or the heights are missing, and for sizes that are not positive.
+            If thicknesses or heights are missing, and for arrays of another shape and sizes that
+            are not positive.
         """
         if thickness is None and self.free_thickness:
             raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
@@ -216,14 +224,16 @@ class Specification:
         height: Floats | None = None,
         rtol: float = 1e-6,
     ) -> LayoutBatch:
-        """Return a batch of B layouts, without applying the scene's rules.
+        """Return a batch of B layouts, without checking the scene's rules.
 
         Parameters
         ----------
         spacing
-            (B, N-1) free gaps [m]; fewer for the first dominoes of longer layouts.
+            (B, N-1) free gaps [m]. With fewer columns, the layouts are the first dominoes of
+            complete ones.
         thickness
-            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None if the scene fixes it.
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None for the smallest that the scene
+            allows, the only one if it is fixed.
         height
             (B, N-1) heights of dominoes 1 … N-1 [m]; None if all are equal.
         rtol
@@ -237,38 +247,40 @@ class Specification:
         Raises
         ------
         ValueError
-            If the heights are missing.
+            If the heights are missing, and for an array `spacing` of another shape.
         """
         if height is None and self.growth is not None:
             raise ValueError(f"height is missing: scene '{self.name}' leaves it free")
         spacing = numbers("spacing", spacing, None, ("B", "N-1"))
-        full = (len(spacing), spacing.shape[1] + 1)
-        heights = np.full((1, full[1]) if height is None else full, self.height)
+        shape = (len(spacing), spacing.shape[1] + 1)
+        heights = np.full((1, shape[1]) if height is None else shape, self.height)
         if height is not None:
             heights[:, 1:] = height
         if thickness is None:
             thickness = self.thickness[0] * (heights[:, 1:] if self.in_heights else np.ones(1))
-        thicknesses = np.full(full, self.first_thickness)
+        thicknesses = np.full(shape, self.first_thickness)
         thicknesses[:, 1:] = thickness
         sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
 
     def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
-        """Return one sentence for each rule of the scene that a layout violates; empty if none.
+        """Return one sentence for each rule of the scene that a layout violates.
 
-        Limits on the wave are not among them: they enter the score.
+        Limits on the wave are not among these rules: they enter the score.
 
         Parameters
         ----------
         layout
             The layout.
         complete
-            True for a layout of all dominoes; False for the first dominoes of a layout.
+            True for a layout of all dominoes; False for the first dominoes of a layout, whose
+            number and total length are not checked.
 
         Returns
         -------
         list of str
-            One sentence for each rule, with the place, the value and the accepted range.
+            One sentence for each rule, with the place, the value and the accepted range; empty if
+            there is no violation.
         """
         require_layout(layout)
         if complete and layout.count != self.count:
@@ -280,6 +292,7 @@ class Specification:
             ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
+            # relative slack for sizes that other programs have rounded
             violations += rules.bounds_violations(name, values, (size, size), 0, unit, slack=1e-9)
         if self.growth is not None:
             ratios = layout.height[1:] / layout.height[:-1]

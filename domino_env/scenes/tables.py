@@ -1,7 +1,8 @@
 """Tables of a scene's file: keys, units, ranges, and relations between the keys of one table.
 
-A scene made in Python is checked by the same tables, and editors check files by the schema that
-`domino_env.scenes.shipping` makes from them.
+The same tables check scenes made in Python. Editors check files by the JSON Schema that
+`domino_env.scenes.shipping` makes from the tables; `SCHEMA` of a table adds relations between its
+keys to it.
 """
 
 from __future__ import annotations
@@ -24,16 +25,17 @@ from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import LARGEST_DRAWS
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 
-# largest number of pairs (listed gap, listed thickness), all tried for the uniform baseline
-MAX_PAIRS = 100_000
+# largest number of combinations of a listed gap and a listed thickness, all of which are simulated
+# for the uniform baseline
+MAX_COMBINATIONS = 100_000
 RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 # fields with the same name and value in `SceneTables` and `Scene`
 SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")
 
-# begins with a letter or a digit of any language; without characters special to paths and shells
-NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+# begins with a letter or a digit of any language; has no character special to paths or shells
+NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
 # one line of text that is not blank
-LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
+LINE_PATTERN = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 
 if TYPE_CHECKING:
     Objective = str
@@ -55,10 +57,8 @@ class ChainTable(Table):
 
 
 Step = Annotated[float, Meta(ge=RESOLUTION, le=LARGEST)]
-Listed = Annotated[list[Size], Meta(min_length=1)]
-
-
-PAIR = "a pair of bounds, such as (0.002, 0.04)"
+ListedValues = Annotated[list[Size], Meta(min_length=1)]
+BOUNDS_HINT = "a pair of bounds, such as (0.002, 0.04)"
 
 
 class RangeTable(Table):
@@ -68,7 +68,7 @@ class RangeTable(Table):
     min: Annotated[Size | None, about("smallest value [m]")] = None
     max: Annotated[Size | None, about("largest value [m]")] = None
     step: Annotated[Step | None, about("difference of values allowed from min to max [m]")] = None
-    values: Annotated[Listed | None, about("all values allowed [m]")] = None
+    values: Annotated[ListedValues | None, about("all values allowed [m]")] = None
     of: Annotated[
         Literal["height"] | None,
         about("unit of the values: height of the domino, of the shorter one at a gap; default: m"),
@@ -84,7 +84,7 @@ class RangeTable(Table):
         if given not in (["fixed"], ["values"], ["min", "max"], ["min", "max", "step"]):
             raise ValueError(
                 f"it has {' and '.join(given) or 'no value'}: give either fixed, or values, or min "
-                "and max, and step if only steps are allowed [m]"
+                "and max, with step if only steps are allowed [m]"
             )
         for a, b in pairwise(sorted(self.values or ())):
             if b - a < RESOLUTION:
@@ -92,15 +92,20 @@ class RangeTable(Table):
         low, high = self.min or 0.0, self.max or 0.0
         if low > high:
             raise ValueError(f"min = {low} is more than max = {high}: give min <= max")
-        if self.step is not None and (high - low) / self.step >= MAX_PAIRS:
-            raise ValueError(f"step = {self.step} m: {MAX_PAIRS:,} values or more; enlarge it")
+        if self.step is not None and (high - low) / self.step >= MAX_COMBINATIONS:
+            raise ValueError(
+                f"step = {self.step} m: {MAX_COMBINATIONS:,} values or more; enlarge it"
+            )
 
     @classmethod
     def from_bounds(
         cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
     ) -> dict[str, Any]:
-        """Return the document of the table whose `domain` is these bounds and values."""
-        low, high = numbers(name, bounds, None, (2,), PAIR).tolist()
+        """Return the document of the table with other entries whose `domain` is the arguments.
+
+        Errors begin with `name`.
+        """
+        low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
         if values is None:
             given = {"fixed": low} if low == high else {"min": low, "max": high}
             return {**given, **entries}
@@ -108,14 +113,14 @@ class RangeTable(Table):
             raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
         listed = numbers(f"{name}.values", values).ravel().tolist()
         step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
-        # the number of steps is compared first, as tiny ones would make a very long list
+        # their number is compared first, as tiny steps would make a very long list
         is_possible = step > 0.0 and (high - low) / step < len(listed)
         if is_possible and steps(low, high, step) == tuple(listed):
             return {"min": low, "max": high, "step": step, **entries}
         return {"values": values, **entries}
 
     def domain(self) -> tuple[Bounds, Values | None]:
-        """Return the bounds, and all values if they are discrete, in the unit of the table."""
+        """Return the bounds, and all values if only listed ones are allowed, else None."""
         if self.fixed is not None:
             return (self.fixed, self.fixed), None
         low, high = self.min or 0.0, self.max or 0.0
@@ -166,14 +171,14 @@ class PlacementTable(Table):
             raise ValueError(f"draws = {self.draws} without errors: give a deviation, or draws = 0")
 
 
-Title = Annotated[str, Meta(pattern=LINE, max_length=300)]
+Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
 
 
 class SceneTables(Table, kw_only=True):
     """Design problem: dominoes, allowed values, objective."""
 
     name: Annotated[
-        Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
+        Annotated[str, Meta(pattern=NAME_PATTERN, max_length=100)] | None,
         about(
             "name of the scene and of its run folders: begins with a letter or a digit, "
             'none of / \\ < > : " | ? * ` $; default: name of the file',
@@ -199,14 +204,14 @@ class SceneTables(Table, kw_only=True):
         return self.spacing.of is not None
 
     def value_at(self, place: str) -> Any:
-        """Return the value at a place such as "[stock]" or "row.length"; None if it is absent."""
+        """Return the value at a place such as "[stock]" or "row.length"; None if there is none."""
         value: Any = self
         for name in place.strip("[]").split("."):
             value = getattr(value, name, None)
         return value
 
     def first_thickness(self) -> float:
-        """Return the thickness of domino 0 [m], by default that of the others."""
+        """Return the thickness of domino 0 [m], by default the smallest of the others."""
         if self.row.first_thickness is not None:
             return self.row.first_thickness
         assert self.thickness is not None
@@ -260,13 +265,14 @@ def make_document(scene: Any) -> dict[str, Any]:
         bounds, values = scene.thickness, scene.thickness_values
         tables["thickness"] = RangeTable.from_bounds("thickness", bounds, values, of=of)
     if scene.growth is not None:
-        low, high = numbers("growth", scene.growth, None, (2,), PAIR).tolist()
+        low, high = numbers("growth", scene.growth, None, (2,), BOUNDS_HINT).tolist()
         tables["growth"] = {"min": low, "max": high}
     if scene.placement_deviation or scene.placement_draws:
         noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
         tables["placement"] = noise
     if scene.settings is not None:
         names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
+        # a value of another type is rejected as the unknown key "settings"
         tables[next(names, "settings")] = scene.settings
     return dict(_drop_none(plain(tables)))
 
@@ -280,7 +286,7 @@ def _drop_none(value: Any) -> Any:
 
 def steps(low: float, high: float, step: float) -> Values:
     """Return low, low + step, … up to high, rounded to twelve decimals."""
-    number = math.floor((high - low) / step + 1e-9) + 1
+    number = math.floor((high - low) / step + 1e-9) + 1  # 1e-9: rounding
     return tuple(round(low + k * step, 12) for k in range(number))
 
 
@@ -295,7 +301,7 @@ else:
         module=__name__,
         kw_only=True,
     )
-"""Tables of a scene's file: `SceneTables`, and the tables of objectives by their names."""
+"""Tables of a scene's file: `SceneTables`, with the tables of objectives by their names."""
 
 
 def format_toml(document: dict[str, Any]) -> str:
@@ -303,14 +309,15 @@ def format_toml(document: dict[str, Any]) -> str:
     lines = []
     for key, value in sorted(document.items(), key=lambda item: isinstance(item[1], dict)):
         if isinstance(value, dict):
-            entries = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
+            entries = (f"{k} = {_format_value(v)}" for k, v in value.items() if v is not None)
             lines += ["", f"[{key}]", *entries]
         else:
-            lines.append(f"{key} = {_toml(value)}")
+            lines.append(f"{key} = {_format_value(value)}")
     return "\n".join(lines) + "\n"
 
 
-def _toml(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{k} = {_toml(v)}' for k, v in value.items())}}}"
+        return f"{{{', '.join(f'{k} = {_format_value(v)}' for k, v in value.items())}}}"
+    # strings and lists of JSON are valid TOML, except for the character DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

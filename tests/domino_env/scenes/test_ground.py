@@ -127,7 +127,7 @@ def test_tables_that_exclude_uneven_ground():
     for changes, words in (
         ({"ground": hollow, "spacing": (0.003, 0.03)}, r"too narrow for the hollow near x = 0\.03"),
         ({"length": 0.2}, r"ground\.profile and row\.length exclude each other"),
-        ({"placement_deviation": 0.001}, "gaps may come out so narrow"),
+        ({"placement_deviation": 0.001}, "gaps with errors may be so narrow"),
         ({"spacing": (0.008, 0.0479)}, "too wide for the hollow"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -143,5 +143,5 @@ def test_layouts_of_files_stand_on_the_ground_of_the_scene(tmp_path):
         kept.to_csv(tmp_path / name)
         assert read_layout(tmp_path / name, FREE) == layout
     assert FREE.violations(layout) == []
-    assert "on its ground; use the scene's" in FREE.violations(flat)[0]
+    assert "on its ground; make the layout with `scene.layout`" in FREE.violations(flat)[0]
     assert "rise and tilt of 0" in FREE.replace(ground=None).violations(layout)[0]
