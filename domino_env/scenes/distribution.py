@@ -1,4 +1,4 @@
-"""SceneDistribution: a scene's file with ranges, from which scenes are sampled."""
+"""Scene distributions: files of scenes with ranges, from which scenes are sampled."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
-# numbers of gaps and thicknesses of the uniform layouts that are tried
+# numbers of gaps and thicknesses of the uniform layouts that are tried in a sampled scene
 COARSE_GRID, COARSE_GRID_WITH_THICKNESS = (48, 1), (24, 6)
-MAX_SAMPLES = 1_000  # scenes in which no uniform layout completes, before sampling ends
+MAX_SAMPLES = 1_000  # rejected scenes after which sampling fails
 
 
 class SceneDistribution:
-    """Random scenes: a scene's file with ranges where it has numbers.
+    """Distribution of scenes: the file of a scene with ranges in place of some numbers.
 
-    Numbers are sampled in the order of the file, the bounds called min before all others. A scene
-    whose tables contradict each other, such as by a length that its dominoes cannot cover, is
-    sampled again, and so is one in which no uniform layout completes, as it has no baseline.
+    Numbers are sampled in the order of the file, but all lower bounds `min` first. A scene is
+    sampled again if its tables contradict each other, such as by a length that its dominoes cannot
+    cover, and if no uniform layout completes in it, as it has no baseline then.
 
     Parameters
     ----------
@@ -39,21 +39,25 @@ class SceneDistribution:
     name
         Name of the distribution if the document has none.
     file
-        Name of the file in error messages.
+        Name of the file in error messages; by default `name`.
 
     Attributes
     ----------
     name, title
-        See `Scene`.
+        As in `Scene`.
+    document
+        Tables of the file, without the name.
     ranges
-        Sampled numbers, by table and key of the file.
+        Ranges of the V sampled numbers, by table and key of the file.
     features
         Names of the sampled numbers, such as "friction" and "spacing min".
+    first
+        Scene sampled with seed 0.
 
     Raises
     ------
     ValueError
-        For invalid ranges, and if no scene could be sampled.
+        For invalid ranges, for a file without ranges, and if no scene could be sampled.
 
     Examples
     --------
@@ -89,7 +93,7 @@ class SceneDistribution:
         return f"SceneDistribution('{self.name}': {', '.join(self.features)})"
 
     def to_toml(self) -> str:
-        """Return the file of the distribution.
+        """Return the text of the distribution's file.
 
         Returns
         -------
@@ -126,9 +130,14 @@ class SceneDistribution:
         Parameters
         ----------
         rng
-            Source of randomness.
+            Source of randomness, or its seed.
         digits
-            Number of significant digits to round to; None for no rounding.
+            Number of significant digits to which the numbers are rounded; None for no rounding.
+
+        Returns
+        -------
+        NDArray
+            (V,) numbers, in the units of their ranges.
 
         Raises
         ------
@@ -151,19 +160,21 @@ class SceneDistribution:
             if _some_uniform_completes(scene):
                 return numbers
         raise ValueError(
-            f"{self.file}: of {MAX_SAMPLES:,} sampled scenes none can be used; the last: {reason}"
+            f"{self.file}: none of {MAX_SAMPLES:,} sampled scenes can be used: {reason}; change "
+            "the ranges"
         )
 
     def _sample_once(self, rng: np.random.Generator) -> Floats:
-        """Sample numbers (V,), whose scene may be invalid."""
+        """Sample numbers (V,) of a scene that may be invalid."""
         numbers: dict[Place, float] = {}
-        # bounds called min come first, as others may depend on them
+        # lower bounds come first, as `min_ratio` of an upper bound refers to them
         for place in sorted(self.ranges, key=lambda place: place[1] != "min"):
             sampled = self.ranges[place]
             low, high = sampled.min, sampled.max
             if sampled.min_ratio is not None:
                 least = numbers.get((place[0], "min"), self.document[place[0]]["min"])
                 low = max(low, sampled.min_ratio * least)
+            # a whole number is rounded down, so that all of them are equally likely
             end = high + 1 if place == COUNT else high
             if sampled.spread == "log":
                 value = float(np.exp(rng.uniform(*np.log((low, end)))))
@@ -173,7 +184,7 @@ class SceneDistribution:
         return np.array([numbers[place] for place in self.ranges])
 
     def scene(self, numbers: Floats, name: str = "sampled") -> Scene:
-        """Return the scene of sampled numbers.
+        """Return the scene with given numbers in place of the ranges.
 
         Parameters
         ----------
@@ -182,10 +193,15 @@ class SceneDistribution:
         name
             Name of the scene.
 
+        Returns
+        -------
+        Scene
+            The scene.
+
         Raises
         ------
         ValueError
-            If the scene of these numbers is not valid.
+            For an array of another shape, and if the scene with these numbers is not valid.
         """
         numbers = checks.numbers("numbers", numbers, None, (len(self.ranges),), repr(self))
         sampled = dict(zip(self.ranges, numbers.tolist(), strict=True))
@@ -199,7 +215,7 @@ class SceneDistribution:
         return scene_from_document(document, name, self.file)
 
     def _units(self, height: float, gravity: float) -> dict[Place, float]:
-        """Return the SI values of the units of numbers that are given in heights."""
+        """Return the units of the numbers that are given in heights [m], [rad/s] for the push."""
         return {
             place: float(np.sqrt(gravity / height)) if place == PUSH else height
             for place, sampled in self.ranges.items()
@@ -222,7 +238,7 @@ class SceneDistribution:
         Raises
         ------
         ValueError
-            For a scene that differs from the sampled ones in more than these numbers.
+            For a scene that differs from the sampled ones in more than the sampled numbers.
         """
         checks.require_type("scene", scene, Specification, "a Scene of this distribution")
         tables = scene.document()
@@ -243,11 +259,11 @@ class SceneDistribution:
             if isinstance(table, dict)
         }
         if "first_thickness" not in self.document.get("row", {}):
-            kept["row"].pop("first_thickness")  # the thickness of all
+            kept["row"].pop("first_thickness")  # it follows from the other thicknesses
         return kept | {"objective": tables["objective"]}
 
     def scale(self, numbers: Floats) -> Floats:
-        """Scale numbers to the ranges.
+        """Scale numbers so that each range becomes -1 to 1.
 
         Parameters
         ----------
@@ -257,8 +273,13 @@ class SceneDistribution:
         Returns
         -------
         NDArray
-            (…, V): -1 at the least, 1 at the largest value of each range, in the logarithm where
-            the spread is "log"; 0 for a range of one value.
+            (…, V) scaled numbers, linear in the logarithm of the number if the spread is "log"; 0
+            for a range of one value.
+
+        Raises
+        ------
+        ValueError
+            For an array of another shape.
         """
         shape = (*np.shape(numbers)[:-1], len(self.ranges))
         values = checks.numbers("numbers", numbers, None, shape, repr(self))
@@ -266,6 +287,7 @@ class SceneDistribution:
         for v, sampled in enumerate(self.ranges.values()):
             low, high, x = sampled.min, sampled.max, values[..., v]
             if sampled.spread == "log":
+                # 1e-300: the logarithm of 0 is not finite
                 low, high, x = np.log(low), np.log(high), np.log(np.maximum(x, 1e-300))
             if low < high:
                 scaled[..., v] = 2.0 * (x - low) / (high - low) - 1.0
@@ -279,6 +301,7 @@ def _some_uniform_completes(scene: Scene) -> bool:
     except ValueError:
         return False
     numbers = COARSE_GRID_WITH_THICKNESS if layouts.low[1] < layouts.high[1] else COARSE_GRID
+    # a relative tolerance of 1e-5 suffices to find out whether waves complete
     return bool(layouts.scores(grid(layouts.axes(numbers, np.geomspace)), 1e-5).max() > 0.0)
 
 
@@ -290,17 +313,24 @@ def load_distribution(name: str | Path) -> SceneDistribution:
     name
         Name of a shipped distribution, or path of a TOML file.
 
+    Returns
+    -------
+    SceneDistribution
+        The distribution.
+
     Raises
     ------
+    TypeError
+        For anything but a string or a path.
     ValueError
-        With file, key, value and accepted range; for a file without ranges, which `load_scene`
-        reads.
+        For a file that cannot be read, for invalid tables, with key, value and accepted range, and
+        for a file without ranges, which `load_scene` reads.
     """
     return SceneDistribution(*read_named(name))
 
 
 def load_any(name: str | Path) -> Scene | SceneDistribution:
-    """Load a scene or a distribution of scenes, by name or path."""
+    """Load a scene or a scene distribution, by name or path."""
     document, stem, file = read_named(name)
     read = SceneDistribution if has_ranges(document) else scene_from_document
     return read(document, stem, file)

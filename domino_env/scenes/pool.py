@@ -1,6 +1,6 @@
 """Pools of sampled scenes with their uniform baselines, and test sets of scenes.
 
-`python -m domino_env.scenes.shipping NAME …` samples the shipped ones anew.
+`python -m domino_env.scenes.shipping NAME …` computes the shipped pools and test sets.
 """
 
 from __future__ import annotations
@@ -17,35 +17,46 @@ from domino_env.scenes.io.reading import DISTRIBUTIONS
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_point
 
-POOL_SIZE = 4096  # scenes
-TRAINING_SEED = 0  # of the scenes, with the number of each
-BEYOND_TESTS = 100  # scenes beyond the range of each number
-DIGITS = 5  # of the sampled numbers, for legible files
+POOL_SIZE = 4096  # [scenes]
+TRAINING_SEED = 0  # scene i of a pool has the seed [TRAINING_SEED, i]
+BEYOND_TESTS = 100  # test scenes for each number that is beyond its range in them
+DIGITS = 5  # significant digits of sampled numbers, for legible files
 
-POINT = ("uniform gap", "uniform thickness")  # [m]
+POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 
 
 class ScenePool:
-    """Numbered scenes of a distribution, each with its uniform baseline.
+    """Scenes 0, 1, … of a distribution, each with its uniform baseline.
 
-    The number is the seed of the scene. Scene and baseline are made at their first use; those of
-    the shipped distributions are stored.
+    Scene i is sampled with the seed [0, i]. Scenes and baselines are computed at their first use;
+    those of the shipped distributions are stored.
 
     Parameters
     ----------
     distribution
-        Source of the scenes.
+        Distribution from which the scenes are sampled.
     size
         Number of scenes.
+
+    Attributes
+    ----------
+    numbers
+        (size, V) sampled numbers of the scenes, in the units of their ranges; NaN before the first
+        use.
+    points
+        (size, 2) `best_point` of the scenes; NaN before the first use.
+    features
+        (size, V) numbers scaled by `SceneDistribution.scale`.
     """
 
     def __init__(self, distribution: SceneDistribution, size: int = POOL_SIZE) -> None:
         self.distribution = distribution
         self.numbers = np.full((size, len(distribution.features)), np.nan)
-        self.points = np.full((size, 2), np.nan)  # of the uniform baselines
-        table = _table(distribution, "pool")
+        self.points = np.full((size, 2), np.nan)
+        table = _load_table(distribution, "pool")
         if table is not None:
             n = min(size, len(table))
+            # the last three columns are the point and the score
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
         self.features = distribution.scale(self.numbers)
 
@@ -53,7 +64,7 @@ class ScenePool:
         return len(self.numbers)
 
     def scene(self, i: int) -> Scene:
-        """Return scene i with its uniform baseline."""
+        """Return the scene with index i and its uniform baseline."""
         if np.isnan(self.points[i, 0]):
             self._sample(i)
         return self._scene(i)
@@ -64,7 +75,7 @@ class ScenePool:
 
     def _sample(self, i: int) -> None:
         rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
-        while not score > 0.0:
+        while not score > 0.0:  # scenes without a uniform layout that completes are skipped
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             score = self._scene(i).uniform().score
@@ -77,50 +88,50 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
     Parameters
     ----------
     name
-        Name of a shipped distribution. Every number of the scenes of "varied-beyond" is out of
-        the ranges of "varied".
+        Name of a shipped distribution. All numbers of the scenes of "varied-beyond" are out of the
+        ranges of "varied".
     beyond
-        One of the numbers that "varied" samples (`distribution.features`): only this number is out
-        of its range, and in that of "varied-beyond". None for all numbers in their ranges.
+        Name of one of the numbers that "varied" samples (`SceneDistribution.features`). Only this
+        number is out of its range in "varied", and within its range in "varied-beyond". None for a
+        test set with all numbers in their ranges.
 
     Returns
     -------
     list of Scene
-        200 scenes, or 100 beyond a range, with their uniform baselines.
+        200 scenes, or 100 with one number out of its range, with their uniform baselines.
 
     Raises
     ------
     ValueError
         For a distribution without a test set, and for a number that it does not sample.
     """
-    distribution, kind = load_distribution(name), "test"
-    table = _table(distribution, "test" if beyond is None else "beyond")
+    distribution, label = load_distribution(name), "test"
+    table = _load_table(distribution, "test" if beyond is None else "beyond")
     if table is None:
-        kind = "no test set" if beyond is None else "no test set beyond its ranges"
-        raise_with_path(distribution.file, f"{kind} ships with it: name a shipped distribution")
+        missing = "no test set" if beyond is None else "no test set beyond its ranges"
+        raise_with_path(distribution.file, f"{missing} ships with it: name another, as 'varied'")
     if beyond is not None:
         require_choice("beyond", beyond, distribution.features)
         first = BEYOND_TESTS * distribution.features.index(beyond)
-        table, kind = table[first : first + BEYOND_TESTS], f"beyond-{beyond.replace(' ', '-')}"
-    prefix = f"{distribution.name}-{kind}"
+        table, label = table[first : first + BEYOND_TESTS], f"beyond-{beyond.replace(' ', '-')}"
+    prefix = f"{distribution.name}-{label}"
+    # the last two columns are the point
     return [
         distribution.scene(numbers[:-2], f"{prefix}-{i}").with_uniform(numbers[-2:])
         for i, numbers in enumerate(table)
     ]
 
 
-def _table(distribution: SceneDistribution, kind: str) -> Floats | None:
-    """Return the shipped table of a distribution; None if it was made for another one."""
+def _load_table(distribution: SceneDistribution, kind: str) -> Floats | None:
+    """Load the shipped table "pool", "test" or "beyond"; None if this distribution has none."""
     file = DISTRIBUTIONS / f"{distribution.name}.{kind}.csv"
-    if not file.is_file():
-        return None
-    lines = file.read_text("utf-8").splitlines()
+    lines = file.read_text("utf-8").splitlines() if file.is_file() else [""]
     if lines[0] != make_stamp(distribution):
         return None
     return np.loadtxt(lines[2:], delimiter=",", ndmin=2)
 
 
 def make_stamp(distribution: SceneDistribution) -> str:
-    """Return the first line of files made for a distribution as it is now."""
+    """Return the first line of the tables of a distribution, which identifies its ranges."""
     document = {k: v for k, v in distribution.document.items() if k not in ("name", "title")}
     return "# " + hashlib.sha256(repr(document).encode()).hexdigest()

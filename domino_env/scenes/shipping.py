@@ -1,7 +1,7 @@
 """Computation of the shipped files of scenes and distributions.
 
-python -m domino_env.scenes.shipping            JSON Schema and uniform baselines of the scenes
-python -m domino_env.scenes.shipping NAME …     pool and test set of distributions
+python -m domino_env.scenes.shipping            JSON Schema and uniform baselines of all scenes
+python -m domino_env.scenes.shipping NAME …     pools and test sets of the named distributions
 """
 
 from __future__ import annotations
@@ -22,26 +22,25 @@ from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, POINT, ScenePool, make_stamp
-from domino_env.scenes.uniform import SHIPPED, best_point, stamp
+from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
 HERE = Path(__file__).parent
 SCHEMA = HERE / "shipped" / "scene.schema.json"
-TEST_SEED, TEST_SIZE = 1, 200  # seed and number of the scenes of a test set
-
-
+TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
+# tables in which a number may be a range
 RANGE_TABLES = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
-"""Tables in which a number may be a range."""
 
 
 def scene_schema() -> dict[str, Any]:
-    """Return the schema of a scene's file, draft 2020-12."""
+    """Return the JSON Schema of scene files, draft 2020-12."""
     schema_of_file = msgspec.json.schema(tables.SceneFile)
-    classes = vars(tables) | {o.table.__name__: o.table for o in OBJECTIVES.values() if o.table}
+    settings = [kind.table for kind in OBJECTIVES.values() if kind.table]
+    classes = vars(tables) | {table.__name__: table for table in settings}
     definitions: dict[str, dict[str, Any]] = {
         name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
         for name, schema in schema_of_file["$defs"].items()
     }
-    for schema in definitions.values():  # the first paragraph of the docstring
+    for schema in definitions.values():  # only the first paragraph of the docstring
         schema["description"] = schema["description"].partition("\n\n")[0]
     for name in RANGE_TABLES:
         for key, field in definitions[name]["properties"].items():
@@ -55,13 +54,13 @@ def scene_schema() -> dict[str, Any]:
 
 def _number_or_range(field: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a number, or of the range from which it is sampled."""
-    about = {key: field[key] for key in ("description", "default") if key in field}
-    number = {key: value for key, value in field.items() if key not in about}
-    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | about
+    shared = {key: field[key] for key in ("description", "default") if key in field}
+    number = {key: value for key, value in field.items() if key not in shared}
+    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | shared
 
 
 def _without_null(schema: Any) -> Any:
-    """Return a schema without null, which TOML does not have: keys may be left out instead."""
+    """Return a schema without null, which TOML does not have: a key is left out instead."""
     if isinstance(schema, list):
         return [_without_null(entry) for entry in schema if entry != {"type": "null"}]
     if not isinstance(schema, dict):
@@ -73,24 +72,24 @@ def _without_null(schema: Any) -> Any:
 
 
 def write_scenes() -> None:
-    """Write the JSON Schema and the uniform baselines of scenes."""
+    """Write the JSON Schema and the uniform baselines of the shipped scenes."""
     write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
     baselines = {
         name: {"stamp": stamp(scene), "point": best_point(scene).tolist()}
         for name, scene in scenes.items()
     }
-    write_text(HERE / "shipped" / SHIPPED, json.dumps(baselines, indent=1) + "\n")
+    write_text(HERE / "shipped" / POINTS_FILE, json.dumps(baselines, indent=1) + "\n")
 
 
 def write_distribution(name: str) -> None:
-    """Write the test set of a distribution, and its pool if policies are trained on it."""
+    """Write the test sets of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
     columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
     entries_of = {"test": (columns, _test_scenes(distribution, TEST_SIZE))}
     if name == "varied":
-        beyond = [_with_wider_range(distribution, place) for place in distribution.ranges]
-        entries_of["beyond"] = (columns, [x for d in beyond for x in _test_scenes(d, BEYOND_TESTS)])
+        wider = [_with_wider_range(distribution, place) for place in distribution.ranges]
+        entries_of["beyond"] = (columns, [x for d in wider for x in _test_scenes(d, BEYOND_TESTS)])
     if name != "varied-beyond":
         bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
         scores = [pool.scene(i).uniform().score for i in bar]
@@ -103,7 +102,7 @@ def write_distribution(name: str) -> None:
 
 
 def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[float]]:
-    """Sample scenes of a test set: their numbers and the points of their uniform baselines."""
+    """Return the sampled numbers of test scenes, each with `best_point` of the scene."""
     scenes = []
     for i in progress_bar(None, iterable=range(number), total=number, unit=" test scenes"):
         numbers = distribution.sample_numbers(np.random.default_rng([TEST_SEED, i]), DIGITS)

@@ -93,17 +93,16 @@ class RangeTable(Table):
         if low > high:
             raise ValueError(f"min = {low} is more than max = {high}: give min <= max")
         if self.step is not None and (high - low) / self.step >= MAX_COMBINATIONS:
-            raise ValueError(
-                f"step = {self.step} m: {MAX_COMBINATIONS:,} values or more; enlarge it"
-            )
+            values = f"{MAX_COMBINATIONS:,} values or more"
+            raise ValueError(f"step = {self.step} m gives {values}: make it larger")
 
     @classmethod
     def from_bounds(
         cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
     ) -> dict[str, Any]:
-        """Return the document of the table with other entries whose `domain` is the arguments.
+        """Return the document of a table with these bounds and values; inverse of `domain`.
 
-        Errors begin with `name`.
+        `entries` are the other keys of the table. Messages of errors begin with `name`.
         """
         low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
         if values is None:
@@ -211,7 +210,7 @@ class SceneTables(Table, kw_only=True):
         return value
 
     def first_thickness(self) -> float:
-        """Return the thickness of domino 0 [m], by default the smallest of the others."""
+        """Return the thickness of domino 0 [m], by default the fixed one of the others."""
         if self.row.first_thickness is not None:
             return self.row.first_thickness
         assert self.thickness is not None

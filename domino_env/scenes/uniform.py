@@ -1,4 +1,4 @@
-"""The uniform baseline of a scene: the best layout of one gap and one thickness."""
+"""The uniform baseline of a scene: the best layout with equal gaps and thicknesses."""
 
 from __future__ import annotations
 
@@ -28,49 +28,49 @@ from domino_env.scenes.uniform_layouts import UniformLayouts
 Scorer = Callable[[Floats, float], Floats]
 """Function from points (P, 2) and the size of their cells [m] to scores (P,)."""
 
-SHIPPED = "uniform.json"
-LONG_COUNT = 1000  # dominoes from which on the search takes seconds, and is announced
-MAX_GRID = 1_100_000  # dominoes of a first grid up to which whole layouts are simulated
-COARSE_CHANGE, FINE_CHANGE = 1e-8, 1e-12  # relative change of the velocity that counts as steady
-FINE_CELL = 1e-5  # [m] cells from which on `FINE_CHANGE` is used
-SAME_SCORE = 1e-9  # relative difference of scores by the first dominoes and by all
+POINTS_FILE = "uniform.json"
+LONG_COUNT = 1000  # [dominoes] from this number on, a search takes seconds and is announced
+MAX_GRID = 1_100_000  # [dominoes] of a first grid whose layouts are simulated whole
+# largest relative change of the velocity of a steady wave, for cells above and up to `FINE_CELL`
+COARSE_CHANGE, FINE_CHANGE = 1e-8, 1e-12
+FINE_CELL = 1e-5  # [m]
+SAME_SCORE = 1e-9  # largest relative difference of a score by the first dominoes from one by all
 
 
 class Fineness(NamedTuple):
-    """Settings of a search by grids: `line` and `plane` points per axis if one or both are free.
+    """Settings of a search by finer and finer grids."""
 
-    Later grids have `around` points per axis about each of the best `keep` points (first, later
-    grids), in cells that shrink by the factor `shrink` until they are at most `finest` [m].
-    """
-
-    line: int
-    plane: int
-    keep: tuple[int, int]
-    around: int
-    shrink: float
-    finest: float
-    rtol: float
+    line: int  # points of the first grid if one number is free
+    plane: int  # points of the first grid per axis if both numbers are free
+    keep: tuple[int, int]  # best points of the first and of each later grid that are refined
+    around: int  # points per axis of a finer grid about one of these
+    shrink: float  # ratio of the cells of two successive grids
+    finest: float  # largest cell of the last grid [m]
+    rtol: float  # relative tolerance of the arrival times
 
 
 FULL = Fineness(1024, 96, (6, 6), 9, 4.0, 1e-9, 1e-11)
 BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))
-RANDOM = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)  # as a mean over draws is noisy
-QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)  # the score errs by the square of the gap
-FREE_STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)  # scores are known to some 3e-4
+# scores over random draws are noisy, so that finer grids gain nothing
+RANDOM = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)
+# the error of the score is of second order in that of the gap
+QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)
+# scores on a floor have errors of about 3e-4
+FREE_STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
 class UniformBaseline:
-    """Best uniform layout of a scene, with which every design is compared.
+    """Best uniform layout of a scene, with which every layout is compared.
 
     Attributes
     ----------
     layout
-        The layout.
+        The uniform layout.
     wave
-        Its wave.
+        Wave of the layout with fixed pivots.
     score
-        Its score.
+        Score of the layout in the scene.
     """
 
     layout: Layout
@@ -82,7 +82,7 @@ class UniformBaseline:
 
 def format_gain(value: float, digits: int = 2) -> str:
     """Format a gain as "3.18% over", "0.29% below" or "level with"."""
-    if abs(value) < 0.5 * 0.1 ** (digits + 2):
+    if abs(value) < 0.5 * 0.1 ** (digits + 2):  # it would be rounded to 0%
         return "level with"
     return f"{abs(value):.{digits}%} {'over' if value >= 0.0 else 'below'}"
 
@@ -98,7 +98,7 @@ def gain(score: float, reference: float) -> float | None:
     Returns
     -------
     float or None
-        score / reference - 1; None if one of the waves stops, as its score is no speed.
+        score / reference - 1; None if one of them is 0 or less, as without a success.
     """
     return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
 
@@ -106,34 +106,35 @@ def gain(score: float, reference: float) -> float | None:
 def best_uniform(
     scene: Specification, known: tuple[float, float] | None = None, seconds: float | None = None
 ) -> tuple[Layout, float | None]:
-    """Return the best layout of one pitch and one thickness within the scene's rules.
+    """Return the best layout with one gap and one thickness within the scene's rules.
 
-    The first domino has the scene's thickness. The dominoes of a stock stand in the order given at
-    one pitch, or at one gap if the rules allow no such pitch. If they are drawn in random order,
-    they stand at one gap in the order of drawing, and the score is the mean over the orders of
-    seeds 0 to 63; the layout has the first of these orders. If heights grow, gaps have one ratio to
-    the heights, and heights to those before. If lists of allowed values do not meet a length, the
-    baseline is that without the lists.
+    The first domino has the thickness that the scene gives it. The dominoes of a stock stand in the
+    order of its kinds, at one pitch, or at one gap if the rules allow no such pitch. If they are
+    drawn in random order, they stand at one gap in that order, and the score is the mean over the
+    orders of the seeds 0 to 63; the layout has the first of these orders. If heights grow, all gaps
+    have the same ratio to the height of the domino before them, and all heights the same ratio to
+    the height before. If no layout with listed values has the length of the scene, the lists are
+    ignored.
 
-    Baselines of the shipped scenes come with the package.
+    Baselines of the shipped scenes are stored in the package.
 
     Parameters
     ----------
     scene
         The scene.
     known
-        Result of `best_point`; None to find it.
+        Result of `best_point`; None to search for it.
     seconds
-        Time after which the search on a floor ends, with the best so far [s]; at least one layout
-        is simulated. None for no limit.
+        Time limit of the search on a floor [s], which ends with the best layout so far; at least
+        one layout is simulated. None for no limit.
 
     Returns
     -------
     layout : Layout
-        The layout.
+        The best layout.
     score : float or None
-        Its score if it is a mean over orders, or known from the search on a floor; None if it has
-        to be computed.
+        Score of the layout if it is a mean over orders or the result of a search on a floor; None
+        if it has not been computed.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def best_uniform(
     layouts, score = uniform_layouts(scene), None
     point = known or _shipped_points().get(stamp(scene))
     if point is None and scene.count >= LONG_COUNT:
-        notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
+        notice(f"searching for the uniform baseline of '{one_line(scene.name, 40)}' ...")
     if point is not None or scene.floor_friction is None:
         best = best_point(scene) if point is None else np.array(point)
         if scene.hand:
@@ -154,15 +155,20 @@ def best_uniform(
 
 
 def best_point(scene: Specification, *, quick: bool = False) -> Floats:
-    """Return the two numbers (2,) of the uniform baseline, as of `UniformLayouts`.
+    """Return the two numbers (2,) of the uniform baseline, a point of `UniformLayouts`.
 
     Parameters
     ----------
     scene
         The scene.
     quick
-        Simulate some hundred layouts instead of thousands: the gap has an error of 1 µm, and the
-        lower of two peaks of nearly the same height may be returned.
+        Simulate some hundred layouts instead of thousands. The gap then has an error of 1 µm, and
+        of two local maxima of nearly the same score the lower one may be returned.
+
+    Returns
+    -------
+    NDArray
+        (2,) gap and thickness of the best layout, or the numbers that replace them [m].
 
     Raises
     ------
@@ -171,14 +177,15 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
 
     Notes
     -----
-    The speed has several peaks, and steps at the edge of stopping waves. Therefore a grid over both
-    numbers is followed by finer grids around the best points. If no layout is a success, the result
-    is the best of the failures. Long layouts are scored by their first dominoes, and the
+    The score has several local maxima, and it jumps where waves begin to stop. Therefore a grid
+    over both numbers is followed by finer grids around the best points. If no layout is a success,
+    the best of the failures is returned. Long layouts are scored by their first dominoes, and the
     best of them is simulated whole; if its score then differs, all are simulated whole.
 
-    Free-standing layouts take long to simulate: the first grid is that of the analytic model, and
-    its best places, some distance apart, are the first that are simulated on the floor. The gap
-    then has an error of about 0.3 mm, the speed, as the maximum is flat, of about 3e-4.
+    Free-standing layouts take long to simulate. Therefore the first grid is simulated with fixed
+    pivots, and only its best points, some distance apart, are simulated on the floor. The error of
+    the gap is then about 0.3 mm. The relative error of the speed is about 3e-4, as the maximum is
+    flat.
     """
     layouts = uniform_layouts(scene)
     if scene.floor_friction is not None:
@@ -186,7 +193,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     is_random = scene.criterion.simulates_anew or scene.hand > 0
     fineness = QUICK if quick else RANDOM if is_random else FULL
     points = grid(_axes(layouts, fineness))
-    if layouts.steady and not quick and scene.count * len(points) > MAX_GRID:
+    if layouts.extendable and not quick and scene.count * len(points) > MAX_GRID:
 
         def by_prefix(points: Floats, cell: float) -> Floats:
             change = COARSE_CHANGE if cell > FINE_CELL else FINE_CHANGE
@@ -210,10 +217,10 @@ def uniform_layouts(scene: Specification) -> UniformLayouts:
 
 def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, float]:
     """Return the best point (2,) on a floor and its score; after `seconds`, the best so far."""
-    began, evaluated = time.perf_counter(), list[tuple[float, Floats]]()
+    start, evaluated = time.perf_counter(), list[tuple[float, Floats]]()
 
     def is_late() -> bool:
-        return bool(evaluated) and time.perf_counter() > began + seconds
+        return bool(evaluated) and time.perf_counter() > start + seconds
 
     def score(points: Floats, _: float) -> Floats:
         for piece in np.array_split(points, -(-len(points) // allowed_threads())):
@@ -229,7 +236,7 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
         point = _search(layouts, FREE_STANDING, score, points[chosen])
         return point, next(value for value, at in evaluated if np.array_equal(at, point))
     except StoppedError:
-        notice("the uniform baseline on the floor is approximate: its search reached its limit")
+        notice(f"the uniform baseline is approximate: its search on a floor took {seconds:g} s")
         best, point = max(evaluated, key=lambda entry: entry[0])
         return point, best
 
@@ -248,12 +255,13 @@ def grid(axes: list[Floats]) -> Floats:
 def _search(
     layouts: UniformLayouts, fineness: Fineness, score: Scorer, start: Floats | None = None
 ) -> Floats:
-    """Find the point (2,) of the highest score by finer and finer grids around the best points.
+    """Find the point (2,) with the highest score by finer and finer grids around the best points.
 
-    The first points are `start` (P, 2), or a grid.
+    The first points are `start` (P, 2); None for a grid.
     """
     axes = _axes(layouts, fineness)
-    # distance of the first points; an axis whose values are on a list is not refined
+    # distances of the first points on each axis; 0 for an axis that is not refined, as its values
+    # are listed or fixed
     cell = np.array([
         axis[1] - axis[0] if len(axis) > 1 and values is None else 0.0
         for axis, values in zip(axes, layouts.allowed, strict=True)
@@ -271,17 +279,20 @@ def _search(
         scores = score(points, float(cell.max()))
         cell, keep = cell / fineness.shrink, fineness.keep[1]
     equal = np.flatnonzero(first_scores >= scores.max())
-    if len(equal):  # the middle of a plateau, as beyond its edge the wave stops
+    if len(equal):  # the middle of several equal scores, as waves stop beyond their ends
         return np.asarray(first[equal[len(equal) // 2]])
     return np.asarray(points[int(np.argmax(scores))])
 
 
 def _separate_points(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
-    """Return the indices of the `keep` best points that are not within `distance` of a better."""
+    """Return the indices of the best points, at most `keep`.
+
+    Points within `distance` (2,) of a better one are left out.
+    """
     chosen: list[int] = []
     for i in np.argsort(-scores, kind="stable"):
-        gap = np.abs(points[chosen] - points[i])
-        if not np.any(np.all(gap <= distance, axis=1)):
+        is_near = np.abs(points[chosen] - points[i]) <= distance
+        if not np.any(np.all(is_near, axis=1)):
             chosen.append(int(i))
         if len(chosen) == keep:
             break
@@ -294,21 +305,22 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     Parameters
     ----------
     scene
-        Scene whose rules the layout keeps.
+        Scene whose rules the layout satisfies.
     baseline
-        Its uniform baseline with fixed pivots, or the first dominoes of it.
+        Uniform baseline of the scene, or its first dominoes.
     floor
-        Friction of the floor; None for fixed pivots.
+        Coefficient of friction of the floor; None for fixed pivots.
 
     Returns
     -------
     Layout
-        As many dominoes as the baseline has; the baseline itself if the scene scores no speed, if
-        it has a length that fewer dominoes do not meet, and if pieces are drawn in random order.
+        Layout of as many dominoes as the baseline has. It is the baseline itself if the score is
+        not a speed, if pieces are drawn in random order, and if the baseline is the first dominoes
+        of a layout with a given length.
     """
-    whole = baseline.count == scene.count
-    no_other = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not whole)
-    if no_other or (floor is None and whole):
+    is_whole = baseline.count == scene.count
+    is_unique = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
+    if is_unique or (floor is None and is_whole):
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
@@ -317,7 +329,7 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
 
 
 def stamp(scene: Specification) -> str:
-    """Return a digest of all fields on which the baseline may depend: all but name and title."""
+    """Return a digest of the fields on which the baseline depends: all but name and title."""
     tables = scene.document() | {"name": None, "title": None}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
@@ -325,6 +337,6 @@ def stamp(scene: Specification) -> str:
 @cache
 def _shipped_points() -> dict[str, tuple[float, float]]:
     """Return the best points of the shipped scenes, by their digests."""
-    file = resources.files("domino_env.scenes") / "shipped" / SHIPPED
+    file = resources.files("domino_env.scenes") / "shipped" / POINTS_FILE
     entries = json.loads(file.read_text("utf-8")).values()
     return {entry["stamp"]: entry["point"] for entry in entries}

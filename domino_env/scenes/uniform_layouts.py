@@ -1,8 +1,8 @@
-"""Uniform layouts of a scene by two numbers, and their scores.
+"""Uniform layouts of a scene, given by two numbers, and their scores.
 
-Later dominoes do not change earlier motion, so the first dominoes of a long layout fall as those of
-a short one. If the intervals between hits of the short one have become constant, the wave of the
-long one is extrapolated.
+Later dominoes do not change earlier motion, so the first dominoes of a long layout topple as in a
+short one. If the intervals between hits have become constant in the short layout, its wave is
+extrapolated to the long one.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from domino_env.scenes.rules import is_listed
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.waves import LayoutBatch, Waves
 
-PREFIX_RTOL = 1e-11
-MAX_BATCH = 4_000_000  # dominoes at once, some 200 MB
-FIRST_PREFIX = 64  # dominoes of the first prefixes; prefixes that are not steady are doubled
+PREFIX_RTOL = 1e-11  # relative tolerance of the arrival times of prefixes
+MAX_BATCH = 4_000_000  # [dominoes] simulated in one call, which takes some 200 MB
+FIRST_PREFIX = 64  # [dominoes] of the first prefixes; those whose waves are not steady are doubled
 PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, over which scores are means
-WINDOW = 4  # one part in four of a prefix, the last, has to be steady
+WINDOW = 4  # the last 1/WINDOW of a prefix has to be steady
 
 
-def _extend(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, NDArray[np.bool_]]:
+def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[Waves, NDArray[np.bool_]]:
     """Simulate the first dominoes of B uniform layouts and extend their waves to `count` dominoes.
 
     Parameters
@@ -35,31 +35,31 @@ def _extend(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, NDAr
         The first dominoes.
     count
         Number N of dominoes of the whole layouts.
-    steady
-        Largest relative change of the velocity at release that counts as steady.
+    change
+        Largest relative change of the velocity at release in a steady wave.
 
     Returns
     -------
     waves : Waves
         Waves of the whole layouts, without arrival times if they are extended.
-    settled : NDArray
-        (B,) True if the prefix was long enough: the wave was steady, or stopped.
+    is_final : NDArray
+        (B,) True if the prefix is long enough: its wave is steady, or stops.
     """
-    n, more = prefix.count, count - prefix.count
+    n, missing = prefix.count, count - prefix.count
     batch = prefix.simulate(record=True)
     waves = Waves.from_batch(batch, prefix)
-    if more == 0:
+    if missing == 0:
         return waves, np.ones(len(prefix), np.bool_)
     window = n // WINDOW
-    last = batch.release_velocity[:, -window:]
-    same = np.ptp(last, axis=1) <= steady * last[:, -1]
-    # in the last fall of a prefix nothing is struck: in the whole layout the wave might stop there
-    settled = np.where(waves.propagated, same, waves.reach * n < n - 1)
+    velocities = batch.release_velocity[:, -window:]
+    is_steady = np.ptp(velocities, axis=1) <= change * velocities[:, -1]
+    # the last domino of a prefix hits no other: how its fall ends shows in a longer prefix only
+    is_final = np.where(waves.propagated, is_steady, waves.reach * n < n - 1)
     times = np.where(waves.propagated[:, None], batch.arrival_times, 0.0)
     interval = (times[:, -1] - times[:, -1 - window]) / window
     pitch = prefix.spacing + prefix.thickness[:, 1:]
-    length = pitch.sum(axis=1) + more * pitch[:, -1]
-    time = times[:, -1] + more * interval
+    length = pitch.sum(axis=1) + missing * pitch[:, -1]
+    time = times[:, -1] + missing * interval
     return replace(
         waves,
         reach=np.where(waves.propagated, 1.0, waves.reach * n / count),
@@ -67,25 +67,38 @@ def _extend(prefix: LayoutBatch, count: int, steady: float) -> tuple[Waves, NDAr
         toppled=np.where(waves.propagated, count, waves.toppled),
         arrival_times=np.empty((len(prefix), 0)),
         count=count,
-    ), settled
+    ), is_final
 
 
 class UniformLayouts:
-    """Uniform layouts of a scene by two numbers: gap and thickness.
+    """Uniform layouts of a scene, each given by a point: two numbers, gap and thickness [m].
 
-    The first may be the pitch or the gap over the height instead, the second the growth.
+    In a scene in heights of dominoes, the numbers are ratios to the height, and if heights grow,
+    the second is the growth. With a stock, the first may be the pitch, and the second is 0.
+
+    Parameters
+    ----------
+    scene
+        The scene.
 
     Attributes
     ----------
     low, high
         (2,) bounds of the two numbers.
     allowed
-        Values of each that are evaluated; None for any.
+        Allowed values of each number; None for any within its bounds.
+    thicknesses
+        (N-1,) thicknesses of the pieces of a stock in their order [m]; empty without a stock.
+    one_pitch
+        True if the first number is the pitch of pieces of different thickness.
+    orders
+        (M, N-1) thicknesses in the random orders over which scores are means [m]; one order of
+        zeros if pieces are not drawn in random order.
 
     Raises
     ------
     ValueError
-        If the rules of the scene leave no uniform layout.
+        If the rules of the scene allow no uniform layout.
     """
 
     def __init__(self, scene: Specification) -> None:
@@ -105,7 +118,7 @@ class UniformLayouts:
             pitch = first[0] + self.thicknesses.max(), first[1] + self.thicknesses.min()
             mean = pitch[0] if scene.length is None else scene.length / pairs
             self.one_pitch = scene.spacing_values is None and pitch[0] <= mean <= pitch[1]
-            if scene.hand:  # in the order of drawing, which the gap does not depend on
+            if scene.hand:  # the order of drawing is random, so one gap is used for all
                 self.thicknesses, self.one_pitch = self.orders[0], False
             if scene.largest_change is not None and pairs > 1:
                 largest = float(np.abs(np.diff(self.thicknesses)).max())
@@ -115,21 +128,22 @@ class UniformLayouts:
         self.low, self.high = np.array([first, second]).T.copy()
         if scene.length is not None:
             self._meet_length(scene.length / pairs)
+        # 1e-12 m here and below: rounding
         if self.low[0] > self.high[0] + 1e-12 or self.low[1] > self.high[1] + 1e-12:
-            description = f"{scene.length} m long" if scene.length is not None else "of one pitch"
             raise ValueError(
                 f"scene '{scene.name}': no uniform layout of {scene.count} dominoes is "
-                f"{description} within spacing {scene.spacing} m and thickness {scene.thickness} m"
+                f"{scene.length} m long within spacing {scene.spacing} m and thickness "
+                f"{scene.thickness} m: change the length or the bounds"
             )
 
     def _meet_length(self, pitch: float) -> None:
-        """Restrict the thickness, or the gap of a stock, so that the mean pitch [m] is met."""
+        """Restrict the numbers to those with a mean pitch [m]; low > high if there are none."""
         scene, gaps = self.scene, self.allowed[0]
         self.allowed[0] = None
         if scene.stock is not None:
             exact = pitch if self.one_pitch else pitch - float(self.thicknesses.mean())
-            possible = gaps is None or bool(is_listed(np.array([exact]), gaps).all())
-            self.low[0] = max(self.low[0], exact) if possible else np.inf
+            is_allowed = gaps is None or bool(is_listed(np.array([exact]), gaps).all())
+            self.low[0] = max(self.low[0], exact) if is_allowed else np.inf
             self.high[0] = min(self.high[0], exact)
             return
         self.low[1] = max(self.low[1], pitch - scene.spacing[1])
@@ -150,7 +164,11 @@ class UniformLayouts:
     def axes(
         self, numbers: tuple[int, int], spread: Callable[..., Floats] = np.linspace
     ) -> list[Floats]:
-        """Return the values of a grid for both numbers: the allowed ones, or as many as given."""
+        """Return the values of a grid for both numbers.
+
+        They are the allowed values if these are listed, else `numbers` values from `spread`, a
+        function such as `numpy.linspace`.
+        """
         bounds = zip(self.low, self.high, self.allowed, numbers, strict=True)
         return [
             spread(low, high, 1 if low == high else number) if values is None else np.array(values)
@@ -160,19 +178,19 @@ class UniformLayouts:
     def sizes_at(
         self, points: Floats, pairs: int | None = None
     ) -> tuple[Floats, Floats, Floats | None]:
-        """Return gaps, thicknesses and, if they grow, heights of dominoes 1 … N-1.
+        """Return gaps, thicknesses and, if heights grow, heights of dominoes 1 … N-1.
 
         Parameters
         ----------
         points
             (B, 2) points.
         pairs
-            Number of gaps N - 1 of the first dominoes, if the layouts are `steady`; None for all.
+            Number of gaps N-1 of the first dominoes, if the layouts are `extendable`; None for all.
 
         Returns
         -------
         tuple
-            Three arrays (B, N-1) [m]; None for equal heights.
+            Three arrays (B, N-1) [m]; None in place of equal heights.
         """
         scene = self.scene
         ones = np.ones(pairs or scene.count - 1)
@@ -199,16 +217,16 @@ class UniformLayouts:
         return self.scene.batch(*self.sizes_at(point[None])).layout(0)
 
     @property
-    def steady(self) -> bool:
-        """True if the score follows from the first dominoes: all but the first are alike."""
+    def extendable(self) -> bool:
+        """True if scores follow from the first dominoes, as all but the first are alike."""
         criterion = self.scene.criterion
         needs_all = criterion.simulates_anew or criterion.needs_arrivals
         return self.scene.is_homogeneous and not needs_all
 
     def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
-        """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`.
+        """Return the scores (B,) of the layouts at points (B, 2); `stop` as in `LayoutBatch`.
 
-        If pieces are drawn in random order, the score is the mean over `orders`.
+        If pieces are drawn in random order, scores are means over `orders`.
         """
         scene, orders = self.scene, len(self.orders)
         simulations = scene.criterion.simulations_per_score * orders
@@ -222,24 +240,25 @@ class UniformLayouts:
             scores.append(scene.criterion.evaluate(batch).score.reshape(-1, orders).mean(axis=1))
         return np.concatenate(scores)
 
-    def scores_by_prefix(self, points: Floats, steady: float) -> Floats:
-        """Return (B,) scores of `steady` layouts, with a relative error of about `steady`.
+    def scores_by_prefix(self, points: Floats, change: float) -> Floats:
+        """Return the scores (B,) of `extendable` layouts at points (B, 2) from the first dominoes.
 
-        Only the first dominoes are simulated, as many as their waves need to become steady.
+        As many dominoes are simulated as the waves need until their velocities change by at most
+        `change`, which is about the relative error of the scores.
         """
         scene = self.scene
         gaps, thicknesses, _ = self.sizes_at(points, 1)
         scores = np.empty(len(points))
-        left, n = np.arange(len(points)), FIRST_PREFIX
-        while len(left):
+        indices, n = np.arange(len(points)), FIRST_PREFIX
+        while len(indices):
             n = min(n, scene.count)
             size = max(1, MAX_BATCH // n)
-            ones, unsettled = np.ones(n - 1), []
-            for i in range(0, len(left), size):
-                part = left[i : i + size]
+            ones, unfinished = np.ones(n - 1), []
+            for i in range(0, len(indices), size):
+                part = indices[i : i + size]
                 prefix = scene.batch(gaps[part] * ones, thicknesses[part] * ones, rtol=PREFIX_RTOL)
-                waves, settled = _extend(prefix, scene.count, steady)
+                waves, is_final = _extend(prefix, scene.count, change)
                 scores[part] = scene.criterion.score(waves).score
-                unsettled.append(part[~settled])
-            left, n = np.concatenate(unsettled), 2 * n
+                unfinished.append(part[~is_final])
+            indices, n = np.concatenate(unfinished), 2 * n
         return scores

@@ -1,4 +1,4 @@
-"""Batches of layouts, and the results of their waves on which scores depend."""
+"""Batches of layouts, and the results of waves from which scores are computed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, require_wave, simulate_batch
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 
-FREE_STANDING_RTOL = 1e-3  # for any requested tolerance, as their error is some 2e-4
-FREE_STANDING_COST = 10_000  # run time of a free-standing layout, in analytic waves
+# relative tolerance of free-standing simulations for any `rtol` of a batch; errors are about 2e-4
+FREE_STANDING_RTOL = 1e-3
+FREE_STANDING_COST = 10_000  # run time of a free-standing simulation over that of an analytic wave
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +48,10 @@ class LayoutBatch:
     rtol
         Relative tolerance of the arrival times.
     ground
-        Ground on which they stand; None for flat ground.
+        Ground on which the layouts stand; None for flat ground.
     stop
-        Function that ends a simulation on a floor, see `simulate_standing`; None for none.
+        Function that ends a simulation on a floor if it returns True, see `simulate_standing`; None
+        for none.
     """
 
     spacing: Floats
@@ -78,19 +80,19 @@ class LayoutBatch:
         return replace(self, spacing=spacing, thickness=thickness, height=heights)
 
     def layout(self, b: int) -> Layout:
-        """Return layout b."""
+        """Return the layout with index b."""
         heights = self.height[b % len(self.height)]
         sizes = self.spacing[b], self.thickness[b], heights, self.width, self.density
         return Layout(*sizes) if self.ground is None else Layout(*sizes, self.rise[b], self.tilt[b])
 
     @property
     def rise(self) -> Floats:
-        """(B, N-1) rises of the pivots, as of `Layout` [m]."""
+        """(B, N-1) rises from pivot to pivot, as in `Layout` [m]."""
         return self._rise_and_tilt[0]
 
     @property
     def tilt(self) -> Floats:
-        """(B, N) slopes under the dominoes, as of `Layout` [rad]."""
+        """(B, N) tilts of the dominoes, as in `Layout` [rad]."""
         return self._rise_and_tilt[1]
 
     @cached_property
@@ -103,13 +105,14 @@ class LayoutBatch:
         """Simulate all layouts; the arguments are those of `domino_env.simulate_batch`.
 
         On uneven ground, placement noise may make a gap so narrow that dominoes lean against each
-        other: the wave stops there, as it does where a gap is out of reach.
+        other. Such a gap is replaced by one that is out of reach, so that the wave stops there.
         """
         gaps, ground = self.spacing, {}
         if self.ground is not None:
             ground = {"rise": self.rise, "tilt": self.tilt}
             if not self.ground.is_even:
                 arrays = gaps, self.thickness, self.height, self.rise, self.tilt
+                # a gap of two heights is out of reach
                 gaps = np.where(footing.impassable(*arrays), 2.0 * self.height[:, :-1], gaps)
         return simulate_batch(
             gaps, self.thickness, self.physics, height=self.height, density=self.density,
@@ -117,20 +120,20 @@ class LayoutBatch:
         )  # fmt: skip
 
     def along_ground(self, gradient: Gradient) -> Gradient:
-        """Return a gradient for dominoes that move along the ground."""
+        """Convert a gradient as `Ground.along_ground` does; on flat ground it is unchanged."""
         return gradient if self.ground is None else self.ground.along_ground(gradient, self)
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """Results on which scores depend, of the waves of B layouts of N dominoes each.
+    """Results of the waves of B layouts of N dominoes each, from which scores are computed.
 
     Attributes
     ----------
     propagated
         (B,) True if the wave completes.
     reach, mean_speed, toppled, lowest_stall_margin, largest_flush_loss
-        (B,) as of `WaveBatch`.
+        (B,) as in `WaveBatch`; the speed in m/s.
     arrival_times
         (B, N) arrival times [s]; (B, 0) if they are not recorded.
     last_height
@@ -164,47 +167,53 @@ class Waves:
 
     @classmethod
     def from_waves(cls, waves: Sequence[Wave], count: int) -> Self:
-        """Return the results of single waves, also of layouts not yet complete.
+        """Return the results of single waves, also of those of incomplete layouts.
 
         Parameters
         ----------
         waves
             Waves of layouts of at most `count` dominoes.
         count
-            Number N of dominoes of the complete layouts.
+            Number N of dominoes of complete layouts.
+
+        Raises
+        ------
+        TypeError
+            For anything but waves.
         """
         times = np.full((len(waves), count), np.inf)
-        numbers = np.empty((len(waves), 7))
+        results = np.empty((len(waves), 7))
         for b, wave in enumerate(waves):
             require_wave(f"waves[{b}]", wave)
             times[b, : wave.layout.count] = wave.arrival_times
             margins = wave.stall_margin
             margins = margins[np.isfinite(margins)]
-            numbers[b] = (
+            results[b] = (
                 wave.outcome == Outcome.PROPAGATED, wave.reach, wave.mean_speed, wave.toppled,
                 np.minimum.reduce(margins) if len(margins) else 0.0, wave.largest_flush_loss,
                 wave.layout.height[-1],
             )  # fmt: skip
-        propagated, reach, speed, toppled, margin, loss, last = numbers.T
+        passed, reach, speed, toppled, margin, loss, height = results.T
         rtol = max([wave.rtol for wave in waves], default=0.0)
-        return cls(propagated > 0.0, reach, speed, toppled, times, margin, loss, last, count, rtol)
+        return cls(passed > 0.0, reach, speed, toppled, times, margin, loss, height, count, rtol)
 
     @property
     def falls(self) -> Ints:
-        """(B,) number of simulated falls: N for a wave that completes."""
+        """(B,) numbers of simulated falls, N for a wave that completes."""
         return np.ceil(self.reach * self.count).astype(np.int64)
 
 
 def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
-    """Simulate free-standing layouts, by all threads.
+    """Simulate free-standing layouts with all threads.
 
-    A layout completes if all its dominoes topple; else its reach is the fraction of the dominoes
-    that topple from the first on.
+    A layout completes if all its dominoes are hit and topple. Otherwise its reach is the fraction
+    of the dominoes before the first that does not topple, plus a part for the lean of that one.
+    Stall margins and flush losses, which are those of fixed pivots, are set to 0.
 
     Raises
     ------
     StoppedError
-        Where the `stop` of the batch returned True.
+        If the `stop` of the batch returned True.
     """
     waves: list[Any] = [None] * len(batch)
 
@@ -232,10 +241,14 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
 
 def _reach(wave: RigidWave) -> float:
-    """Return the fraction of dominoes that topple from the first on, with the next's lean; < 1."""
+    """Return the reach of a free-standing wave that does not complete, less than 1.
+
+    The first domino that does not topple counts by its lean over its tipping angle.
+    """
     count = wave.layout.count
-    if wave.topples.all():  # all topple, but the last is not hit
+    if wave.topples.all():  # but the last is not hit: half a domino less than all
         return 1.0 - 0.5 / count
     k = int(np.argmin(wave.topples))
     tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))
+    # 0.99: less than a domino that topples
     return (k + 0.99 * max(float(wave.lean[k]), 0.0) / tipping) / count
