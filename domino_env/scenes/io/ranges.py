@@ -12,10 +12,10 @@ Place = tuple[str, str]
 """Table and key of a number in a scene's file."""
 
 COUNT, PUSH = ("row", "count"), ("physics", "push")
-SCALABLE = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
+SCALABLE_PLACES = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
     (table, key) for table in ("spacing", "thickness") for key in ("min", "max", "fixed")
 }
-"""Places of ranges that may be given in heights."""
+"""Places of numbers whose ranges may be given in heights."""
 
 
 class Range(Table, frozen=True):  # type: ignore[misc]
@@ -56,25 +56,25 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
     Parameters
     ----------
     document
-        The file as `tomllib` reads it.
+        Tables of the file, as `tomllib` reads them.
 
     Returns
     -------
     dict
-        Each range by its table and key.
+        Ranges by table and key.
 
     Raises
     ------
     ValueError
-        For a range that is not allowed; with the place, its value and the accepted values.
+        For an invalid range; the message has its place, its value and the accepted values.
     """
     ranges: dict[Place, Range] = {}
     for table, key in _find_ranges(document):
         place, name = (table, key), f"{table}.{key}"
         ranges[place] = sampled = read_model(Range, document[table][key], name)
-        if sampled.of is not None and (place not in SCALABLE or "of" in document[table]):
+        if sampled.of is not None and (place not in SCALABLE_PLACES or "of" in document[table]):
             raise ValueError(
-                f"{name}.of = 'height': allowed only for a push, length or thickness in metres"
+                f"{name}.of = 'height': allowed only for a push or a length in metres; leave it out"
             )
         if place == COUNT and (sampled.min % 1 or sampled.max % 1):
             raise ValueError(f"{name} = {sampled.min} to {sampled.max}: give whole numbers")
@@ -83,10 +83,10 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
             continue
         least = ranges.get((table, "min"), document[table].get("min"))
         if key != "max" or least is None:
-            raise ValueError(f"{table}.{key}.min_ratio: allowed for max in a table with min")
+            raise ValueError(f"{table}.{key}.min_ratio: only for max beside a min; leave it out")
         largest, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
         if of != sampled.of:
-            raise ValueError(f"{table}.{key}.min_ratio: give `of` in both min and max, or none")
+            raise ValueError(f"{table}.{key}.min_ratio: give `of` in both min and max, or neither")
         if sampled.min_ratio * largest > sampled.max:
             raise ValueError(
                 f"{table}.max = {sampled.max}: give at least min_ratio = {sampled.min_ratio} times "
@@ -96,7 +96,7 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
 
 
 def fill_in(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:
-    """Return the document of a scene, the ranges replaced by numbers."""
+    """Return the document of a scene, with numbers in place of the ranges."""
     tables = {key: dict(x) if isinstance(x, dict) else x for key, x in document.items()}
     for (table, key), value in numbers.items():
         tables[table][key] = int(value) if (table, key) == COUNT else value
@@ -104,6 +104,7 @@ def fill_in(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, 
 
 
 def _find_ranges(document: dict[str, Any]) -> list[Place]:
+    """Return the places at which a document has a table in place of a number."""
     return [
         (name, key)
         for name, table in document.items()

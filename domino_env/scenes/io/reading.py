@@ -1,4 +1,4 @@
-"""Scenes read from TOML files, by name, by path or beside a layout, and layouts of scenes."""
+"""Reading of scenes by name, by path and beside a layout, and files of their layouts."""
 
 from __future__ import annotations
 
@@ -52,13 +52,18 @@ def load_scene(name: str | Path) -> Scene:
     name
         Name of a shipped scene, or path of a TOML file.
 
+    Returns
+    -------
+    Scene
+        The scene.
+
     Raises
     ------
     TypeError
         For anything but a string or a path.
     ValueError
-        With file, key, value and accepted range; for a file with ranges, which
-        `load_distribution` reads.
+        For a file that cannot be read, for invalid tables, with key, value and accepted range, and
+        for a file with ranges, which `load_distribution` reads.
 
     Examples
     --------
@@ -70,22 +75,27 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
-    """Read a file as TOML, by the name of a shipped one or by its path.
+    """Read the document of a scene or a scene distribution.
+
+    Parameters
+    ----------
+    name
+        Name of a shipped scene or distribution, or path of a TOML file.
 
     Returns
     -------
     tuple
-        The document, the name of the scene if the document has none, and the file for messages.
+        Document, name of the scene if the document has none, and name of the file for messages.
 
     Raises
     ------
     TypeError
         For anything but a string or a path.
     ValueError
-        For a file that does not exist or cannot be read.
+        For a file that does not exist, cannot be read or is not TOML.
     """
-    wanted = "the name of a shipped scene, such as 'sprint', or the path of a .toml file"
-    require_type("name", name, str | Path, wanted)
+    expected = "the name of a shipped scene, such as 'sprint', or the path of a .toml file"
+    require_type("name", name, str | Path, expected)
     known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
     path, text = Path(name), str(name)
     if text in known:
@@ -113,28 +123,35 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
-    """Return the scene of a text.
+    """Return the scene of a TOML text.
 
     Parameters
     ----------
     text
-        TOML.
+        Text of a scene file.
     name
-        Name of the scene unless the text holds one.
+        Name of the scene if the text has none.
     file
-        Name of the text in messages.
+        Name of the file in error messages.
+
+    Returns
+    -------
+    Scene
+        The scene.
 
     Raises
     ------
+    TypeError
+        For anything but a text.
     ValueError
-        With file, key, value and accepted range.
+        For an invalid text; the message has file, key, value and accepted range.
     """
     require_type("scene", text, str, "the text of a scene's file, as scene.to_toml() returns")
     return scene_from_document(parse_document(text, file), name, file)
 
 
 def parse_document(text: str, file: str) -> dict[str, Any]:
-    """Return the document of a text in TOML; ValueError with the file's name for other text."""
+    """Return the document of a TOML text; raise a ValueError with the file for other text."""
     with errors_with_path(file):
         try:
             return tomllib.loads(text)
@@ -145,7 +162,7 @@ def parse_document(text: str, file: str) -> dict[str, Any]:
 
 
 def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene:
-    """Return the scene of a document that `tomllib` has read; see `parse_scene`."""
+    """Return the scene of a document read by `tomllib`; arguments and errors as `parse_scene`."""
     with errors_with_path(file):
         if has_ranges(document):
             raise ValueError("it has ranges: load it by load_distribution, and sample scenes")
@@ -156,17 +173,22 @@ def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene
 
 
 def scene_beside(path: str | Path) -> Scene | None:
-    """Load the scene beside a layout: row.scene.toml or scene.toml beside row.csv, or None.
+    """Load the scene beside a layout: row.scene.toml or scene.toml beside row.csv.
 
     Parameters
     ----------
     path
-        File of the layout, or the folder of a run with its scene.toml.
+        File of the layout, or run folder with a scene.toml.
+
+    Returns
+    -------
+    Scene or None
+        The scene; None if there is no such file.
 
     Raises
     ------
     ValueError
-        As `load_scene`.
+        As for `load_scene`.
     """
     path = Path(path)
     files = [path / SCENE]
@@ -178,15 +200,24 @@ def scene_beside(path: str | Path) -> Scene | None:
 def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
     """Write a layout of a scene to a .csv or .json file, and the scene beside it.
 
+    Parameters
+    ----------
+    layout
+        The layout.
+    file
+        File of the layout, which is replaced.
+    scene
+        The scene.
+
     Returns
     -------
     Path
-        File of the scene, row.scene.toml for row.csv, where `scene_beside` finds it.
+        File of the scene for `scene_beside`, row.scene.toml beside row.csv.
 
     Raises
     ------
     ValueError
-        For another kind of file.
+        For a file with another ending.
     OSError
         For a file that cannot be written.
     """
@@ -201,25 +232,32 @@ def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
 
 
 def common_scene(paths: Sequence[str | Path]) -> Scene | None:
-    """Load the common scene of layouts that are shown together, some perhaps without a scene.
+    """Load the common scene of layouts that are shown together.
+
+    A notice names the layouts without a scene beside them.
 
     Parameters
     ----------
     paths
-        Folders of runs and files of layouts.
+        Run folders and files of layouts.
+
+    Returns
+    -------
+    Scene or None
+        The scene; None if no layout has a scene beside it.
 
     Raises
     ------
     ValueError
-        For layouts of different scenes, and as `load_scene`.
+        For layouts of different scenes, and as for `load_scene`.
     """
     scenes = {str(path): scene_beside(path) for path in paths}
     first, common = next(((p, s) for p, s in scenes.items() if s is not None), ("", None))
     if common is None:
         return None
-    if alone := ", ".join(path for path, scene in scenes.items() if scene is None):
+    if others := ", ".join(path for path, scene in scenes.items() if scene is None):
         reason = f"no scene beside it: shown in scene '{common.name}' of the other layouts"
-        notice(f"{one_line(alone)}: {reason}")
+        notice(f"{one_line(others)}: {reason}")
     for path, scene in scenes.items():
         if scene is not None and scene != common:
             files = [one_line(file, 160, keep_end=True) for file in (first, path)]
@@ -231,7 +269,25 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
 
 
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
-    """Read a layout, with width and ground of the scene if its file does not give them."""
+    """Read a layout, with the width and the ground of the scene if the file does not have them.
+
+    Parameters
+    ----------
+    path
+        File of the layout, .csv or .json.
+    scene
+        Scene of the layout; None for the standard width and flat ground.
+
+    Returns
+    -------
+    Layout
+        The layout.
+
+    Raises
+    ------
+    ValueError
+        As for `Layout.read`, and for a layout that cannot stand on the ground.
+    """
     layout = Layout.read(path, WIDTH if scene is None else scene.width)
     if scene is None or scene.ground is None or not layout.is_flat:
         return layout

@@ -1,6 +1,6 @@
 """Objectives of scenes, one class each.
 
-They are found in all modules of this folder, so a new objective takes one file.
+`OBJECTIVES` is filled from all modules of this folder, so a new objective needs only a new file.
 """
 
 from importlib import import_module
@@ -12,6 +12,7 @@ __all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient"]
 
 
 def _find_objectives() -> dict[str, type[Objective]]:
+    """Return all subclasses of `Objective` in this folder that have a name, by their names."""
     modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
     classes = [value for module in modules for value in vars(module).values()]
     by_name = {
@@ -23,4 +24,4 @@ def _find_objectives() -> dict[str, type[Objective]]:
 
 
 OBJECTIVES = _find_objectives()
-"""All objectives, by name."""
+"""Classes of all objectives, by name."""

@@ -1,8 +1,9 @@
 """Interface of all objectives: scores of waves, and the limits that waves must keep.
 
 A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came.
-One that completes but breaks a limit scores between -1/2 and 0, higher the less it breaks it, and
-waves that stop then score less than -1/2. So any two layouts can be compared by a search.
+With limits, a wave that completes but violates one scores between -1/2 and 0, higher the smaller
+the violation, and waves that stop score between -1 and -1/2. So a search can compare any two
+layouts.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from domino_env.scenes.waves import FREE_STANDING_COST, LayoutBatch, Waves, simu
 
 
 class ScoreGradient(NamedTuple):
-    """Partial derivatives of B scores, (B, N-1) each [score/m].
+    """Partial derivatives of B scores [unit of the score per m].
 
     Attributes
     ----------
     spacing
-        With respect to the gaps.
+        (B, N-1) derivatives with respect to the gaps.
     thickness, height
-        With respect to the thicknesses and heights of dominoes 1 … N-1.
+        (B, N-1) derivatives with respect to the thicknesses and heights of dominoes 1 … N-1.
     """
 
     spacing: Floats
@@ -42,16 +43,16 @@ class ScoreGradient(NamedTuple):
 
     @classmethod
     def zero(cls, batch: LayoutBatch) -> ScoreGradient:
-        """Return zeros for every layout of a batch."""
+        """Return derivatives of 0 for every layout of a batch."""
         return cls(*(np.zeros(batch.spacing.shape) for _ in range(3)))
 
     @classmethod
     def from_gradient(cls, gradient: Gradient) -> ScoreGradient:
-        """Return the derivatives with respect to the design variables, from those of B scores."""
+        """Return the part of a gradient of B scores for gaps and for dominoes 1 … N-1."""
         return cls(gradient.spacing, gradient.thickness[:, 1:], gradient.height[:, 1:])
 
     def scale(self, factor: NDArray[Any]) -> ScoreGradient:
-        """Return the derivatives of each layout times a factor (B,)."""
+        """Return the derivatives, those of each layout multiplied by its factor (B,)."""
         return ScoreGradient(*(factor[:, None] * part for part in self))
 
 
@@ -62,14 +63,14 @@ class Evaluation:
     Attributes
     ----------
     score
-        (B,) higher is better.
+        (B,) scores; higher is better.
     reach
-        (B,) `reach` of the waves; 1 if they complete. If a score takes many simulations: 1 if
-        enough of them complete, else their mean.
+        (B,) reaches of the waves, 1 if they complete. For a score of several simulations, 1 if the
+        score without limits is more than 0, else the mean of their reaches.
     falls
-        (B,) number of simulated falls.
+        (B,) numbers of simulated falls.
     gradient
-        Derivatives of the scores, zero for layouts without success; None unless requested.
+        Derivatives of the scores, 0 for scores of 0 or less; None unless requested.
     """
 
     score: Floats
@@ -91,14 +92,14 @@ class Evaluation:
         return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
-        """Add the derivatives, set to zero for layouts without success."""
+        """Return the evaluation with derivatives, which are set to 0 for scores of 0 or less."""
         return replace(self, gradient=gradient.scale(self.score > 0.0))
 
 
-# Rounding decides whether a layout at a limit keeps it. Therefore simulations of at most this rtol
-# allow some excess. The less exact simulations of a search do not, so its results are accepted.
+# Rounding decides whether a layout at a limit satisfies it. Therefore simulations with at most this
+# rtol allow some excess. Those of a search, with a larger one, do not, so its results are accepted.
 FINAL_RTOL = 1e-9
-ALLOWED_EXCESS = 1e-6  # of a stall margin or a loss
+ALLOWED_EXCESS = 1e-6  # excess over a limit of the stall margin or the loss
 
 
 Margin = Annotated[float, Meta(ge=0, lt=1)]
@@ -111,14 +112,14 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
     Parameters
     ----------
     stall_margin
-        Least allowed `Wave.stall_margin` of all falls, 0 to below 1; None for any.
+        Smallest allowed `Wave.stall_margin`, 0 or more and less than 1; None for any.
     flush_loss
-        Largest allowed `Wave.largest_flush_loss`, 0 or more; None for any.
+        Largest allowed `Wave.largest_flush_loss`, 0 to 1; None for any.
 
     Raises
     ------
     ValueError
-        With the value and the accepted range.
+        For a value out of its range, and if both are None.
     """
 
     stall_margin: Annotated[Margin | None, about("of all intervals between hits, at least")] = None
@@ -132,14 +133,14 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
             raise ValueError("the table is empty: give stall_margin, flush_loss or both")
 
     def apply(self, scores: Floats, waves: Waves) -> Floats:
-        """Return scores that are lower if a wave breaks a limit or stops.
+        """Return scores that are lower if a wave violates a limit or stops.
 
         Parameters
         ----------
         scores
             (B,) scores without limits.
         waves
-            Results of B waves.
+            Results of the B waves.
 
         Returns
         -------
@@ -161,14 +162,14 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
 class Objective(ABC):
     """Scoring rule of a scene.
 
-    Each rule is a class in a module of this folder.
+    Every objective is a subclass in a module of this folder.
 
     Parameters
     ----------
     settings
-        Table with the name of the rule in a scene's file; None without one.
+        Table with the name of the objective in a scene file; None for none.
     limits
-        Limits that the wave must keep; None for none.
+        Limits on the wave; None for none.
     ground
         Ground on which layouts stand; None for flat ground.
     floor_friction
@@ -187,34 +188,34 @@ class Objective(ABC):
     table: ClassVar[type[Value] | None] = None
     """Type of `settings`; None if the objective has no table."""
     failure: ClassVar[str] = "no success"
-    """Text for the score of a wave that stops."""
+    """Text in place of the score of a wave that stops."""
     rewards_speed: ClassVar[bool] = False
-    """True if a wave that is ahead of another on the way is likely to score more."""
+    """True if a faster wave scores more."""
     needs_arrivals: ClassVar[bool] = False
     """True if scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False
-    """True if `derivatives` needs waves with the gradient of their time."""
+    """True if `derivatives` needs waves with the gradient of their total time."""
     draws_errors: ClassVar[bool] = False
-    """True if a score is that of layouts with sampled placement errors."""
+    """True if layouts are scored with random errors of their gaps."""
 
     @property
     def simulates_anew(self) -> bool:
-        """True if a score needs other simulations than the analytic wave of the layout."""
+        """True if a score needs other simulations than that of the layout with fixed pivots."""
         return self.draws_errors or self.floor_friction is not None
 
     @property
     def is_mean_speed(self) -> bool:
-        """True if a success scores the mean speed of its analytic wave."""
+        """True if a success scores the mean speed of its wave with fixed pivots."""
         return self.rewards_speed and not self.simulates_anew
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of analytic waves whose run time is that of one score."""
+        """Run time of one score over that of a simulation with fixed pivots."""
         return 1 if self.floor_friction is None else FREE_STANDING_COST
 
     @abstractmethod
     def success(self, waves: Waves) -> Floats:
-        """Return scores (B,) of waves; those of waves that stop are not used."""
+        """Return the scores (B,) of waves that complete; entries of others are not used."""
 
     def score(self, waves: Waves) -> Evaluation:
         """Score waves that have been simulated."""
@@ -234,7 +235,13 @@ class Objective(ABC):
             The layouts.
         gradient
             Compute the derivatives of the scores too. Those of free-standing layouts are
-            approximate: the derivatives of the analytic model times the ratio of the scores.
+            approximate: the derivatives with fixed pivots, times the ratio of the scores on the
+            floor and with fixed pivots.
+
+        Returns
+        -------
+        Evaluation
+            Scores, reaches, numbers of falls, and derivatives if requested.
         """
         if self.floor_friction is not None:
             evaluation = self.score(simulate_free_standing(batch, self.floor_friction))
@@ -253,14 +260,14 @@ class Objective(ABC):
         return evaluation
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Return the derivatives of the scores of waves; those of failures are not used."""
+        """Return the derivatives of the scores of waves; those of scores up to 0 are not used."""
         return ScoreGradient.zero(batch)
 
     @abstractmethod
     def format_score(self, score: float, wave: Wave) -> str:
-        """Return the score of a success as text with its unit."""
+        """Format the score of a success with its unit."""
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield the requirements of this objective that the tables of a scene violate."""
+        """Yield a sentence for each requirement of the objective that a `SceneFile` violates."""
         yield from ()

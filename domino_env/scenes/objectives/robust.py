@@ -21,15 +21,15 @@ from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradie
 from domino_env.scenes.objectives.speed import MeanSpeed, Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
 
-LARGEST_DRAWS = 100_000
-MOST_DRAWN_DOMINOES = 4_000_000  # dominoes in all draws: some 200 MB when they are simulated
+LARGEST_DRAWS = 100_000  # largest number of draws of one layout
+MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
 SHARED_ATTRIBUTES = {"unit", "failure", "rewards_speed", "needs_arrivals"}
 """Attributes that a mean over draws shares with the objective whose scores it averages."""
-LEAST_GAP = 0.0002  # [m] with placement errors
+LEAST_GAP = 0.0002  # [m] smallest gap with a placement error
 
 
 def add_errors(spacing: Floats, errors: Floats) -> Floats:
-    """Return gaps with placement errors added (…, N-1) [m], not less than `LEAST_GAP`."""
+    """Return gaps with placement errors (…, N-1) [m], at least `LEAST_GAP`."""
     return np.maximum(spacing + errors, LEAST_GAP)
 
 
@@ -46,14 +46,14 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     quantile
         Share of the draws that may be slower, more than 0 and at most 1.
     draws
-        Number of draws.
+        Number of draws, each with one error for every gap.
     seed
         Seed of the draws, which are the same for every layout.
 
     Raises
     ------
     ValueError
-        With the value and the accepted range.
+        For a value out of its range; the message has the value and the range.
     """
 
     deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
@@ -63,19 +63,19 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
 
 
 def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
-    """Return all draws of the layouts of a batch.
+    """Return the layouts of a batch with all errors of their gaps.
 
     Parameters
     ----------
     batch
         B layouts without errors.
     errors
-        (D, N-1) errors of the gaps [m], the same for every layout.
+        (D, N-1) errors of the gaps [m] in D draws, the same for every layout.
 
     Returns
     -------
     LayoutBatch
-        B · D layouts, those of one layout one after another.
+        B · D layouts: all draws of the first layout, then all of the second, and so on.
     """
     draws, height = len(errors), batch.height
     return replace(
@@ -87,7 +87,7 @@ def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
 
 
 def split_batch(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
-    """Split a batch so that the draws of each piece fit into memory."""
+    """Split a batch of layouts so that all draws of each part fit into memory."""
     size = max(1, MOST_DRAWN_DOMINOES // (draws * batch.count))
     return [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
 
@@ -95,10 +95,10 @@ def split_batch(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
 @lru_cache(8)
 def draw_errors(placement: Placement, pairs: int) -> Floats:
     """Draw the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
-    random = np.random.default_rng(placement.seed)
-    noise = placement.deviation * random.standard_normal((placement.draws, pairs))
-    noise.flags.writeable = False
-    return noise
+    generator = np.random.default_rng(placement.seed)
+    errors = placement.deviation * generator.standard_normal((placement.draws, pairs))
+    errors.flags.writeable = False
+    return errors
 
 
 def simulate_draws(
@@ -113,14 +113,15 @@ def simulate_draws(
     physics
         Friction, gravity and push.
     placement
-        Deviation, number and seed of the draws; fewer draws if these had over 4 million dominoes.
+        Deviation, number and seed of the draws. The number is reduced if the draws have more than
+        4 million dominoes.
     ground
-        Ground on which it stands; None for flat ground.
+        Ground on which the layout stands; None for flat ground.
 
     Returns
     -------
     WaveBatch
-        One wave per draw.
+        Waves of all draws.
 
     Raises
     ------
@@ -128,12 +129,12 @@ def simulate_draws(
         For a layout on uneven ground if `ground` is None.
     """
     if ground is None and not layout.is_flat:
-        raise ValueError("the layout is on uneven ground: give `ground`, that of its scene")
+        raise ValueError("the layout is on uneven ground: give the `ground` of its scene")
     draws = min(placement.draws, max(MOST_DRAWN_DOMINOES // layout.count, 1))
     sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
     batch = LayoutBatch(*sizes, layout.width, layout.density, physics, rtol=1e-6, ground=ground)
-    noise = draw_errors(placement.replace(draws=draws), layout.count - 1)
-    return draw_layouts(batch, noise).simulate()
+    errors = draw_errors(placement.replace(draws=draws), layout.count - 1)
+    return draw_layouts(batch, errors).simulate()
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ class Robust(Speed):
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of draws, plus one with limits, for the layout without errors."""
+        """Number of draws, and with limits one more for the layout without errors."""
         return self.settings.draws * super().simulations_per_score + (self.limits is not None)
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
@@ -156,40 +157,41 @@ class Robust(Speed):
 
         The gradient is that of the draw at the quantile, which is simulated once more.
         """
-        pieces = split_batch(batch, self.settings.draws)
-        return Evaluation.concatenate([self._evaluate(piece, gradient) for piece in pieces])
+        parts = split_batch(batch, self.settings.draws)
+        return Evaluation.concatenate([self._evaluate(part, gradient) for part in parts])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
         """Evaluate layouts whose draws fit into memory."""
         draws, indices = self.settings.draws, np.arange(len(batch))
-        drawn_errors = draw_errors(self.settings, batch.count - 1)
-        layouts = draw_layouts(batch, drawn_errors)
+        errors = draw_errors(self.settings, batch.count - 1)
+        layouts = draw_layouts(batch, errors)
         speed = MeanSpeed(None, None, ground=self.ground, floor_friction=self.floor_friction)
         evaluations = speed.evaluate(layouts)
         scores = evaluations.score.reshape(-1, draws)
         rank = max(math.ceil(self.settings.quantile * draws - 1e-9), 1) - 1  # 1e-9: rounding
+        # index of the draw at the quantile; waves that stop are the slowest
         decisive = np.argsort(np.maximum(scores, 0.0), axis=1, kind="stable")[:, rank]
         quantile = scores[indices, decisive]
-        # if too many draws stop for a speed, their mean reach
+        # if the wave at the quantile stops, the mean reach of all draws gives the score
         mean = evaluations.reach.reshape(-1, draws).mean(axis=1)
         score = np.where(quantile > 0.0, quantile, mean - 1.0)
         reach = np.where(quantile > 0.0, 1.0, mean)
         falls = evaluations.falls.reshape(-1, draws).sum(axis=1)
-        if self.limits is not None:  # of the layout without errors
+        if self.limits is not None:  # they apply to the layout without errors
             waves = Waves.from_batch(batch.simulate(record=True), batch)
             score, falls = self.limits.apply(score, waves), falls + waves.falls
         evaluation = Evaluation(score, reach, falls)
         if not gradient:
             return evaluation
         gaps = layouts.spacing.reshape(len(batch), draws, -1)[indices, decisive]
-        unlimited = batch.spacing + drawn_errors[decisive]
-        is_free = np.abs(gaps - unlimited) < 1e-15  # [m] False for gaps raised to the least gap
+        unclipped = batch.spacing + errors[decisive]
+        is_free = np.abs(gaps - unclipped) < 1e-15  # [m] False for gaps raised to `LEAST_GAP`
         derivatives = speed.evaluate(replace(batch, spacing=gaps), gradient=True).gradient
         assert derivatives is not None
         return evaluation.with_gradient(derivatives._replace(spacing=is_free * derivatives.spacing))
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Describe the speed, and the share of the draws that reach it."""
+        """Format the speed and the share of the draws that reach it."""
         share = 100.0 * (1.0 - self.settings.quantile)
         text = super().format_score(score, wave)
         return f"{text} reached by {share:.4g} % of the layouts as placed"
@@ -200,14 +202,14 @@ class Robust(Speed):
         count, draws = tables.row.count, tables.robust.draws
         if count * draws > MOST_DRAWN_DOMINOES:
             yield (
-                f"robust.draws = {draws} of {count} dominoes are {count * draws:,}: draw at most "
-                f"{MOST_DRAWN_DOMINOES // count} layouts"
+                f"robust.draws = {draws} of {count} dominoes take too much memory: give at most "
+                f"{MOST_DRAWN_DOMINOES // count}"
             )
 
 
 @lru_cache(8)
 def draw_errors_by_seed(deviation: float, draws: int, pairs: int) -> Floats:
-    """Return errors (draws, pairs) [m], those of environments reset with seeds 0 … draws - 1."""
+    """Return the errors (draws, pairs) of environments reset with seeds 0 … draws - 1 [m]."""
     seeds = range(draws)
     normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
     return deviation * np.array(normals)
@@ -215,13 +217,17 @@ def draw_errors_by_seed(deviation: float, draws: int, pairs: int) -> Floats:
 
 @dataclass(frozen=True)
 class MeanOverDraws(Objective):
-    """Mean score of another objective, `settings`, over frozen draws of placement noise.
+    """Mean score of another objective over fixed draws of placement noise.
 
-    A search with it finds the best layout that does not depend on the errors. The draws are those
-    of environments that are reset with the seeds 0, 1, …
+    A search with this objective finds the best layout that is planned before any error is observed.
+    The draws are those of environments that are reset with the seeds 0, 1, …
 
     Parameters
     ----------
+    settings
+        The other objective.
+    limits
+        None, as the other objective has the limits.
     deviation
         Standard deviation of the error of each gap [m].
     draws
@@ -238,22 +244,22 @@ class MeanOverDraws(Objective):
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of draws times that of the other objective."""
+        """Number of draws times that of the other objective's simulations."""
         return self.draws * int(self.settings.simulations_per_score)
 
     def success(self, waves: Waves) -> Floats:
-        """Return the scores (B,) of the waves themselves, without noise."""
+        """Return the scores (B,) of the waves by the other objective, without noise."""
         return np.asarray(self.settings.success(waves))
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
         """Simulate all draws of layouts, and average scores and derivatives."""
-        pieces = split_batch(batch, self.draws)
-        return Evaluation.concatenate([self._evaluate(piece, gradient) for piece in pieces])
+        parts = split_batch(batch, self.draws)
+        return Evaluation.concatenate([self._evaluate(part, gradient) for part in parts])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
         """Evaluate layouts whose draws fit into memory."""
-        noise = draw_errors_by_seed(self.deviation, self.draws, batch.count - 1)
-        evaluation = self.settings.evaluate(draw_layouts(batch, noise), gradient)
+        errors = draw_errors_by_seed(self.deviation, self.draws, batch.count - 1)
+        evaluation = self.settings.evaluate(draw_layouts(batch, errors), gradient)
         shape = len(batch), self.draws, -1
         score = evaluation.score.reshape(shape[:2]).mean(axis=1)
         reach = evaluation.reach.reshape(shape[:2]).mean(axis=1)
@@ -262,11 +268,12 @@ class MeanOverDraws(Objective):
         if not gradient:
             return mean
         spacing, *others = (part.reshape(shape) for part in evaluation.gradient)
-        is_free = batch.spacing[:, None, :] + noise > LEAST_GAP  # False: raised to the least gap
+        # False for gaps raised to `LEAST_GAP`
+        is_free = batch.spacing[:, None, :] + errors > LEAST_GAP
         parts = is_free * spacing, *others
         return mean.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Describe the mean score, its unit and the number of draws."""
+        """Format the mean score with its unit and the number of draws."""
         unit = f" {self.unit}" if self.unit else ""
         return f"mean score {score:.6f}{unit} over {self.draws} draws of placement noise"

@@ -17,7 +17,7 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 
 @dataclass(frozen=True)
 class Speed(Objective):
-    """A success scores the mean speed of its wave [m/s]."""
+    """Objective in which a success scores the mean speed of its wave [m/s]."""
 
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
@@ -29,16 +29,15 @@ class Speed(Objective):
         return waves.mean_speed
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Return the derivatives of v = length / t; the length grows with gaps and thicknesses."""
+        """Return the derivatives of v = l/t, dv = (dl - v dt)/t, with length l and total time t."""
         time_gradient = waves.gradient
         assert time_gradient is not None
         time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
         speed = waves.mean_speed[:, None]
         if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
-            through_time = {name: -speed / time * getattr(time_gradient, name) for name in names}
-            partial_gradient = replace(time_gradient, **through_time)
-            gradient = with_length_gradient(partial_gradient, batch, 1.0 / time)
+            by_time = {name: -speed / time * getattr(time_gradient, name) for name in names}
+            gradient = with_length_gradient(replace(time_gradient, **by_time), batch, 1.0 / time)
             return ScoreGradient.from_gradient(batch.along_ground(gradient))
         return ScoreGradient(
             (1.0 - speed * time_gradient.spacing) / time,
@@ -47,20 +46,20 @@ class Speed(Objective):
         )
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Return the speed and, for free-standing layouts, the floor."""
+        """Format the speed and, for free-standing layouts, the friction of the floor."""
         if self.floor_friction is None:
             return f"{score:.6f} m/s"
         return f"{score:.4f} m/s on a floor of friction {self.floor_friction:g}"
 
 
 class MeanSpeed(Speed):
-    """Mean speed of a layout whose length is free, unless the scene fixes it too."""
+    """Mean speed, over a free length unless the scene has one."""
 
     name: ClassVar[str] = "mean_speed"
 
 
 class Time(Speed):
-    """Mean speed over a fixed length, so that the shortest time scores most."""
+    """Mean speed over the length of the scene, so that the shortest time scores most."""
 
     name: ClassVar[str] = "time"
 

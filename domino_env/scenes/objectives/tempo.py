@@ -1,4 +1,4 @@
-"""Closeness of the hits to a schedule."""
+"""Objective that scores how close the hits are to a schedule."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type: ignore[misc]
     """Schedule of the hits.
 
-    Either `first` and `last`, between which the frequency of the hits changes evenly from interval
-    to interval, or `times`.
+    It is given either by `first` and `last`, between which the frequency of the hits changes
+    linearly from interval to interval, or by `times`.
 
     Parameters
     ----------
     first
-        Frequency between dominoes 0 and 1 [1/s].
+        Frequency of the hits between dominoes 0 and 1 [1/s]; "from" in scene files.
     last
-        Frequency between the last two dominoes [1/s].
+        Frequency of the hits between the last two dominoes [1/s]; "to" in scene files.
     times
-        (N-1,) scheduled arrival times of dominoes 1 … N-1 [s].
+        (N-1,) increasing arrival times of dominoes 1 … N-1 [s].
     tolerance
         Root-mean-square error that halves the score [s].
 
     Raises
     ------
     ValueError
-        For both or neither of the two forms, and for times that do not rise.
+        For both or neither of the two forms, and for times that do not increase.
     """
 
     first: Annotated[Size | None, about("frequency between dominoes 0 and 1 [hits/s]")] = None
@@ -58,7 +58,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
             raise ValueError(f"{name} is missing: give a frequency of more than 0 [hits/s]")
         for i, (a, b) in enumerate(pairwise(self.times or ()), 1):
             if not b > a:
-                raise ValueError(f"times[{i}] = {b} s: times rise from domino to domino")
+                raise ValueError(f"times[{i}] = {b} s: give more than times[{i - 1}] = {a} s")
 
     def schedule(self, count: int) -> Floats:
         """Return the scheduled arrival times.
@@ -76,7 +76,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         Raises
         ------
         ValueError
-            If the times given are of another number of dominoes.
+            If `times` are those of another number of dominoes.
         """
         if self.times is not None:
             if len(self.times) != count - 1:
@@ -90,11 +90,11 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         return np.cumsum(1.0 / np.linspace(self.first, self.last, count - 1))
 
     def _errors(self, arrivals: Floats) -> Floats:
-        """Return the errors (B, N-1) of arrival times (B, N) at dominoes 1 … N-1 [s]."""
+        """Return the errors (B, N-1) of arrival times (B, N) [s]."""
         return arrivals[:, 1:] - self.schedule(arrivals.shape[1])
 
     def error(self, arrivals: Floats) -> Floats:
-        """Return root-mean-square errors.
+        """Return root-mean-square errors of arrival times.
 
         Parameters
         ----------
@@ -119,12 +119,12 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         Returns
         -------
         NDArray
-            (B,) 1 / (1 + RMS error / tolerance).
+            (B,) scores, 1/(1 + e/tolerance) for a root-mean-square error e.
         """
         return 1.0 / (1.0 + self.error(arrivals) / self.tolerance)
 
     def gradient(self, arrivals: Floats) -> Floats:
-        """Return derivatives of the scores.
+        """Return the derivatives of the scores with respect to the arrival times.
 
         Parameters
         ----------
@@ -134,9 +134,10 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         Returns
         -------
         NDArray
-            (B, N) derivatives by the arrival times [1/s]; 0 at the peak.
+            (B, N) derivatives [1/s]; 0 where all errors are 0.
         """
         errors = self._errors(arrivals)
+        # 1e-300: no division by 0
         rms = np.maximum(np.sqrt(np.mean(errors**2, axis=1, keepdims=True)), 1e-300)
         score = 1.0 / (1.0 + rms / self.tolerance)
         by_time = -(score**2) / self.tolerance * errors / (errors.shape[1] * rms)
@@ -145,7 +146,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
 
 @dataclass(frozen=True)
 class InTempo(Objective):
-    """Score of the arrival times against a schedule, see `Tempo`."""
+    """Closeness of the arrival times to a schedule, see `Tempo`."""
 
     settings: Tempo
 
@@ -155,7 +156,7 @@ class InTempo(Objective):
 
     def success(self, waves: Waves) -> Floats:
         """Return the scores (B,) of the arrival times."""
-        # arrival times of waves that stop are infinite; their scores are not used
+        # waves that stop have infinite arrival times; their scores are not used
         times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
         return self.settings.score(times)
 
@@ -167,7 +168,7 @@ class InTempo(Objective):
         return ScoreGradient.from_gradient(batch.along_ground(gradient))
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Return the root-mean-square error of the hits; less than 1 ns is rounding."""
+        """Format the root-mean-square error of the hits; less than 1 ns is rounding."""
         error = float(self.settings.error(wave.arrival_times[None])[0])
         return "RMS error below 1 ns" if error < 1e-9 else f"RMS error {1e3 * error:.6g} ms"
 

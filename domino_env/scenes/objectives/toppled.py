@@ -1,4 +1,4 @@
-"""Scores of toppled dominoes: their number, or the height of the last."""
+"""Objectives of toppled dominoes: their number, or the height of the last one."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ class Toppled(Objective):
         return waves.toppled
 
     def score(self, waves: Waves) -> Evaluation:
-        """Score waves; one that stops has toppled dominoes too."""
+        """Score waves, also those that stop, by the number of dominoes that topple."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Evaluation(score, waves.reach, waves.falls)
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Return the number of dominoes that topple, and of all."""
+        """Format the numbers of dominoes that topple and of all dominoes."""
         return f"{wave.toppled} of {wave.layout.count} toppled"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield a sentence if there are limits, which do not apply."""
+        """Yield a sentence if there are limits, which apply only to waves that complete."""
         if tables.limits is not None:
             yield "[limits] apply to waves that complete: leave them out with objective = 'toppled'"
 
@@ -54,13 +54,13 @@ class Magnify(Objective):
         return waves.last_height
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Return 1 for the last height, 0 for everything else."""
+        """Return 1 for the last height and 0 for all other sizes."""
         gradient = ScoreGradient.zero(batch)
         gradient.height[:, -1] = 1.0
         return gradient
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Return the height of the last domino."""
+        """Format the height of the last domino."""
         return f"last domino {score:.6f} m high"
 
     @classmethod
