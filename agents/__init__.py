@@ -2,12 +2,12 @@
 
     from agents import design, evaluate, train
     run = train("sprint", algorithm="ppo", steps=2_000_000, seed=0, folder="runs/ppo")
-    evaluate(run.folder).score
-    design(scene).layout  # for a new scene, in milliseconds, by a shipped policy
+    evaluate(run.folder).score  # [m/s]
+    design("sprint").layout  # for any scene, in milliseconds, by a shipped policy
 
-Policies build layouts in the environment DominoChain-v1 and are evaluated by the score of the
-scene, as searches are. The import loads no torch; training needs the extra "rl":
-pip install "domino-chains[rl]".
+Trained policies build layouts in the environment DominoChain-v1. All are evaluated by the score of
+the scene, as searches are. Importing this package does not import torch; training needs the extra
+"rl": pip install "domino-chains[rl]".
 """
 
 import lazy_loader

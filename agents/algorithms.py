@@ -1,14 +1,14 @@
 """Learning algorithms and their default hyperparameters.
 
-Those of PPO were found by hand on `sprint`, `ideal` and `sprint-thickness`. The standard deviation
-of the actions follows a schedule and is not learned: it falls quickly at first and slowly from 0.1
-on, where the noise of the gaps no longer decides which thicknesses are best. A term of the loss
-returns means from outside the box, and actions near the end of the chain deviate further
-(`agents.sb3.ScheduledPolicy`).
+The hyperparameters of PPO were chosen by hand on `sprint`, `ideal` and `sprint-thickness`. The
+standard deviation of the actions follows a schedule and is not learned: it decreases quickly to 0.1
+and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
+term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
+of the chain (`agents.sb3.ScheduledPolicy`).
 
-SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, but one update per
-transition of 16 environments, two layers of 64 units, and for TD3 the exploration noise of its
-authors, without which all environments of one scene would do the same.
+SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except for 16 environments,
+one update per transition, two layers of 64 units and, for TD3, the exploration noise of its
+authors, without which all environments of one scene would take the same actions.
 
 References
 ----------
@@ -33,17 +33,17 @@ from domino_env.scenes.io.ranges import COUNT
 
 OFF_POLICY = ("sac", "td3", "tqc")
 ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
-TYPICAL_EPISODE = 32  # steps of an episode where scenes have different numbers of dominoes
-REQUIRED = ("torch", "stable_baselines3", "sb3_contrib")
+TYPICAL_EPISODE = 32  # steps of an episode if sampled scenes differ in their number of dominoes
+PACKAGES = ("torch", "stable_baselines3", "sb3_contrib")
 
 
 def require_learning() -> None:
     """Raise ImportError with the command that installs it if a package for learning is missing."""
-    require_extra("learning", "rl", *REQUIRED)
+    require_extra("learning", "rl", *PACKAGES)
 
 
-Number = Annotated[int, Meta(ge=1)]
-Positive = Annotated[float, Meta(gt=0.0)]
+PositiveInt = Annotated[int, Meta(ge=1)]
+PositiveFloat = Annotated[float, Meta(gt=0.0)]
 
 
 class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
@@ -56,52 +56,55 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     steps
         Dominoes placed in a whole training.
     width, depth
-        Units of a layer, and layers, of each network.
+        Number of units of a hidden layer, and number of hidden layers of each network; ARS has
+        none.
     learning_rate
-        Learning rate at the start; it falls linearly to `last_rate` times that.
+        Learning rate at the start; it decreases linearly to `last_rate` times that.
     last_rate
-        Last learning rate over the first.
+        Ratio of the last learning rate to the first.
     first_deviation, middle_deviation, last_deviation
-        Standard deviation of the actions at the start, after `middle` of the steps, and at the end;
-        geometric between (APG, PPO).
+        Standard deviation of the actions at the start, at `middle` and at the end; its logarithm
+        is linear in between (APG, PPO).
     middle
-        Part of the steps, between 0 and 1.
+        Fraction of the steps at which the standard deviation is `middle_deviation`.
     end_factor, penalty
         See `agents.sb3.ScheduledPolicy` (APG, PPO).
     options
-        Further arguments of the algorithm's class, which has defaults of its own; "action_noise" is
-        a standard deviation.
+        Other arguments of the algorithm's class, which has defaults of its own; "action_noise" is
+        given as a standard deviation, and "delta_std" is multiplied by the schedule of the learning
+        rate.
     """
 
-    num_envs: Number
-    steps: Number
-    width: Number = 64
-    depth: Number = 2
-    learning_rate: Positive = 1e-3
+    num_envs: PositiveInt
+    steps: PositiveInt
+    width: PositiveInt = 64
+    depth: PositiveInt = 2
+    learning_rate: PositiveFloat = 1e-3
     last_rate: float = 0.05
-    first_deviation: Positive = 1.0
-    middle_deviation: Positive = 0.03
-    last_deviation: Positive = 0.01
-    middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a part of the steps")] = 0.6
-    end_factor: Positive = 8.0
+    first_deviation: PositiveFloat = 1.0
+    middle_deviation: PositiveFloat = 0.03
+    last_deviation: PositiveFloat = 0.01
+    middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a fraction of the steps")] = 0.6
+    end_factor: PositiveFloat = 8.0
     penalty: float = 1.0
     options: dict[str, Any] = field(default_factory=dict)
 
-    def deviation(self, done: float) -> float:
-        """Return the standard deviation of the actions after a part of the steps, 0 to 1."""
-        if done < self.middle:
-            begin, end, part = self.first_deviation, self.middle_deviation, done / self.middle
+    def deviation(self, progress: float) -> float:
+        """Return the standard deviation of the actions after a fraction of the steps, 0 to 1."""
+        if progress < self.middle:
+            start, end, part = self.first_deviation, self.middle_deviation, progress / self.middle
         else:
-            begin, end = self.middle_deviation, self.last_deviation
-            part = (done - self.middle) / (1.0 - self.middle)
-        return float(begin * (end / begin) ** part)
+            start, end = self.middle_deviation, self.last_deviation
+            part = (progress - self.middle) / (1.0 - self.middle)
+        return float(start * (end / start) ** part)
 
 
 def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -> Hyperparameters:
     """Return the default hyperparameters of an algorithm.
 
-    If episodes are random, APG takes more environments and updates. If hits have a schedule too,
-    which the smallest change of all gaps misses, it takes small steps and little noise.
+    For random episodes and sampled scenes, APG has more environments and updates. If random
+    episodes have a schedule too, which a small change of all gaps misses, it has a small learning
+    rate and little noise.
 
     Parameters
     ----------
@@ -120,11 +123,13 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
     episode = TYPICAL_EPISODE if varies else scene.count - 1
     if algorithm == "ppo":
+        # steps of a rollout in each environment: two episodes, or one if they are long
         length = 2 * episode if episode <= 120 else episode
         return Hyperparameters(
             num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
             middle_deviation=0.1, last_deviation=0.015,
             options={
+                # four minibatches of a rollout, none of fewer than 256 transitions
                 "n_steps": length, "batch_size": max(256 * length // 4, 256), "n_epochs": 8,
                 "gamma": 1.0,
             },
@@ -151,8 +156,9 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
             num_envs=16, steps=30_000, learning_rate=1e-3 if algorithm == "td3" else 3e-4,
             last_rate=1.0, options={"train_freq": 1, "gradient_steps": -1} | noise,
         )  # fmt: skip
-    # ARS: the best of three trials of a search on `sprint`, rounded; the other two came within
-    # 0.00004.  Best layout built in 8 s of processor time: 0.8204, 0.8204, 0.8201
+    # ARS: the best of three searches for hyperparameters on `sprint`, rounded; the scores of the
+    # others were within 0.00004 m/s.  Best scores of three seeds in 8 s of processor time: 0.8204,
+    # 0.8204 and 0.8201 m/s
     return Hyperparameters(
         num_envs=64, steps=4_000_000, learning_rate=0.2, last_rate=0.02,
         options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},

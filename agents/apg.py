@@ -1,4 +1,4 @@
-"""Analytic policy gradient: the exact gradient of the score, propagated back through the policy.
+"""Analytic policy gradient: backpropagation of the exact gradient of the score into the policy.
 
 The derivative of the score with respect to the layout is exact (`Scene.evaluate`), so the gradient
 of the expected return needs no critic and no likelihood ratio. Layouts are built with noise, which
@@ -38,9 +38,10 @@ class APG(OnPolicyAlgorithm):
         See `stable_baselines3.PPO`; the environment is an `agents.DominoVecEnv`, in which each
         update builds one layout per environment.
     max_grad_norm
-        Largest norm of the gradient with respect to the weights.
+        Largest norm of the gradient with respect to the weights; a longer one is shortened to it.
     options
-        Other arguments: policy_kwargs, verbose, seed and device, see `stable_baselines3.PPO`.
+        Other arguments: `policy_kwargs`, `verbose`, `seed` and `device`; see
+        `stable_baselines3.PPO`.
     """
 
     policy: Any  # a `ScheduledPolicy`
@@ -61,13 +62,13 @@ class APG(OnPolicyAlgorithm):
         )  # fmt: skip
 
     def _setup_model(self) -> None:
-        """Initialise the policy to the uniform baseline, with zero weights of unused entries."""
+        """Initialise the policy to the uniform baseline, with zero weights for unused entries."""
         super()._setup_model()
         if self.env is None:
             return
         env: Any = self.env
-        env.reset()  # a reset samples scenes
-        require_smooth(env.vector.scenes[0])  # all scenes are of this kind
+        env.reset()  # to sample scenes
+        require_smooth(env.vector.scenes[0])  # sampled scenes have the same kinds of rules
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
         scene = env.vector.scenes[0]
@@ -76,17 +77,21 @@ class APG(OnPolicyAlgorithm):
         for name in random_parts(scene):
             self._mask[parts[name]] = 1.0
         layouts = [scene.uniform().layout for scene in env.vector.scenes]
-        env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
-        start = env.vector.actions_towards(layouts).mean(axis=0)
+        # actions of the second step: a largest change of gaps narrows the bounds after the first
+        env.vector.step(env.vector.actions_towards(layouts))
+        actions = env.vector.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
             weight = self.policy.mlp_extractor.policy_net[0].weight
             weight[:, self._mask == 0.0] = 0.0
-            self.policy.action_net.bias.copy_(torch.from_numpy(start))
+            self.policy.action_net.bias.copy_(torch.from_numpy(actions))
 
     def collect_rollouts(
         self, env: Any, callback: Any, rollout_buffer: Any, n_rollout_steps: int
     ) -> bool:
-        """Build a layout with noise in each environment, and compute the loss."""
+        """Build a layout with noise in each environment, and compute the loss of the policy.
+
+        Returns False if the callback stops the training.
+        """
         callback.on_rollout_start()
         if random_parts(env.vector.scenes[0]):
             episodes = Episodes(self.policy, env, torch.from_numpy(self._mask))
@@ -100,7 +105,7 @@ class APG(OnPolicyAlgorithm):
         return bool(proceed)
 
     def _open_loop_loss(self, env: Any) -> tuple[torch.Tensor, list[dict[str, Any]]]:
-        """Return minus the mean return [%] of layouts that are simulated as a whole, and infos."""
+        """Return the loss, minus the mean return [%], of whole layouts, and their infos."""
         scenes, observations = _initial_observations(env)
         normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
         mean, deviation = (
@@ -109,8 +114,9 @@ class APG(OnPolicyAlgorithm):
         noise = antithetic_noise(env.num_envs, *mean.shape[1:])
         actions = (mean + deviation * noise).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
-        units = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]
-        return -(scores * torch.tensor(units, dtype=torch.double)).sum(), infos
+        # the gain is relative to the score of the uniform baseline, except if that is zero
+        factors = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]
+        return -(scores * torch.tensor(factors, dtype=torch.double)).sum(), infos
 
     def train(self) -> None:
         """Take a step along the gradient of the mean return."""
@@ -136,9 +142,9 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     Returns
     -------
     callable
-        `score(spacing, thickness=None, height=None)` from the free gaps (B, N-1) [m] and, where
-        they are free, thicknesses and heights (B, N-1) of all dominoes but the first [m], to the
-        scores (B,).
+        `score(spacing, thickness=None, height=None)`: maps the gaps (B, N-1) [m] and, where they
+        are free, the thicknesses and heights (B, N-1) [m] of all dominoes but the first, to the
+        scores (B,). It raises TypeError for an argument that is not a tensor.
 
     Examples
     --------
@@ -171,7 +177,7 @@ class _Score(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, scene: Scene, rtol: float, *sizes: Any) -> tuple[Any, Any]:
-        """Simulate the layouts, and their gradient if it is needed."""
+        """Simulate the layouts, and compute their gradients if these are needed."""
         arrays: list[Any] = [x if x is None else x.detach().double().numpy() for x in sizes]
         batch = scene.batch(arrays[0], arrays[1], arrays[2], rtol)
         result = scene.evaluate(batch, gradient=any(ctx.needs_input_grad))
@@ -189,13 +195,13 @@ class _Score(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, derivatives: torch.Tensor, _: torch.Tensor) -> Any:
-        """Multiply by the gradients (B, N-1)."""
+        """Multiply the gradients (B, N-1) by the derivatives (B,) with respect to the scores."""
         gradients = (None if g is None else derivatives[:, None] * g for g in ctx.gradients)
         return None, None, *gradients
 
 
 class _Placing(torch.autograd.Function):
-    """Gaps, thicknesses and heights (B, P) [m] that actions (B, P, A) stand for."""
+    """Gaps, thicknesses and heights (B, P) [m] of the P dominoes that actions (B, P, A) place."""
 
     @staticmethod
     def forward(ctx: Any, vector: Any, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
@@ -205,14 +211,14 @@ class _Placing(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
-        """Propagate gradients back; descent moves no action further out of its bounds."""
+        """Return the gradient by the actions, 0 where descent would lead further out of bounds."""
         gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
         gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
 
 
 def require_smooth(scene: Scene) -> None:
-    """Raise ValueError for a scene whose layouts are no smooth function of actions."""
+    """Raise ValueError for a scene whose layouts are not a smooth function of the actions."""
     lists = (scene.spacing_values, scene.thickness_values, scene.stock)
     if not random_parts(scene) and any(rule is not None for rule in lists):
         raise ValueError(
@@ -224,7 +230,8 @@ def require_smooth(scene: Scene) -> None:
 def _initial_observations(env: Any) -> tuple[list[Scene], torch.Tensor]:
     """Return the scenes of B environments, and the observations of whole episodes.
 
-    Their shape is (B, P, O) for P pairs of the longest chain, or (1, P, O) with a single scene.
+    The shape of the observations is (B, P, O), or (1, P, O) with a single scene, where P is the
+    largest number of dominoes that are placed.
     """
     size, parts = env.observation_space.shape[0], env.vector.observation_layout
     progress = slice(parts["placed"].start, parts["near_end"].stop)
@@ -245,10 +252,10 @@ def _initial_observations(env: Any) -> tuple[list[Scene], torch.Tensor]:
 def _evaluate(
     scenes: list[Scene], spacing: torch.Tensor, thickness: torch.Tensor, height: torch.Tensor
 ) -> tuple[torch.Tensor, list[dict[str, Any]]]:
-    """Return the scores (B,) of layouts in their scenes, and infos with score, reach and layout."""
+    """Return the scores (B,) of layouts of B scenes, and infos with score, reach and layout."""
     scores = list[torch.Tensor]()
     infos = list[dict[str, Any]]()
-    step = len(scenes) if len(set(scenes)) == 1 else 1
+    step = len(scenes) if len(set(scenes)) == 1 else 1  # equal scenes are evaluated as a batch
     for first in range(0, len(scenes), step):
         scene, batch = scenes[first], slice(first, first + step)
         gaps, thicknesses, heights = (

@@ -2,10 +2,10 @@
 
 Multilayer perceptrons are rebuilt from their tensors without running code of the archive: `data` is
 read as JSON, whose pickled objects stay encoded text, and torch reads `policy.pth` without
-unpickling. Stable-Baselines3 loads all other policies, which runs the code in the archive.
-Statistics of `VecNormalize` are stored as a pickle, which can also run code. They are read from
-`vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the archive, or from `vecnormalize.pkl`
-in a subfolder with the name of the environment, as rl-zoo3 writes it.
+unpickling. Archives that are trusted are loaded by Stable-Baselines3, whatever their policy, which
+runs the code in them. Statistics of `VecNormalize` are stored as a pickle, which can also run code.
+They are read from `vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the archive, or from
+`vecnormalize.pkl` in a subfolder with the name of the environment, as rl-zoo3 writes it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
-# keys of policy_kwargs with which actions are not determined by the tensors alone
+# keys of policy_kwargs with which the tensors alone do not determine the actions
 UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output")
 MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of supported policies
 
@@ -56,6 +56,8 @@ def load_archive(
     ValueError
         If the file is not such an archive, if observations of the distribution have another size,
         or if the policy cannot be rebuilt and `trust` is False.
+    OSError
+        If a file cannot be read.
     ImportError
         If the extra "rl" is missing.
     """
@@ -71,7 +73,7 @@ def load_archive(
             policy = _normalise(policy, statistics)
     except OSError:
         raise
-    except Exception as error:  # raised by code in the archive, or by a damaged file
+    except Exception as error:  # of any kind: from code in the archive, or from a damaged file
         advice = "" if trust else (
             "; add --trust to load it with Stable-Baselines3, which runs the code that it "
             "contains, if you trust its source"
@@ -79,7 +81,7 @@ def load_archive(
         reason = (
             str(error)
             if isinstance(error, UnsupportedPolicyError)
-            else "damaged, or no archive of Stable-Baselines3"
+            else "damaged, or not an archive of Stable-Baselines3 or sb3-contrib"
         )
         raise ValueError(f"{path}: {reason}{advice}") from None
     if distribution is not None:
@@ -99,7 +101,7 @@ def _rebuild(path: Path) -> tuple[Policy, int]:
     options = data.get("policy_kwargs") or {}
     module = str(data["policy_class"].get("__module__"))
     if not module.startswith(MODULES) or any(name in options for name in UNSUPPORTED_OPTIONS):
-        raise UnsupportedPolicyError(f"its policy is no plain multilayer perceptron ({module})")
+        raise UnsupportedPolicyError(f"its policy is not a plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
     network = build_actor(arrays, activation.group(1) if activation else None)
     size = network.layers[0][0].shape[1]
@@ -121,7 +123,8 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(policy_class, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)
-    rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)  # not used here
+    # policies require a schedule of the learning rate, which is not used here
+    rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)
     model = policy_class(space, data["action_space"], *rate, **options)
     model.load_state_dict(parameters["policy"])
 

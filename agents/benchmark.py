@@ -49,8 +49,8 @@ SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
 ENVIRONMENT = "DominoChain-v1"  # its version fixes rewards, observations and scenes
 TRAININGS = Path("runs/benchmark")  # one folder for each training
-SEARCH_TIME_RATIO = 0.04  # time limit of a search in a test set over that in a single scene
-TRACE_POINTS = 60  # of the trace of many searches, and of a trace in the table of runs
+SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
+TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
 STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and least gain of others
 
 
@@ -59,9 +59,9 @@ class BenchmarkTask(Task):
     """Run of a benchmark.
 
     `method` is an algorithm of `domino train`, a third-party algorithm, a scripted policy or a
-    search method; `seconds` limits only searches. The evaluations of the result are numbers of
-    dominoes placed. With a scene distribution, scores are median gains in the test set, and there
-    is no layout.
+    search method; `seconds` limits only searches. The `evaluations` of the result are the number of
+    dominoes placed. With a scene distribution, scores are median gains in the test set, the score
+    of the uniform baseline is 0, and there is no layout.
 
     Attributes
     ----------
@@ -105,7 +105,18 @@ class BenchmarkTask(Task):
         return TRAININGS / f"{self.scene_name}-{self.method}-{self.seed}-{self.key[:6]}"
 
     def run(self, clock: Callable[[], float] = time.process_time) -> TaskResult:
-        """Train, build or search, and evaluate; continue a stopped training."""
+        """Train, build or search, and evaluate; continue a stopped training.
+
+        Parameters
+        ----------
+        clock
+            Function that returns the time [s], for searches and scripted policies.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the run was interrupted: its result would not be that of the task.
+        """
         target = self.target
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
         compile_simulations(scenes[0], gradients=True, episodes=True)  # before time is measured
@@ -124,7 +135,7 @@ class BenchmarkTask(Task):
             evaluation = rollouts[0]
             if not isinstance(target, Scene):
                 evaluation = np.array([_gain(rollout.gain) for rollout in rollouts])
-            placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)
+            placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)  # dominoes
             work = {"simulations": sum(rollout.simulations for rollout in rollouts)}
             return self._evaluation_result(evaluation, [(placed, placed, seconds, np.nan)], work)
         if not isinstance(target, Scene):
@@ -135,12 +146,12 @@ class BenchmarkTask(Task):
         return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])
 
     def _train(self) -> tuple[ScenePolicy, list[TraceEntry], Mapping[str, int]]:
-        """Train; return the policy, its learning curve and counts of simulations and updates."""
+        """Train; return the policy, its learning curve, and counts such as "simulations"."""
         if self.method not in ALGORITHMS:
             return train_third_party(self.method, self.target, self.steps, self.seed)
         folder = self.folder
         if not ((folder / SUMMARY).exists() and read_summary(folder).finished):
-            # before time is measured, as the first optimiser would import it
+            # imported before time is measured; otherwise the first optimiser imports it
             import_module("torch._dynamo")
             run = train(
                 self.target, self.method, None, self.seed, folder,
@@ -175,7 +186,8 @@ class BenchmarkTask(Task):
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
         """Search in each scene of a test set.
 
-        The trace has the median gain after equal times in all searches, by the sum of these times.
+        The trace has the median gain when all searches have run for the same time, and the sum of
+        these times.
         """
         limit = None if self.seconds is None else SEARCH_TIME_RATIO * self.seconds
         results = [
@@ -187,16 +199,17 @@ class BenchmarkTask(Task):
         first, last = max(trace[0, 2] for trace in traces), max(ends)
         uniform = np.array([result.uniform_score for result in results])
         pairs = np.array([scene.count - 1 for scene in scenes])
-        steps: list[TraceEntry] = []
-        for moment in np.geomspace(max(first, 1e-6), max(last, 1e-6), TRACE_POINTS):
-            latest = np.array([t[np.searchsorted(t[:, 2], moment, "right") - 1] for t in traces])
+        entries: list[TraceEntry] = []
+        # the logarithmic scale starts above 0 [s]
+        for elapsed in np.geomspace(max(first, 1e-6), max(last, 1e-6), TRACE_POINTS):
+            latest = np.array([t[np.searchsorted(t[:, 2], elapsed, "right") - 1] for t in traces])
             gain = float(np.median(np.maximum(latest[:, 3] / uniform - 1.0, STOPPED_GAIN)))
             placed, falls = int(latest[:, 0] @ pairs), int(latest[:, 1].sum())
-            steps.append((placed, falls, float(np.minimum(moment, ends).sum()), gain))
+            entries.append((placed, falls, float(np.minimum(elapsed, ends).sum()), gain))
         score = float(np.median([_gain(result.gain) for result in results]))
         names = "simulations", "gradients"
         counts = {name: sum(getattr(result, name) for result in results) for name in names}
-        return self.make_result(steps, score, 0.0, score, None, **counts)
+        return self.make_result(entries, score, 0.0, score, None, **counts)
 
 
 def benchmark_tasks(
@@ -216,7 +229,7 @@ def benchmark_tasks(
         Learning algorithms, also third-party ones (`agents.third_party`), scripted policies and
         search methods.
     seeds
-        Number of seeds, of which the first is `FIRST_SEED`; a scripted policy runs once.
+        Number of seeds, from `FIRST_SEED` on; a scripted policy runs once.
     steps
         Largest number of dominoes that a training places; None for that of the hyperparameters.
     seconds
@@ -229,7 +242,7 @@ def benchmark_tasks(
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
-        require(name, number, above=0, whole=name != "seconds", optional=True)
+        require(name, number, above=0, whole=name != "seconds", optional=name != "seeds")
     for name in algorithms:
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
@@ -254,9 +267,9 @@ def learning_curve(folder: Path) -> list[TraceEntry]:
     Returns
     -------
     list of tuple
-        (dominoes placed, intervals simulated, seconds, score of the best policy so far) at every
-        change of the score and at the end. If scenes are sampled, the score is that in the test
-        set.
+        (dominoes placed, intervals simulated, processor time [s], score of the best policy so far)
+        at every change of the score and at the end. If scenes are sampled, the score is that in the
+        test set.
     """
     with (folder / PROGRESS).open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
@@ -269,16 +282,16 @@ def learning_curve(folder: Path) -> list[TraceEntry]:
     return trace
 
 
-@lru_cache(8)
+@lru_cache(8)  # more than the targets of a benchmark
 def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
     document = parse_document(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else read_scene(text)
 
 
-@lru_cache(8)
+@lru_cache(8)  # more than the targets of a benchmark
 def target_hash(target: Target) -> str:
-    """Return a hash of the environment's name, of a target and of its test set."""
+    """Return a short hash of the environment's name, of a target and of its test set."""
     tests = load_test_set(target.name) if isinstance(target, SceneDistribution) else []
     return digest([ENVIRONMENT, target.to_toml(), *(scene.to_toml() for scene in tests)])[:12]
 
@@ -286,23 +299,23 @@ def target_hash(target: Target) -> str:
 @lru_cache(1)
 def machine_versions() -> dict[str, str]:
     """Return the versions of packages for learning, the commit and the processor by name."""
-    names = {}
+    values = {}
     for name in ("torch", "stable-baselines3", "sb3-contrib"):
         with suppress(PackageNotFoundError):
-            names[name] = version(name)
+            values[name] = version(name)
     with suppress(OSError, subprocess.CalledProcessError):  # no repository
         command, folder = ["git", "describe", "--always", "--dirty"], Path(__file__).parent
         output = subprocess.check_output(command, cwd=folder, text=True, stderr=subprocess.DEVNULL)
-        names["commit"] = output.strip()
-    names["processor"] = platform.processor() or platform.machine()
+        values["commit"] = output.strip()
+    values["processor"] = platform.processor() or platform.machine()
     with suppress(OSError):  # only Linux has this file
         models = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text("utf-8"))
-        names["processor"] = models[0] if models else names["processor"]
-    return names
+        values["processor"] = models[0] if models else values["processor"]
+    return values
 
 
 def best_known_score(result: TaskResult) -> float:
-    """Return the best known score, or median gain in a test set, for the target of a result."""
+    """Return the best known score of a result's target, a median gain in a test set; else -inf."""
     target = read_target(result.scene)
     if isinstance(target, Scene):
         return known_score(result)

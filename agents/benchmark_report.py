@@ -60,7 +60,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     folder
         Folder of the files.
     command
-        Command that repeats the benchmark, which the page quotes.
+        Command that repeats the benchmark, quoted on the page.
     """
     from optimize.experiments.pictures import draw_intervals, draw_over_clock
 
@@ -84,7 +84,10 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 
 
 def _shorten(result: TaskResult) -> TaskResult:
-    """Return a result with the points and digits that the table of runs has."""
+    """Return a result with the trace entries and digits that the table of runs has.
+
+    The table has no numbers of simulated intervals: they are 0.
+    """
     trace = result.trace
     indices = np.unique(np.linspace(0, len(trace) - 1, benchmark.TRACE_POINTS).round().astype(int))
     points = [trace[i] for i in indices]
@@ -144,7 +147,13 @@ def _result(line: Mapping[str, str], scene: str) -> TaskResult:
 
 
 def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
-    """Return an experiment with stored runs added; its own runs replace equal ones."""
+    """Return an experiment with stored runs added; its own runs replace equal ones.
+
+    Raises
+    ------
+    ValueError
+        If there is no run.
+    """
     experiment = experiment or Experiment((), (), {})
     runs = {(r.scene_name, r.method, r.seed): r for r in (*stored, *experiment.results)}
     results = tuple(runs.values())
@@ -155,15 +164,15 @@ def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = Non
 
 
 def page(experiment: Experiment, command: str) -> str:
-    """Return the page in Markdown."""
+    """Return the page in Markdown; see `write` for the arguments."""
     sections = [_scene_section(experiment, scene) for scene in experiment.problems]
     lines = [*chain(*sections)][1:] + failures_section(experiment)
-    environments = Counter(
+    machines = Counter(
         ", ".join(f"{name} {value}" for name, value in r.versions.items())
         for r in experiment.results
     )
-    problems = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
-    hashes = [(f"`{r.problem}`", target_hash(read_target(r.scene))) for r in problems]
+    firsts = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
+    hashes = [(f"`{r.problem}`", target_hash(read_target(r.scene))) for r in firsts]
     return PAGE.read_text("utf-8").format(
         overview="\n\n".join(_overview(experiment)),
         work="\n".join(_work_table(experiment)),
@@ -173,20 +182,20 @@ def page(experiment: Experiment, command: str) -> str:
         runs=len(experiment.results),
         minutes=sum(r.seconds for r in experiment.results) / 60.0,
         hashes="\n".join(markdown_table(("scene", "hash"), hashes)),
-        made="\n".join(f"- {number} runs: {text}" for text, number in environments.items()),
+        made="\n".join(f"- {number} runs: {text}" for text, number in machines.items()),
         least=LEAST_RUNS,
     )
 
 
 def _overview(experiment: Experiment) -> list[str]:
-    """Return a table with a title for each group of algorithms with equal scenes and seeds."""
+    """Return a table with a title for each group of algorithms with the same scenes and runs."""
     groups: dict[tuple[str, int], list[str]] = {}
     for name in experiment.rank(()):
         counts = Counter(r.problem for r in experiment.runs(name))
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
         larger = [key for key in groups if key[0] == scenes and key[1] > seeds]
-        if larger:  # scripted policies have one run: add them to the largest group of these scenes
+        if larger:  # scripted policies have one run: they join the largest group of these scenes
             groups[max(larger, key=lambda key: key[1])] += groups.pop((scenes, seeds))
     return [
         f"{scenes}, {seeds} run{'s' * (seeds > 1)} on each:\n\n"
@@ -198,7 +207,7 @@ def _overview(experiment: Experiment) -> list[str]:
 def table(
     experiment: Experiment, names: Iterable[str] | None = None, scene: str | None = None
 ) -> list[str]:
-    """Return a table of algorithms, sorted by score, with learning algorithms first.
+    """Return a Markdown table of algorithms, sorted by score, with learning algorithms first.
 
     Parameters
     ----------
@@ -208,6 +217,11 @@ def table(
         Names of the algorithms; None for all.
     scene
         Name of a scene, whose scores are added to the table; None for all scenes.
+
+    Returns
+    -------
+    list of str
+        Lines of the table.
     """
     columns = ["algorithm", "runs", "interquartile mean", "median", "optimality gap"]
     columns += [f"after {time:g} s" for time in TIMES]

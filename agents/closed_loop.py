@@ -1,14 +1,14 @@
 """Analytic policy gradients of closed-loop policies, which observe random quantities.
 
-An episode is run in the environment itself, and its gradient is exact for its random errors and
+Episodes are run in the environment itself, and the gradient is exact for their random errors and
 pieces. Entries of an observation that the policy does not use are set to zero.
 
 - Pieces in random order: the policy uses position, hand, stock and the latest thicknesses, which
   do not depend on the gaps. It takes the pieces that the rule of `agents.draw` takes, and learns
   the desired thicknesses of the rule by regression; the gradient is with respect to the gaps.
 - Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
-  latest gaps and thicknesses. The gradient includes the observations of earlier dominoes: the
-  arrival times are linearised with their exact derivatives with respect to gaps and thicknesses.
+  latest gaps and thicknesses. The gradient includes the effect of an action on later observations:
+  the arrival times are linearised with their exact derivatives by gaps and thicknesses.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from domino_env import Scene
 from domino_env.core.types import Floats
 from domino_env.kernels.step.observation import LATENESS_UNIT
 
-RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
-# [%] weight of the mean square error of desired thicknesses in the loss
+RTOL = 1e-5  # relative error allowed in the arrival times of layouts built in training
+# [%] weight in the loss of the mean square error of desired thicknesses, which are -1 to 1
 THICKNESS_WEIGHT = 10.0
 # parts of an observation that are used besides the position
 HAND_PARTS = "thicknesses", "hand", "stock"
@@ -32,7 +32,7 @@ TEMPO_PARTS = "lateness", "intervals", "gaps", "thicknesses"
 
 
 def random_parts(scene: Scene) -> tuple[str, ...]:
-    """Return the names of the random parts of an observation that a policy uses; () if none is."""
+    """Return the names of the random parts of an observation that a policy uses; () for none."""
     if scene.hand and scene.spacing_values is None and scene.largest_change is None:
         return HAND_PARTS
     return TEMPO_PARTS if scene.placement_deviation and scene.as_placed.tempo is not None else ()
@@ -49,17 +49,23 @@ class Episodes:
         `DominoVecEnv` of one scene.
     mask
         (O,) 1 for the entries of an observation that are used, 0 for the others.
+
+    Attributes
+    ----------
+    infos
+        Last info of the episode of each environment.
     """
 
     def __init__(self, actor: Any, env: Any, mask: torch.Tensor) -> None:
         scene: Scene = env.vector.scenes[0]
         self.scene, self.actor, self.parts = scene, actor, env.vector.observation_layout
-        number, pairs = env.num_envs, scene.count - 1
-        self.noise = antithetic_noise(number, pairs, env.action_space.shape[0])
-        observations = torch.zeros(number, pairs, len(mask))
+        num_envs, pairs = env.num_envs, scene.count - 1
+        self.noise = antithetic_noise(num_envs, pairs, env.action_space.shape[0])
+        observations = torch.zeros(num_envs, pairs, len(mask))
         policy = rule(scene, shipped_references()["rule"]) if scene.hand else None
-        self.desired_thickness, self.infos = torch.zeros(number, pairs), [dict[str, Any]()] * number
-        observation, running = env.reset(), np.ones(number, np.bool_)
+        self.desired_thickness = torch.zeros(num_envs, pairs)  # as actions
+        self.infos = [dict[str, Any]()] * num_envs
+        observation, running = env.reset(), np.ones(num_envs, np.bool_)
         for n in range(pairs):
             observations[:, n] = torch.from_numpy(observation) * mask
             with torch.no_grad():
@@ -71,13 +77,13 @@ class Episodes:
             for b in np.flatnonzero(terminated & running):
                 self.infos[b] = infos[b]
             running &= ~terminated
+        # the loss has no layouts whose wave stops: their scores are not positive
         complete = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
         self.observations, self.noise = observations[complete], self.noise[complete]
         self.desired_thickness = self.desired_thickness[complete]
         layouts = [self.infos[b]["layout"] for b in complete]
         self.spacing = np.array([layout.spacing for layout in layouts]).reshape(-1, pairs)
-        thickness = np.array([layout.thickness[1:] for layout in layouts])
-        self.thickness = thickness.reshape(-1, pairs)
+        self.thickness = np.array([layout.thickness[1:] for layout in layouts]).reshape(-1, pairs)
 
     def actions(self, observations: torch.Tensor, n: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the mean actions (B, A) of step n, and the actions with noise (B, A)."""
@@ -85,7 +91,7 @@ class Episodes:
         return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
 
     def loss(self) -> Any:
-        """Return the loss: minus the mean return [%], up to a constant."""
+        """Return the loss: minus the mean return [%] up to a constant, and the regression loss."""
         uniform = self.scene.uniform().score
         if not len(self.spacing):  # all waves stopped
             return 0.0 * self.actor.action_net.bias.sum()  # a zero with a gradient
@@ -110,7 +116,8 @@ class Episodes:
         assert tempo is not None
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
         schedule = torch.from_numpy(tempo.schedule(scene.count))
-        changes = torch.zeros(len(times), 0, 2, dtype=torch.double)  # value 0, with gradient
+        # changes of gap and thickness of the dominoes so far (B, n, 2) [m]: 0, with gradients
+        changes = torch.zeros(len(times), 0, 2, dtype=torch.double)
         for n in range(scene.count - 1):
             observation = self.observations[:, n].clone()
             if n:
@@ -133,12 +140,12 @@ class Episodes:
         return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
-        """Return arrival times (B, N-1) [s] and derivatives (B, N-1, N-1) by gap and thickness."""
-        number, pairs = self.spacing.shape
+        """Return arrival times (B, N-1) [s], and (B, N-1, N-1) derivatives by gap and thickness."""
+        layouts, pairs = self.spacing.shape
         spacing, thickness = (np.repeat(x, pairs, axis=0) for x in (self.spacing, self.thickness))
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
-        gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (number, 1)))
-        shape = number, pairs, -1
+        gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (layouts, 1)))
+        shape = layouts, pairs, -1
         times = waves.arrival_times.reshape(shape)[:, 0, 1:]
         by_thickness = gradient.thickness.reshape(shape)[..., 1:]
         return times.copy(), gradient.spacing.reshape(shape), by_thickness.copy()

@@ -1,12 +1,12 @@
 """Policies for scenes whose pieces are drawn in random order.
 
-- rule: desired thicknesses follow a template over the position in the chain; gaps follow the
+- rule: the desired thickness is a function of the position in the chain, the gap one of the
   position, the thickness of the placed piece and that of the piece before it; 25 coefficients;
 - open loop: a fixed sequence of gaps and desired thicknesses.
 
 `docs/draw_references.py` fits both to the orders of `SELECTION_SEEDS` of the scene "draw" and
-writes `draw.json` beside this file. The file also has the mean score of layouts optimised with the
-order known in advance ("hindsight").
+writes `draw.json` beside this file. The file also has the mean score [m/s] of layouts that were
+optimised with the order known in advance ("hindsight").
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from domino_env.core.files import read_json
 from domino_env.core.types import Floats, Singles
 
 PATH = Path(__file__).with_name("draw.json")
-# numbers of knots: desired thickness, gap, and change of the gap with the thickness of the placed
-# piece and of the piece before it
+# numbers of knots: of the desired thickness, of the gap, and of its derivatives with respect to the
+# thickness of the placed piece and to that of the piece before it
 KNOTS = 7, 10, 4, 4
 
 
 @cache
 def shipped_references() -> dict[str, Floats]:
-    """Return the contents of `draw.json`: rule (25,), plan (39, 2) and hindsight ()."""
+    """Return the contents of `draw.json`: rule (25,), plan (39, 2) and hindsight () [m/s]."""
     return {name: np.array(values) for name, values in read_json(PATH).items()}
 
 
@@ -41,8 +41,13 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     scene
         A scene with a hand.
     coefficients
-        (25,), or (B, 25) for B environments: values at the `KNOTS` over the position in the chain,
-        which are dense near both ends, in units of actions.
+        (25,), or (B, 25) for B environments: values at the knots, in units of actions. The knots
+        are dense near both ends of the chain.
+
+    Returns
+    -------
+    callable
+        Function from observations (…, O) to actions (…, 2): gap and desired thickness.
     """
     assert scene.stock is not None
     parts, pairs = DominoChain(scene).observation_layout, scene.count - 1

@@ -1,9 +1,9 @@
 """Search methods that train a policy from scratch, with the budget and clock of a search.
 
 They are registered in the entry-point group `domino.methods`. Each layout that is built in training
-is an evaluation, and so is each that is built regularly without noise. The import of this module
-imports torch, before the clock of a search starts, and raises ImportError with the command that
-installs it if the extra "rl" is missing.
+is an evaluation, and so is each that is built without noise at regular intervals. The import of
+this module imports torch, before the clock of a search starts, and raises ImportError with the
+command that installs it if the extra "rl" is missing.
 
 References
 ----------
@@ -34,8 +34,8 @@ from domino_env.physics.wave import Outcome  # noqa: E402
 from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
 from optimize.problem import Scores  # noqa: E402
 
-NOISELESS_LAYOUTS = 50  # number of layouts built without noise in a whole search
-LEAST_GENERATIONS = 8  # smallest number of layouts per environment in a budget of evaluations
+NOISELESS_LAYOUTS = 50  # largest number of layouts built without noise while a policy is trained
+LEAST_LAYOUTS = 8  # least number of layouts per environment within a budget of evaluations
 
 
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -56,6 +56,7 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
     scene = evaluator.problem.scene
     hyperparameters = _fit_to_budget(default_hyperparameters(algorithm, scene), evaluator)
     with warnings.catch_warnings():
+        # raised within the packages for learning, depending on their versions
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
         _LearningSearch(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
@@ -65,9 +66,9 @@ def _fit_to_budget(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperpara
     """Return hyperparameters with fewer environments if the budget of evaluations is small."""
     if evaluator.max_evaluations is None:
         return defaults
-    num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // LEAST_GENERATIONS, 1)))
+    num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // LEAST_LAYOUTS, 1)))
     options = dict(defaults.options)
-    if "n_steps" in options:  # keep the number of batches per rollout
+    if "n_steps" in options:  # keep the number of minibatches per rollout; PPO needs two entries
         options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
     if "n_delta" in options:  # ARS evaluates each direction in two environments
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
@@ -81,18 +82,18 @@ ars = partial(learn, "ars")
 
 
 class _LearningSearch:
-    """A learner that trains within the budget of a search."""
+    """Training of a learner within the budget of a search."""
 
     def __init__(self, learner: Learner, evaluator: Evaluator) -> None:
         self.learner, self.num_envs = learner, learner.hyperparameters.num_envs
         self.evaluator, self.problem = evaluator, evaluator.problem
-        self.next_evaluation = 0.0
+        self.next_evaluation = 0.0  # fraction of the budget
 
     def run(self) -> None:
         """Train until the budget is spent, then evaluate the policy if an evaluation remains."""
         model = self.learner.model
         # schedules follow the fraction of the budget that is spent, not the number of steps
-        model._update_current_progress_remaining = self._progress
+        model._update_current_progress_remaining = self._update_progress
         optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
         if optimizer is not None:
             optimizer.register_step_pre_hook(lambda *_: self.evaluator.require_more())
@@ -101,11 +102,12 @@ class _LearningSearch:
             self.learner.learn(10**12, self.between_updates, self.after_step)
         self._evaluate()
 
-    def _progress(self, steps: int, total: int) -> None:
+    def _update_progress(self, steps: int, total: int) -> None:
+        """Replace the method of Stable-Baselines3, whose arguments are not used."""
         self.learner.model._current_progress_remaining = 1.0 - self.evaluator.progress
 
     def between_updates(self) -> None:
-        """Evaluate if due, and update the standard deviation of the actions."""
+        """Evaluate the policy if due, and update the standard deviation of the actions."""
         due = self.evaluator.progress >= self.next_evaluation
         if due and self.evaluator.remaining > self.num_envs:
             self._evaluate()
@@ -113,7 +115,7 @@ class _LearningSearch:
         self.learner.update_deviation(self.evaluator.progress)
 
     def after_step(self, infos: Any) -> None:
-        """Count the layouts that are complete; stop if too few evaluations remain."""
+        """Record the layouts that are complete; raise BudgetSpent if too few evaluations remain."""
         complete = [info for info in infos if "score" in info]
         if complete:
             scores = np.array([info["score"] for info in complete])
@@ -124,7 +126,7 @@ class _LearningSearch:
         self.evaluator.require_more()
 
     def _evaluate(self) -> None:
-        """Evaluate a layout that is built without noise."""
+        """Evaluate a layout that is built without noise, if an evaluation remains."""
         if self.evaluator.remaining >= 1:
             rollout = build(self.learner.policy(), self.problem.scene)
             score, reach = np.array([rollout.score]), np.array([rollout.wave.reach])
@@ -132,7 +134,7 @@ class _LearningSearch:
 
     def _record(self, layouts: Any, scores: Floats, reach: Floats) -> None:
         """Record layouts with scores (B,) and fractions of the chain that waves reach (B,)."""
-        dominoes = self.problem.dominoes  # largest number of dominoes that a score simulates
+        dominoes = self.problem.dominoes  # simulated for one score if the wave completes
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
         def design(i: int) -> Floats:

@@ -179,7 +179,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     kinds = [kind for kind in ACTOR_KINDS if layers and set(_names(layers, kind)) == layers]
     if not kinds:
         raise UnsupportedPolicyError(
-            f"its policy is no plain multilayer perceptron ({', '.join(arrays)})"
+            f"its policy is not a plain multilayer perceptron ({', '.join(arrays)})"
         )
     function = activation or kinds[0].activation
     if function not in ACTIVATIONS:

@@ -157,7 +157,7 @@ def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path):
         evaluate(path, trust=True)
     path.write_bytes(b"PK")
     for trust in (False, True):
-        with pytest.raises(ValueError, match=r"model\.zip: damaged, or no archive of Stable"):
+        with pytest.raises(ValueError, match=r"model\.zip: damaged, or not an archive of Stable"):
             evaluate(path, "sprint", trust=trust)
 
 
