@@ -31,7 +31,7 @@ from optimize.experiments.store import export_study, open_store
 from optimize.experiments.task import Task, TaskResult
 
 STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes", "README.md"
-QUALITIES = ("uniform", "noisy", "searched")
+QUALITIES = ("uniform", "noisy", "searched")  # of the layouts that episodes build
 CARD_PAGE = Path(__file__).with_name("dataset_card.md")  # template of the card
 
 
@@ -81,7 +81,10 @@ def make_dataset(
     Raises
     ------
     ValueError
-        If numbers are out of range, or if the folder holds another dataset.
+        If numbers are out of range, if the folder holds a finished dataset or the results of other
+        settings, if a search fails, or for the reasons of `load_distribution`.
+    KeyboardInterrupt
+        If the searches were interrupted.
     ImportError
         If the extra "minari" is missing, before any search.
     """
@@ -107,7 +110,7 @@ def make_dataset(
     if experiment.interrupted:
         raise KeyboardInterrupt
     if failures := experiment.failures:
-        raise ValueError(f"{len(failures)} searches failed: {failures[0].reason}")
+        raise ValueError(f"{len(failures)} of {scenes} searches failed: {failures[0].reason}")
     results = experiment.results
     export_study(study, root / LAYOUTS)
     partial = root / f"{EPISODES}.partial"
@@ -175,7 +178,7 @@ def build_episode(
     """
     observation, _ = env.reset(options={"scene": scene})
     observations, records = [observation[0]], list[tuple[Any, ...]]()
-    while not records or not records[-1][2]:
+    while not records or not records[-1][2]:  # terminated
         action = env.actions_towards(layout)[0]
         action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0)
         action = action.astype(np.float32)
@@ -203,7 +206,7 @@ def write_episodes(
     Parameters
     ----------
     folder
-        Value of `MINARI_DATASETS_PATH`; must not contain these datasets.
+        Value of `MINARI_DATASETS_PATH` for Minari; must not contain these datasets.
     distribution
         The scene distribution.
     scenes, layouts
@@ -225,7 +228,7 @@ def write_episodes(
 
     env = DominoChainVector(1, distribution)
     returns, episodes = dict[str, float](), dict[str, list[EpisodeBuffer]]()
-    register()  # which the command does not do
+    register()  # `domino dataset` does not register the environments otherwise
     single = gymnasium.make("DominoChain-v1", scene=distribution.name)
     for quality in QUALITIES:
         buffers = episodes[quality] = []

@@ -62,7 +62,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     Raises
     ------
     ValueError
-        If the observations of the scene have another size, or if `run` is no policy.
+        If `run` names no policy, if it requires a scene and none is given, or if the observations
+        of the scene have another size.
 
     Examples
     --------
@@ -84,19 +85,19 @@ def load_policy(
 ) -> ScenePolicy | Designer | ScriptedPolicy:
     """Load a policy, whose method `build` builds a layout for a scene.
 
-    Trained policies also have the method `predict` of Stable-Baselines3.
+    A `ScenePolicy` also has the method `predict` of Stable-Baselines3.
 
     Parameters
     ----------
     run, trust
         See `evaluate`.
     distribution
-        The scene distribution that the policy of an archive was trained on, if any.
+        The scene distribution that the policy of an archive was trained on; None for a scene.
 
     Raises
     ------
     ValueError
-        If `run` names no policy.
+        If `run` names no policy, or for the reasons of `agents.archives.load_archive`.
     """
     if str(run) in SCRIPTED:
         return ScriptedPolicy(str(run))
@@ -112,7 +113,7 @@ def load_policy(
 
 
 def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
-    """Return the method `agent:RUN` of a search, which evaluates the layout of a policy.
+    """Return the search method `agent:RUN`, which evaluates the layout of a policy.
 
     The time of the training counts as time of the search.
 
@@ -149,7 +150,7 @@ def evaluate_gains(
     distribution
         The scene distribution of the training.
     scenes
-        S scenes of this distribution, or with other numbers.
+        S scenes of this distribution; their numbers may be outside its ranges.
 
     Returns
     -------
@@ -172,8 +173,8 @@ def read_search_scores(name: str, number: int) -> Floats | None:
 
     Returns
     -------
-    NDArray or None
-        (number,) scores, nan for a scene without a search; None if no scene has a search.
+    ndarray or None
+        (number,) scores [m/s], nan for a scene without a search; None if no scene has a search.
     """
     scores = np.full(number, np.nan)
     with SEARCH_SCORES.open(newline="", encoding="utf-8") as lines:
@@ -257,9 +258,9 @@ def choose_scenes(
     name
         A scene distribution, the name of a shipped one, or the path of its file.
     number
-        Number of scenes, the first ones of a test set of 200; None for all of them.
+        Number of scenes, with a seed required; None for the whole test set, usually 200 scenes.
     seed
-        Seed of the sampled scenes; None for the test set.
+        Seed of the sampled scenes; None for the first scenes of the test set.
 
     Raises
     ------
@@ -307,6 +308,11 @@ def evaluate_scenes(
     -------
     ScenesEvaluation
         Scores and processor times in each scene.
+
+    Raises
+    ------
+    ValueError
+        If no scenes are given, or if the policy cannot build a layout for one of them.
     """
     require("number of scenes", len(scenes), 1)
     builder = policy or shipped_designer()
@@ -318,7 +324,7 @@ def evaluate_scenes(
             "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
     compile_simulations(scenes[0])
-    scorers["policy"](scenes[0])  # the first call loads data and is not timed
+    scorers["policy"](scenes[0])  # not timed, as the first call loads data
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):

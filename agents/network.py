@@ -37,7 +37,7 @@ class ActorKind(NamedTuple):
     """Layer names and functions of the actor networks of some algorithms."""
 
     hidden: str  # regular expression for the names of the hidden layers
-    last: str  # name of the last layer; empty if it is like those of the hidden layers
+    last: str  # name of the last layer; empty if `hidden` matches it too
     activation: str  # default activation function of the hidden layers
     squashed: bool  # True if actions are the tanh of the outputs
 
@@ -48,7 +48,7 @@ ACTOR_KINDS = (
     ActorKind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
     ActorKind(r"action_net\.\d+", "", "ReLU", True),  # ARS
 )
-# beginnings of the names of arrays that mean actions do not depend on
+# beginnings of the names of arrays on which mean actions do not depend
 UNUSED_WEIGHTS = re.compile(
     r"(log_std|value_net|mlp_extractor\.value_net|actor\.log_std|actor_target|critic)"
 )
@@ -184,7 +184,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     function = activation or kinds[0].activation
     if function not in ACTIVATIONS:
         raise UnsupportedPolicyError(
-            f"its activation function is {function}, only Tanh and ReLU are known"
+            f"its activation function is {function}, only Tanh and ReLU are supported"
         )
     names = _names(layers, kinds[0])
     has_biases = any(name.endswith("bias") for name in arrays)

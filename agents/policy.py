@@ -1,10 +1,10 @@
-"""Policies that build domino by domino, as the folder of a training holds them.
+"""Policies that build domino by domino, and the files in the folder of a training.
 
-config.json     scene, seed, hyperparameters       progress.csv    learning curve
+config.json     algorithm, seed, hyperparameters   progress.csv    learning curve
 policy.npz      weights, as plain arrays           summary.json    result of the training
 checkpoint.pt   state of a training to resume      scene.toml      the scene, or the distribution
 
-and for one scene
+With a single scene it also has
 
 policy.json     result of the best policy          result.png      learning curve and layout
 layout.csv/json the layout that it builds
@@ -43,7 +43,7 @@ DESIGNER = "designer"  # the scene-conditioned policy
 
 
 class ConfigDocument(Document):
-    """Arguments of a training: config.json."""
+    """Arguments of a training, read from config.json; see `agents.train`."""
 
     algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
@@ -53,10 +53,10 @@ class ConfigDocument(Document):
 
 
 class SummaryDocument(Document):
-    """Parts of summary.json and policy.json that are read again."""
+    """Entries of summary.json and policy.json that are read again."""
 
     finished: bool = True
-    seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0  # wall-clock time; the bound excludes inf
     simulations: Annotated[int, Meta(ge=0)] = 0
     gradients: Annotated[int, Meta(ge=0)] = 0
     updates: Annotated[int, Meta(ge=0)] = 0
@@ -76,12 +76,12 @@ def find_folder(run: str | Path) -> Path:
     if run not in (*policy_names(), DESIGNER):
         return Path(run)
     if Path(run).exists():
-        notice(f"'{run}' is the shipped policy; the folder is ./{run}")
+        notice(f"'{run}' is the shipped policy: give ./{run} for the folder")
     return POLICIES / run
 
 
 def read_config(folder: Path) -> ConfigDocument:
-    """Read the arguments of a training; raise ValueError for a folder without one."""
+    """Read the arguments of a training; raise ValueError for a folder without them."""
     path = folder / CONFIG
     if not path.exists():
         raise ValueError(
@@ -157,10 +157,10 @@ class ScenePolicy:
 
         Returns
         -------
-        actions : NDArray
+        actions : ndarray
             (A,) or (B, A), each from -1 to 1.
         state : None
-            No state.
+            The policy has no state.
         """
         return self.policy(observation), None
 
@@ -171,6 +171,11 @@ class ScenePolicy:
         ----------
         scene
             A scene with observations of the same size; None for that of the training.
+
+        Returns
+        -------
+        Rollout
+            The layout with its wave, its score and the uniform baseline.
 
         Raises
         ------

@@ -26,7 +26,7 @@ from optimize.searching import compile_simulations
 
 SELECTION_SEEDS = range(64)  # seeds on which plans and policies are selected
 EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
-TRAINING_SEEDS = 10**6  # training k uses seeds from (k + 1) times this number
+SEEDS_PER_TRAINING = 10**6  # training with seed k uses those from (k + 1) times this number
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,14 +182,14 @@ def average(rollout: Rollout) -> Rollout:
 
 
 def average_uniform(scene: Scene, seeds: range | None = None) -> UniformBaseline:
-    """Return the uniform baseline with its mean score over seeds, default `evaluation_seeds`."""
+    """Return the uniform baseline with its mean score over seeds; None for `evaluation_seeds`."""
     baseline = scene.uniform()
     scores = scene.score_placed(baseline.layout, seeds or evaluation_seeds(scene))
     return replace(baseline, score=float(scores.mean()))
 
 
 def complete_layout(layout: Layout, scene: Scene) -> Layout:
-    """Return a layout of all dominoes of a scene: copies of the last one and its gap are added."""
+    """Return a layout with all dominoes of a scene, by copies of the last domino and its gap."""
     missing = scene.count - layout.count
     if missing == 0:
         return layout

@@ -32,12 +32,13 @@ from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
 from agents.network import Policy, build_actor, read_arrays
 from agents.policy import POLICY, SCENE, read_config
-from agents.rollout import TRAINING_SEEDS, evaluation_seeds
+from agents.rollout import SEEDS_PER_TRAINING, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
 from domino_env.core.files import errors_with_path, write_bytes
 from domino_env.envs.spaces import DECAY_LENGTHS
 
+# arrays of a replay buffer
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
 NEAR_END_ENTRY = DECAY_LENGTHS.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
 
@@ -45,7 +46,7 @@ NEAR_END_ENTRY = DECAY_LENGTHS.index(4.0)  # index of exp(-(dominoes to place) /
 class Learner:
     """Algorithm of Stable-Baselines3 or sb3-contrib, with its environments.
 
-    It limits torch to one thread, as more threads slow such small networks down.
+    It limits torch to one thread, as more threads are slower for such small networks.
 
     Parameters
     ----------
@@ -59,6 +60,13 @@ class Learner:
         Seed of all randomness.
     num_scenes
         See `agents.train`.
+
+    Attributes
+    ----------
+    env
+        `DominoVecEnv` of the training.
+    model
+        Instance of the class in `CLASSES`.
     """
 
     def __init__(
@@ -72,11 +80,11 @@ class Learner:
         self.hyperparameters = hyperparameters
         self.env = DominoVecEnv(target, hyperparameters.num_envs, num_scenes=num_scenes)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about uneven batches
+            warnings.simplefilter("ignore", UserWarning)  # about minibatches of unequal size
             self.model: Any = make_model(algorithm, hyperparameters, self.env, seed)
         self.model.set_logger(Logger(folder=None, output_formats=[]))
         if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
-            self.env.seed(TRAINING_SEEDS * (1 + seed))
+            self.env.seed(SEEDS_PER_TRAINING * (1 + seed))
 
     @property
     def steps(self) -> int:
@@ -87,19 +95,19 @@ class Learner:
     def updates(self) -> int:
         """Number of updates of the policy so far."""
         count = int(getattr(self.model, "_n_updates", 0))
-        if isinstance(self.model, PPO):  # which counts passes over a rollout, not minibatches
+        if isinstance(self.model, PPO):  # it counts passes over a rollout, each of many minibatches
             count *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
         return count
 
     def learn(
         self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]
     ) -> None:
-        """Place more dominoes, and update the policy.
+        """Place dominoes, and update the policy.
 
         Parameters
         ----------
         steps
-            Number of dominoes to place.
+            Number of dominoes to place in addition to those so far.
         between_updates
             Function that is called before each rollout.
         after_step
@@ -139,7 +147,7 @@ class Learner:
         write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
     def write_checkpoint(self, path: Path, curve: Sequence[tuple[float, ...]]) -> None:
-        """Write weights, optimiser, counters, transitions and the learning curve."""
+        """Write the weights, optimiser, counters, transitions and learning curve to a file."""
         state = {
             "parameters": self.model.get_parameters(),
             "steps": self.model.num_timesteps,
@@ -172,7 +180,7 @@ class Learner:
                 values = state["transitions"][name].numpy()
                 getattr(buffer, name)[: len(values)] = values
             buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
-        if hasattr(self.model, "weights"):  # ARS computes its candidates from a copy
+        if hasattr(self.model, "weights"):  # ARS computes its candidates from a copy of the weights
             parameters = self.model.policy.parameters()
             self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
 
@@ -188,7 +196,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     with errors_with_path(path):
         try:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
-        except Exception:  # of any kind; its message recommends to run pickled code
+        except Exception:  # of any kind; its message recommends running pickled code
             raise ValueError(
                 "not a checkpoint, or damaged: resume from a copy, or train without --resume"
             ) from None
@@ -198,7 +206,15 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 def make_model(
     algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
 ) -> BaseAlgorithm:
-    """Create an algorithm of Stable-Baselines3; see `Learner` for the arguments."""
+    """Return a new algorithm of Stable-Baselines3 or sb3-contrib.
+
+    Parameters
+    ----------
+    algorithm, hyperparameters, seed
+        See `Learner`.
+    env
+        Environments of the training.
+    """
     torch.set_num_threads(1)
     options = dict(hyperparameters.options)
     first, last = hyperparameters.learning_rate, hyperparameters.last_rate
@@ -213,12 +229,12 @@ def make_model(
         deviations = np.full(size, options["action_noise"])
         options["action_noise"] = NormalActionNoise(np.zeros(size), deviations)
     if algorithm == "ars":
-        deviation = options.get("delta_std", 0.05)
+        deviation = options.get("delta_std", 0.05)  # the default of ARS
         options["delta_std"] = lambda remaining: deviation * rate(remaining) / first
     if algorithm in ("apg", "ppo"):
         policy_class = ScheduledPolicy
     if algorithm == "apg":
-        # gradients become small late in the training
+        # smaller than the default of Stable-Baselines3: gradients become small late in a training
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}
     model = CLASSES[algorithm](
         policy_class, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed,
@@ -233,7 +249,7 @@ def make_model(
 
 
 def _network(algorithm: str, hyperparameters: Hyperparameters) -> tuple[Any, dict[str, Any]]:
-    """Return the class of a policy of Stable-Baselines3, and its arguments."""
+    """Return the name of a policy class of Stable-Baselines3, and its arguments."""
     if algorithm == "ars":
         return "LinearPolicy", {}
     options: dict[str, Any] = {"net_arch": [hyperparameters.width] * hyperparameters.depth}
@@ -245,7 +261,7 @@ def _network(algorithm: str, hyperparameters: Hyperparameters) -> tuple[Any, dic
 def save_zip(folder: Path, path: str | Path) -> None:
     """Write the best policy of a training as an archive of Stable-Baselines3 or sb3-contrib.
 
-    It is loaded without this package; that of "apg" is one of PPO.
+    The archive can be loaded without this package; that of "apg" is one of PPO.
 
     Parameters
     ----------
@@ -258,6 +274,8 @@ def save_zip(folder: Path, path: str | Path) -> None:
     ------
     ValueError
         If the folder holds no training.
+    OSError
+        If the archive cannot be written.
     """
     config, env = read_config(folder), DominoVecEnv(folder / SCENE)
     policy_class, options = _network(config.algorithm, config.hyperparameters)
@@ -301,7 +319,7 @@ class ScheduledPolicy(ActorCriticPolicy):
     deviation, end_factor, penalty, near_end = 1.0, 1.0, 0.0, 0
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
-        """Store the entry `near_end`; see `ActorCriticPolicy`."""
+        """Store the entry `near_end`, and extract features as `ActorCriticPolicy` does."""
         self._near_end = obs[:, [self.near_end]]
         return super().extract_features(obs, features_extractor)
 
@@ -314,7 +332,7 @@ class ScheduledPolicy(ActorCriticPolicy):
         means: Any = self.action_net(latent_pi)
         if self.penalty > 0.0 and means.requires_grad:
             excess = (means - means.clamp(-1.0, 1.0)).detach() * (self.penalty / len(means))
-            means.register_hook(lambda gradient: gradient + excess)
+            means.register_hook(lambda gradient: gradient + excess)  # that of the additional loss
         factor = math.log(self.end_factor) * self._near_end
         log_deviations = torch.clamp(math.log(self.deviation) + factor, max=0.0)
         assert isinstance(self.action_dist, DiagGaussianDistribution)
@@ -327,7 +345,7 @@ class VectorARS(ARS):
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
-        """Build a layout with each candidate, and return the (P,) returns of the episodes."""
+        """Build a layout with each of P candidates, and return the returns (P,) of the episodes."""
         callback.on_rollout_start()
         self.ep_info_buffer = deque()
         env: Any = self.env
@@ -337,7 +355,7 @@ class VectorARS(ARS):
         return returns
 
     def _returns(self, env: Any, weights: torch.Tensor, callback: Any) -> torch.Tensor:
-        """Return the returns (P,) of P candidates; remaining environments repeat the last one."""
+        """Return the returns (P,) of P candidates; surplus environments repeat the last one."""
         num_envs, number = env.num_envs, len(weights)
         padded = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
         observations = torch.from_numpy(env.reset())

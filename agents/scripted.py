@@ -19,11 +19,11 @@ from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
-# values of a variable that greedy tries: if it is the only free one; if there are several
+# number of values of each variable that greedy tries: with one free variable, and with several
 GREEDY_VALUES = 41, 11
-RAMPS = 4000  # number of ramps that are simulated
+RAMPS = 4000  # approximate number of ramps that are sampled
 BEST_RAMPS = 20  # number of best ramps around which others are sampled
-NO_HIT = 1e3  # [s] value of the lateness if the domino is not hit
+NO_HIT = 1e3  # [s] lateness of a domino that is not hit
 GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
 
@@ -34,7 +34,13 @@ def uniform(scene: Scene) -> Rollout:
 
 
 def greedy(scene: Scene) -> Rollout:
-    """Take the action with the largest reward in each step, among actions on a regular grid."""
+    """Take the action with the largest reward in each step, among actions on a regular grid.
+
+    Raises
+    ------
+    ValueError
+        If the scene has placement noise or draws its pieces in random order.
+    """
     if len(evaluation_seeds(scene)) > 1:
         raise ValueError(
             f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
@@ -54,16 +60,21 @@ def greedy(scene: Scene) -> Rollout:
         env.step(best)
         return best
 
-    # one action tried in all steps costs about the simulation of one layout
+    # trying one action in each step costs about as much as the simulation of one layout
     return replace(build(policy, scene), simulations=len(actions) + 1)
 
 
 def ramp(scene: Scene) -> Rollout:
-    """Build the best of `RAMPS` layouts whose gaps change linearly at both ends.
+    """Build the best of about `RAMPS` layouts whose gaps change linearly at both ends.
 
     Gaps between the ends are equal. The parameters are the first gap, that of the middle, the last
     gap, and the fraction of the chain that each end takes; if thicknesses are free, also the
     thickness of all dominoes.
+
+    Raises
+    ------
+    ValueError
+        If the scene draws its pieces in random order.
     """
     if scene.hand:
         raise ValueError(
@@ -76,7 +87,7 @@ def ramp(scene: Scene) -> Rollout:
     best = rng.random((RAMPS // 2, 5))
     simulations = len(best) + 1
     best = best[np.argsort(-_ramp_scores(scene, best))[:BEST_RAMPS]]
-    for deviation in (0.1, 0.03, 0.01):  # deviation of samples from the best
+    for deviation in (0.1, 0.03, 0.01):  # standard deviation of the samples, of parameters 0 to 1
         centres = best[rng.integers(BEST_RAMPS, size=RAMPS // 6)]
         neighbours = np.clip(centres + deviation * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, neighbours])
@@ -90,25 +101,29 @@ def ramp(scene: Scene) -> Rollout:
     return average(Rollout(scene, layout, wave, score, baseline, seconds, simulations))
 
 
-def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
+def _ramp_scores(scene: Scene, parameters: Floats) -> Floats:
     """Return the scores (B,) of ramps; less than -2 for those that miss the scene's length."""
-    gaps, thickness = _ramps(scene, numbers)
+    gaps, thickness = _ramps(scene, parameters)
     scores = np.asarray(scene.evaluate(scene.batch(gaps, thickness)).score)
     if scene.length is None:
         return scores
     pitch = gaps + (scene.thickness[0] if thickness is None else thickness)
     error = np.abs(pitch.sum(axis=1) - scene.length)
-    return np.where(error < 1e-9, scores, -2.0 - error)  # below the score of a wave that stops
+    # within 1e-9 m; other scores are below that of any wave that stops
+    return np.where(error < 1e-9, scores, -2.0 - error)
 
 
-def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
-    """Return gaps (B, N-1) and thicknesses [m] of ramps with parameters (B, 5) in [0, 1]."""
-    place = np.linspace(0.0, 1.0, scene.count - 1)[None]
-    first, plateau, last, part, relative_thickness = (numbers[:, i : i + 1] for i in range(5))
-    part = 0.02 + 0.48 * part  # 2 to 50 % of the chain
-    up = np.clip(1.0 - place / part, 0.0, 1.0)
-    down = np.clip(1.0 - (1.0 - place) / part, 0.0, 1.0)
-    relative_gap = plateau + (first - plateau) * up + (last - plateau) * down
+def _ramps(scene: Scene, parameters: Floats) -> tuple[Floats, Floats | None]:
+    """Return gaps and thicknesses (B, N-1) [m] of ramps with parameters (B, 5) in [0, 1].
+
+    The thicknesses are those of all dominoes but the first; None if they are not free.
+    """
+    position = np.linspace(0.0, 1.0, scene.count - 1)[None]
+    first, middle, last, fraction, relative_thickness = np.split(parameters, 5, axis=1)
+    fraction = 0.02 + 0.48 * fraction  # 2 to 50 % of the chain
+    at_start = np.clip(1.0 - position / fraction, 0.0, 1.0)
+    at_end = np.clip(1.0 - (1.0 - position) / fraction, 0.0, 1.0)
+    relative_gap = middle + (first - middle) * at_start + (last - middle) * at_end
     low, high = scene.spacing
     gaps = low + relative_gap * (high - low)
     thickness = None
@@ -127,6 +142,11 @@ def plan(scene: Scene) -> Rollout:
     """Build the best known layout without reaction to observations.
 
     If pieces are drawn in random order, take a fixed sequence of gaps and desired thicknesses.
+
+    Raises
+    ------
+    ValueError
+        If no best known layout of the scene is shipped, or no sequence for its number of dominoes.
     """
     if scene.hand:
         actions = shipped_references()["plan"]
@@ -139,14 +159,20 @@ def plan(scene: Scene) -> Rollout:
     record = best_known().get(scene.name)
     if record is None or scene.violations(record.layout):
         raise ValueError(
-            f"no best known layout of scene '{scene.name}' ships: find one with `domino optimize`"
+            f"no best known layout of scene '{scene.name}' is shipped: use another policy"
         )
     wave, baseline = scene.simulate(record.layout), scene.uniform()
     return average(Rollout(scene, record.layout, wave, record.score, baseline, 0.0))
 
 
 def rule(scene: Scene) -> Rollout:
-    """Choose gaps and desired thicknesses from position and pieces, by `agents.draw.rule`."""
+    """Choose gaps and desired thicknesses from position and pieces, by `agents.draw.rule`.
+
+    Raises
+    ------
+    ValueError
+        If the scene does not draw its pieces in random order.
+    """
     if not scene.hand:
         raise ValueError(
             f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
@@ -160,6 +186,11 @@ def controller(scene: Scene) -> Rollout:
 
     Thicknesses are those of `plan`. If no gap within the bounds meets the schedule, the nearest
     bound is taken.
+
+    Raises
+    ------
+    ValueError
+        If the hits of the scene have no schedule, or for the reasons of `plan`.
     """
     tempo, rollout = scene.as_placed.tempo, plan(scene)
     if tempo is None:

@@ -1,8 +1,9 @@
 """Third-party learning algorithms, named `package.module:fit`.
 
-`fit(make_env, steps, seed)` gets a function that makes single Gymnasium environments, and returns
-an object with the method `predict` of Stable-Baselines3, which maps observations (B, O) to a tuple
-whose first entry is the actions (B, A). It should place about `steps` dominoes in all.
+The function `fit(make_env, steps, seed)` places about `steps` dominoes in single Gymnasium
+environments, which `make_env()` returns. It returns an object with the method `predict` of
+Stable-Baselines3, which maps observations (B, O) to a tuple whose first entry is the actions
+(B, A).
 """
 
 from __future__ import annotations
@@ -25,11 +26,19 @@ from optimize.evaluator import TraceEntry
 from optimize.methods import registry
 
 Fit = Callable[[Callable[[], DominoChain], int, int], Any]
-STEPS = 100_000  # dominoes to place if no number is given
+STEPS = 100_000  # number of dominoes to place if none is given
 
 
 class CountedChain(DominoChain):
-    """An environment that counts its steps and the layouts that it completes."""
+    """Environment that counts its steps and the layouts that it simulates.
+
+    Parameters
+    ----------
+    target
+        The scene, or the distribution that scenes are sampled from.
+    work
+        Counter that receives the numbers of "steps" and of "simulations".
+    """
 
     def __init__(self, target: Scene | SceneDistribution, work: Counter[str]) -> None:
         super().__init__(target)
@@ -39,17 +48,19 @@ class CountedChain(DominoChain):
         """Place a domino; see `DominoChain.step`."""
         result = super().step(action)
         self._work["steps"] += 1
-        self._work["simulations"] += result[2]
+        self._work["simulations"] += result[2]  # terminated
         return result
 
 
 def load_fit(name: str) -> Fit | None:
     """Import a learning algorithm; return None if the name is not that of one.
 
+    A function of three arguments is a learning algorithm, one of two a search method.
+
     Raises
     ------
     ValueError
-        If the function cannot be imported, or has other arguments.
+        If the function cannot be imported, or has another number of arguments.
     """
     module, colon, _ = name.partition(":")
     if not colon or module in (*registry.METHODS, *registry.installed_methods()):
@@ -60,8 +71,8 @@ def load_fit(name: str) -> Fit | None:
             inspect.signature(function).bind(*[None] * number)
             return function if number == 3 else None
     raise ValueError(
-        f"algorithm '{name}': it is neither called as fit(make_env, steps, seed) nor "
-        "as run(evaluator, rng), which searches"
+        f"algorithm '{name}': it can be neither called as fit(make_env, steps, seed), which "
+        "learns, nor as run(evaluator, rng), which searches"
     )
 
 
@@ -86,16 +97,16 @@ def train_third_party(
     policy : ScenePolicy
         The policy.
     trace : list of tuple
-        Dominoes placed, twice, processor time [s] with that of ended child processes, and nan for
-        the score, which is not known. Steps in child processes are not counted: there are at least
-        as many as were requested.
+        One entry: the dominoes placed, twice, the processor time [s] with that of ended child
+        processes, and nan for the score, which is not known. As steps in child processes are not
+        counted, the number of dominoes is at least that requested.
     work : dict
-        Number of "simulations".
+        Number of simulated layouts, "simulations".
 
     Raises
     ------
     ValueError
-        If the function returns an object without `predict`.
+        If the function returns an object without `predict`; see also `load_fit`.
     """
     fit, work = load_fit(name), Counter[str]()
     assert fit is not None

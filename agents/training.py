@@ -73,7 +73,7 @@ class Run:
         are median gains over the uniform baselines of some training scenes, and `test_score` is
         that of the best policy so far in the test set, which does not affect the training.
     interrupted
-        True if the training was interrupted with Ctrl-C.
+        True if the training was interrupted (Ctrl-C).
     rollout
         Layout of the best policy; None if scenes are sampled.
     """
@@ -159,7 +159,7 @@ def train(
     steps
         Total number of dominoes to place; None for that of the hyperparameters.
     seed
-        Seed of all randomness. The weights are reproducible on the same machine.
+        Seed of all randomness. Weights are reproducible on the same machine.
     folder
         Folder of the training; None for runs/SCENE-ALGORITHM.
     resume
@@ -182,8 +182,10 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        If algorithm or scene are unknown, `num_scenes` is given with a single scene, the folder
-        holds another training or, with `resume`, none.
+        If the algorithm or the scene is unknown, if a number is out of range, if `num_scenes` is
+        given with a single scene, or if the folder holds another training or, with `resume`, none.
+    OSError
+        If the folder cannot be written.
 
     Examples
     --------
@@ -243,9 +245,9 @@ class Training:
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
             pool = ScenePool(self.target, self.num_scenes or POOL_SIZE)
-            last_first = range(len(pool))[: -POOL_SCENES - 1 : -1]
-            self.scenes = [pool.scene(number) for number in last_first]
-            with suppress(ValueError):  # the distribution has no test set
+            numbers = range(len(pool))[: -POOL_SCENES - 1 : -1]  # the last ones, in reverse order
+            self.scenes = [pool.scene(number) for number in numbers]
+            with suppress(ValueError):  # raised if the distribution has no test set
                 self.tests = choose_scenes(self.target)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
@@ -255,7 +257,7 @@ class Training:
 
     @property
     def seconds(self) -> Floats:
-        """Wall-clock and processor time so far [s], with those before the training was resumed."""
+        """Wall-clock and processor time so far [s], with that before the training was resumed."""
         return clocks() - self.start
 
     def run(self, resume: bool) -> Run:
@@ -286,7 +288,7 @@ class Training:
         if interrupted:
             self._write_curve()
         else:
-            self.checkpoint()
+            self.write_checkpoint()
         self.bar.close()
         return self._finish(interrupted)
 
@@ -301,13 +303,13 @@ class Training:
         write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
 
     def _resume_learner(self) -> Learner:
-        """Return a learner in the state of the checkpoint, with new random numbers."""
+        """Return a learner in the state of the checkpoint, with other random numbers."""
         from agents.sb3 import read_checkpoint
 
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
         try:
-            # the random numbers before the checkpoint are not repeated
+            # a seed of its own, so that the random numbers before the checkpoint are not repeated
             learner = self._make_learner((self.seed + int(state["steps"])) % 2**32)
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
@@ -326,7 +328,7 @@ class Training:
         steps = self.learner.steps
         if steps >= self.next_evaluation:
             self.evaluate()
-            self.checkpoint()
+            self.write_checkpoint()
             self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(steps - self.bar.n)
         self.learner.update_deviation(min(steps / self.total, 1.0))
@@ -365,8 +367,8 @@ class Training:
         ))  # fmt: skip
         self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
 
-    def checkpoint(self) -> None:
-        """Write the checkpoint, which has the learning curve, and progress.csv."""
+    def write_checkpoint(self) -> None:
+        """Write the checkpoint, which includes the learning curve, and progress.csv."""
         self.learner.write_checkpoint(self.folder / CHECKPOINT, self.curve)
         self._write_curve()
 
@@ -376,12 +378,12 @@ class Training:
         write_csv(self.folder / PROGRESS, COLUMNS, lines)
 
     def _finish(self, interrupted: bool) -> Run:
-        """Write the summary, and a picture if there is a single layout."""
+        """Write the summary, and a picture if there is a single layout; return the result."""
         from domino_env.core.plot_style import write_png
 
         seconds, processor_seconds = self.seconds
         evaluations = len(self.curve) * (len(self.scenes) or 1)
-        simulations = self.simulations - evaluations
+        noisy_layouts = self.simulations - evaluations  # APG computes the gradient of each
         rollout = ScenePolicy.load(self.folder).build() if isinstance(self.target, Scene) else None
         run = Run(
             self.folder, self.target.name, self.algorithm, self.learner.steps, seconds,
@@ -400,6 +402,6 @@ class Training:
             SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
             seed=self.seed, **result, steps=run.steps, seconds=seconds,
             processor_seconds=processor_seconds, simulations=self.simulations,
-            gradients=simulations * (self.algorithm == "apg"), updates=self.learner.updates,
+            gradients=noisy_layouts * (self.algorithm == "apg"), updates=self.learner.updates,
         )  # fmt: skip
         return run

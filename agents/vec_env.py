@@ -18,21 +18,21 @@ from domino_env import DominoChainVector, Scene, SceneDistribution
 class DominoVecEnv(VecEnv):
     """Vector environment of Stable-Baselines3: B environments, stepped by one compiled call.
 
-    The next episode begins in the step in which one ends, whose info then has
-    `terminal_observation`, `TimeLimit.truncated` (always False), `episode` (return, length,
-    seconds), and the infos of the environment: score, gain, outcome, layout, wave, and the scene
-    if one is sampled. Small networks learn fastest with one thread of PyTorch,
-    `torch.set_num_threads(1)`.
+    The step that ends an episode also begins the next one. Its info has `terminal_observation`,
+    `TimeLimit.truncated` (always False), `episode` ("r": return, "l": length, "t": wall-clock time
+    since the environment was made [s]), and the info of the environment: `score`, `gain`,
+    `outcome`, `layout`, `wave`, and `scene` if one was sampled. Small networks learn fastest with
+    one thread of PyTorch, `torch.set_num_threads(1)`.
 
     Parameters
     ----------
     scene
-        A scene, or a scene distribution from which every episode samples one, such as "varied".
+        A scene, its name, or the path of its file; or a scene distribution from which every episode
+        samples one, such as "varied".
     num_envs
         B, the number of environments.
     options
-        Other keyword arguments of the environment: `render_mode`, `rtol`, `reference_speed`,
-        `window`.
+        Other keyword arguments of `domino_env.DominoChainVector`, such as `rtol` and `window`.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from agents import closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
 from agents.apg import require_smooth
 from agents.closed_loop import random_parts
-from agents.rollout import TRAINING_SEEDS, build
+from agents.rollout import SEEDS_PER_TRAINING, build
 from agents.sb3 import Learner
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)
@@ -33,7 +33,7 @@ SCENES = {
 def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
     """Compare with differences of the mean score of the same episodes."""
     scene = SCENES[name]
-    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + (2 if random_parts(scene) else 1))
+    seeds = range(SEEDS_PER_TRAINING, SEEDS_PER_TRAINING + (2 if random_parts(scene) else 1))
     chosen = default_hyperparameters("apg", SHORT).replace(num_envs=2)
     learner = Learner(scene, "apg", chosen, 0)
     model, policy = learner.model, learner.model.policy
@@ -48,7 +48,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
             policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
             monkeypatch.setattr(closed_loop, "shipped_references", lambda: numbers)
-    learner.env.seed(TRAINING_SEEDS)
+    learner.env.seed(SEEDS_PER_TRAINING)
     if random_parts(scene):
         mask = torch.from_numpy(model._mask)
         closed_loop.Episodes(policy, learner.env, mask).loss().backward()

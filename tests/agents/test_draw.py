@@ -7,7 +7,7 @@ import pytest
 
 import domino_env as de
 from agents.draw import open_loop, rule, shipped_references
-from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, TRAINING_SEEDS, episode_scores
+from agents.rollout import EVALUATION_SEEDS, SEEDS_PER_TRAINING, SELECTION_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain
 from domino_env.cli.main import main
@@ -111,6 +111,6 @@ def test_training_seeds_meet_neither_selection_nor_evaluation_seeds():
         learner = Learner(SMALL, "ppo", chosen, seed)
         learner.learn(28, lambda: None, lambda _: None)
         seeds = learner.env.vector.np_random_seed
-        assert min(seeds) >= TRAINING_SEEDS > max(*SELECTION_SEEDS, *EVALUATION_SEEDS)
+        assert min(seeds) >= SEEDS_PER_TRAINING > max(*SELECTION_SEEDS, *EVALUATION_SEEDS)
         assert not used & {*seeds}
         used |= {*seeds}

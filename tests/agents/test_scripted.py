@@ -60,7 +60,7 @@ def test_scripted_policies_are_evaluated_by_name(capsys):
     assert evaluate("uniform", SMALL).score == SMALL.uniform().score
     with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate("uniform")
-    with pytest.raises(ValueError, match="no best known layout of scene 'small' ships"):
+    with pytest.raises(ValueError, match="no best known layout of scene 'small' is shipped"):
         evaluate("plan", SMALL)
     assert main(["evaluate", "uniform", "--scene", "sprint"]) == 0
     output = capsys.readouterr().out
