@@ -37,10 +37,10 @@ class DominoProblem(Problem[Floats]):
     """Scene as a problem of EngiBench.
 
     A design (n,) has the free values of the scene in its own units: gaps [m], then thicknesses [m],
-    then heights divided by that of the domino before; gaps and thicknesses in heights if the scene
-    gives them so. Unlike a design vector of `optimize.Problem` it is not projected: one that
-    breaks a rule of the scene (a length, a list, a stock) is a violation, which `check_constraints`
-    returns. The objective is the scene's score, which is maximised; a wave that stops scores less
+    then heights divided by that of the domino before; gaps and thicknesses are in heights if the
+    scene gives them so. Unlike a design vector of `optimize.Problem` it is not projected: if it
+    breaks a rule of the scene (a length, a list, a stock), `check_constraints` returns a violation.
+    The objective is the scene's score, which is maximised; a wave that stops scores less
     than 0.
 
     Parameters
@@ -79,7 +79,7 @@ class DominoProblem(Problem[Floats]):
         friction
             Coulomb coefficient between dominoes.
         gravity
-            [m/s²].
+            Gravitational acceleration [m/s²].
         push
             Angular velocity of the first domino at the start [rad/s].
         """
@@ -95,7 +95,7 @@ class DominoProblem(Problem[Floats]):
         Attributes
         ----------
         budget
-            Number of layouts that a search may simulate.
+            Largest number of layouts that a search simulates.
         """
 
         budget: Annotated[int, bounded(lower=1).category(IMPL)] = 2000
@@ -133,19 +133,33 @@ class DominoProblem(Problem[Floats]):
         return self._box.layout_from(self._box.as_batch(design))
 
     def simulate(self, design: Floats, config: dict[str, Any] | None = None) -> Floats:
-        """Simulate the layout of a design (n,) and return its score (1,); higher is better."""
+        """Simulate the layout of a design and return its score; higher is better.
+
+        Parameters
+        ----------
+        design
+            Design (n,).
+        config
+            Values of `Config` that differ here.
+
+        Returns
+        -------
+        ndarray
+            Score (1,).
+        """
         scene = self._scene_under(config)
         return np.array([scene.score(scene.simulate(self.layout(design)))])
 
     def optimize(
         self, starting_point: Floats, config: dict[str, Any] | None = None
     ) -> tuple[Floats, list[OptiStep]]:
-        """Search for a better design: with exact gradients from a start, then with `auto`.
+        """Search for a better design, by exact gradients from a given one and then by `auto`.
 
         Parameters
         ----------
         starting_point
-            Design (n,); if it breaks a rule, the search starts from the nearest one that does not.
+            Design (n,); if it breaks a rule, the search starts from the nearest design that
+            satisfies all rules.
         config
             Values of `Config` that differ here.
 
@@ -154,7 +168,7 @@ class DominoProblem(Problem[Floats]):
         design : ndarray
             Best design (n,).
         history : list of OptiStep
-            Best score at every improvement; a step is the number of layouts simulated by then.
+            Best score at every improvement; a step is the number of layouts simulated so far.
         """
         start = self._box.design(self.layout(starting_point))
         auto = registry.load("auto")
@@ -177,6 +191,11 @@ class DominoProblem(Problem[Floats]):
             Design (n,).
         open_window
             True to show the drawing in a window.
+
+        Returns
+        -------
+        PIL.Image.Image
+            The drawing, 1000 by 200 pixels.
         """
         layout = self.layout(design)
         scale = Scale.fitting(layout.length, float(layout.height.max()), WIDTH, HEIGHT)
@@ -186,7 +205,7 @@ class DominoProblem(Problem[Floats]):
         return image
 
     def random_design(self) -> tuple[Floats, int]:
-        """Sample a design (n,) within the rules; its number is -1: it is in no data set."""
+        """Return a random design (n,) within the rules, and -1, as it is in no data set."""
         return self._values(self.np_random.random((1, self._box.dimension))), -1
 
     def reset(self, seed: int | None = None) -> None:
@@ -194,7 +213,7 @@ class DominoProblem(Problem[Floats]):
         super().reset(seed)
 
     def _rules(self, design: Floats) -> None:
-        """Assert that a design keeps the scene's rules; EngiBench checks the design space."""
+        """Assert that a design satisfies the scene's rules; EngiBench checks the design space."""
         if self.design_space.contains(design):
             violations = self.scene.violations(self.layout(design))
             assert not violations, "; ".join(violations)
@@ -204,7 +223,7 @@ class DominoProblem(Problem[Floats]):
         return np.asarray(np.clip(self._box.values(designs)[0], self._box.low, self._box.high))
 
     def _config(self, config: dict[str, Any] | None) -> Config:
-        """Return the configuration with some values changed."""
+        """Return the configuration with some values replaced."""
         return dataclasses.replace(self.config, **config or {})
 
     def _scene_under(self, config: dict[str, Any] | None) -> Scene:

@@ -19,7 +19,7 @@ from optimize.methods import registry
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
-MAX_TASKS = 1_000_000  # above this a list of them does not fit into memory
+MAX_TASKS = 1_000_000  # a longer list may not fit into memory
 
 
 def compare(
@@ -47,7 +47,7 @@ def compare(
         reproducible.
     seconds
         Time of each run [s], instead of `budget`; that of the uniform baseline, which all runs
-        share, counts into each. Equal seconds are a fair comparison only if every run has a core
+        share, is part of each. Equal seconds are a fair comparison only if every run has a core
         for itself: an executor must have no more workers than its machines have cores.
     options
         `executor`, `study`, `name` and `progress`, see `run_experiment`.
@@ -86,7 +86,7 @@ def plan_tasks(
 ) -> list[Task]:
     """Return a task for each scene (with its labels, if any), seed and method, in this order.
 
-    Seeds come before methods so that other work of the machine affects all methods alike.
+    Seeds come before methods so that other load on the machine affects all methods alike.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def as_list(value: Any) -> list[Any]:
 
 
 def require_distinct(**lists: Sequence[object]) -> None:
-    """Check that lists are not empty and have each entry once."""
+    """Raise ValueError for a list, given by its name, that is empty or has an entry twice."""
     for name, values in lists.items():
         if not values or "" in values:
             raise ValueError(f"{name} is empty: give at least one")

@@ -22,11 +22,11 @@ from optimize.experiments.task import Label
 Band = tuple[Floats, Floats] | None  # ends of the interval around each point
 Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
-Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
+Prepare = Callable[[Axes, str], None]  # sets the scales of a panel, given its title
 
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
-MEDIANS = "medians and range of"
-MAX_PANELS = 6  # of a sweep
+MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
+MAX_PANELS = 6  # of the picture of a sweep
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
@@ -50,13 +50,13 @@ def draw_curves(
     path
         PNG file.
     panels
-        Curves.
+        Curves by method of each panel, by title.
     headings
         Headline and subtitle above all panels.
     labels
         Labels of the horizontal and the vertical axis.
     prepare
-        Function that sets the scales of a panel.
+        Function that sets the scales of a panel; see `Prepare`.
     methods
         Methods with a colour and a name, in this order; all others are grey behind them.
     dashed
@@ -125,15 +125,15 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     name
         Name of the scene that was varied.
     unit
-        Unit of its score; without one, scores are drawn, not gains.
+        Unit of its score; empty for a score without unit, which is drawn instead of the gain.
     """
-    keys, value = experiment.keys, "gain over uniform" if unit else "score"
+    keys, quantity = experiment.keys, "gain over uniform" if unit else "score"
     groups = experiment.describe_seeds(MEDIANS)
     if len(keys) > 1:
         groups = "medians and range over seeds and the other settings"
     scenes = amount(len(experiment.problems), "scene")
     headings = (
-        f"{name}: {value}, over {' and '.join(keys)}",
+        f"{name}: {quantity}, over {' and '.join(keys)}",
         f"{scenes}, {experiment.tasks[0].limit} a search, {groups}",
     )
     places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
@@ -156,21 +156,21 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         if any(isinstance(label, str) for label in ticks):
             axes.set_xticks(list(ticks.values()), [str(label) for label in ticks])
         elif min(ticks.values()) > 0.0 and np.median([*ticks.values()]) < 0.2 * max(ticks.values()):
-            axes.set_xscale("log")  # the values are spread so
+            axes.set_xscale("log")  # most values are far below the largest
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
-    draw_curves(path, panels, headings, ("", value), prepare, experiment.methods[:MAX_COLOURS])
+    draw_curves(path, panels, headings, ("", quantity), prepare, experiment.methods[:MAX_COLOURS])
 
 
 def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Collection[str]) -> None:
-    """Draw the best normalised score over a clock, in a panel for all problems and for each.
+    """Draw the best normalised score against a clock, in a panel for all problems and one for each.
 
     Parameters
     ----------
     experiment
         A benchmark.
     clock
-        "seconds" or "evaluations".
+        Key of `CLOCK_NAMES`.
     path
         PNG file.
     solid
@@ -178,7 +178,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
     """
     panels: dict[str, dict[str, Curve]] = {}
     complete = set(experiment.complete_methods)
-    overview = [None] if len(experiment.problems) > 1 else []
+    overview = [None] if len(experiment.problems) > 1 else []  # None for all problems
     for problem, method in product([*overview, *experiment.problems], experiment.methods):
         if experiment.runs(method, problem) and (problem or method in complete):
             times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
@@ -201,7 +201,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
 
 
 def draw_intervals(experiment: Experiment, path: Path) -> None:
-    """Draw the interquartile means with their intervals, and the performance profile."""
+    """Draw the interquartile means with their intervals, and the performance profiles."""
     figure, (means, profile) = plot_style.new_panels(
         2, 2, (4.6, 3.4), headline="Normalised scores at the end of the runs",
         subtitle="95 % intervals of five or more runs, all scenes with equal weights",
@@ -234,7 +234,7 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
 
 
 def _median_and_range(values: Floats) -> tuple[Any, tuple[Any, Any]]:
-    """Return the median over the first axis, and the least and largest value."""
+    """Return the median over the first axis, and the smallest and the largest value."""
     return np.median(values, axis=0), (values.min(axis=0), values.max(axis=0))
 
 

@@ -18,7 +18,7 @@ from optimize.experiments.task import describe_labels, read_scene
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
-MAX_LINES = 200  # of a page's table; the CSV has all
+MAX_LINES = 200  # of a table or list of a page; the CSV file has all runs
 TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
 PAGE = """# {title}
 
@@ -60,7 +60,7 @@ def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
-    """Write a line for each run, with its labels; inf for a shortfall that was never reached."""
+    """Write a line for each run, with its labels; the time to a shortfall never reached is inf."""
     clock = experiment.clock
     names = (
         "scene", *experiment.keys, "method", "seed", "score", "uniform", "gain", "gap",
@@ -106,7 +106,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
 
 
 def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
-    """Return a line of Markdown for each problem and method, its best method first."""
+    """Return a Markdown table: a line for each problem and method, the best method first."""
     names = (
         *experiment.keys, "method", "score", "worst", "uniform", "gain", "shortfall", "to 1 %",
         "to 0.1 %", "layouts simulated",
@@ -118,7 +118,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
         for runs in sorted(groups, key=lambda runs: -np.median([r.score for r in runs])):
             gains = [r.gain for r in runs if r.gain is not None]
             shortfalls = [s for r in runs if (s := experiment.shortfall(r)) is not None]
-            # infinite where half of the seeds never came so near
+            # infinite if half of the runs never came so near
             times = [np.median([experiment.time_to(r, s) for r in runs]) for s in (1e-2, 1e-3)]
             lines.append((
                 *(f"{v:.6g}" if isinstance(v, float) else v for v in runs[0].labels.values()),
@@ -136,7 +136,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
 
 
 def failures_section(experiment: Experiment) -> list[str]:
-    """Return the runs without a result, with the reasons, as lines of Markdown."""
+    """Return a section of Markdown with runs without a result and the reasons; empty for none."""
     if not experiment.failures:
         return []
     failures = experiment.failures[:MAX_LINES]

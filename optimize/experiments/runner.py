@@ -1,4 +1,4 @@
-"""Runner of experiments: finished tasks are not run again, and every result is kept at once."""
+"""Runner of experiments: finished tasks are not run again, and every result is stored at once."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ def run_experiment(
 ) -> Experiment:
     """Run tasks and gather their results.
 
-    Ctrl-C ends the workers of the executor at once and returns the results so far; before the first
-    result it is raised.
+    Ctrl-C ends the workers of the executor at once, and the results so far are returned.
 
     Parameters
     ----------
@@ -43,7 +42,8 @@ def run_experiment(
     study
         Study that stores every result at once; tasks with a result in it are not run again.
     known_score
-        Function that returns the best score known beforehand; see `KnownScore`.
+        Function that returns the best score known beforehand; see `KnownScore`. By default none is
+        known.
     name
         Name of the experiment in the progress line.
     progress
@@ -61,6 +61,8 @@ def run_experiment(
         If no task has a result, or if the study cannot be written.
     ExecutorLost
         If the executor itself has ended.
+    KeyboardInterrupt
+        On Ctrl-C before the first result.
     """
     require_executor(executor)
     require_type("study", study, Study | None, "a Study, as open_store(path).begin() returns")
@@ -69,21 +71,21 @@ def run_experiment(
         require_type("task", task, Task, "a Task")
     results = {} if study is None else study.results()
     failures: list[Failure] = []
-    keys = {task.key: task for task in tasks}
-    missing = [task for key, task in keys.items() if key not in results]
+    distinct = {task.key: task for task in tasks}
+    missing = [task for key, task in distinct.items() if key not in results]
     interrupted = False
     with progress_bar(
-        progress, line=PLAIN_FORMAT, bar_format=BAR_FORMAT, total=len(keys),
-        initial=len(keys) - len(missing), desc=name, leave=False, smoothing=0.0, dynamic_ncols=True,
+        progress, line=PLAIN_FORMAT, bar_format=BAR_FORMAT, desc=name, dynamic_ncols=True,
+        total=len(distinct), initial=len(distinct) - len(missing), leave=False, smoothing=0.0,
     ) as line:  # fmt: skip
         local = ((task, task.run) for task in missing)
         pairs = local if executor is None else _submit(executor, missing)
         try:
             with closing(pairs):
-                for task, outcome in pairs:
+                for task, get_result in pairs:
                     try:
                         with loss_as_error():
-                            result = results[task.key] = outcome()
+                            result = results[task.key] = get_result()
                     except ExecutorLost:
                         raise
                     except Exception as error:
@@ -96,7 +98,7 @@ def run_experiment(
         except KeyboardInterrupt:
             if executor is not None and hasattr(executor, "kill"):
                 executor.kill()  # a running task cannot be cancelled
-            if not any(key in results for key in keys):
+            if not any(key in results for key in distinct):
                 raise
             interrupted = True
     available_results = tuple(

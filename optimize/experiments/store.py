@@ -5,10 +5,10 @@ Every result is stored when its task is finished.
     store = open_store("runs/studies.sqlite")
     study = store.begin("friction", "sweep", {"budget": 5000})
     study.add(task.run())                # on the disk when it returns
-    study.done()                         # by key: these tasks need not run again
+    study.results()                      # by key: these tasks need not run again
 
-Table ``studies`` has a line per study, ``results`` one per task: the columns of most queries, and
-the whole `TaskResult` as JSON in ``data``. Several processes of one machine may write one store;
+Table ``studies`` has a line per study, ``results`` one per task: columns for common queries, and
+the whole `TaskResult` as JSON in ``data``. Several processes of one machine may write to a store;
 Dask workers return their results to the process that writes.
 """
 
@@ -49,13 +49,13 @@ class Study:
     Attributes
     ----------
     name
-        Name with which it was begun.
+        Name of the study.
     kind
         Kind of experiment, such as "comparison" or "sweep".
     begun
-        Time of the beginning [UTC, ISO 8601].
+        Time at which it was begun, in UTC and ISO 8601.
     settings
-        Settings that decide its tasks.
+        Settings that determine its tasks.
     result_count
         Number of results when the study was read.
     """
@@ -83,13 +83,13 @@ class Study:
         return {result.key: result for result in results}
 
     def add(self, result: TaskResult) -> None:
-        """Store a result; an earlier one of the same key stays.
+        """Store a result, unless there is one with the same key.
 
         Raises
         ------
         ValueError
-            If the result cannot be stored: a full disk, a store that is locked for more than a
-            minute, or a number that is not finite. All earlier results are intact.
+            If the result cannot be stored: the disk is full, the store is locked for more than a
+            minute, or a number is not finite. All earlier results are intact.
         """
         data = json.dumps(msgspec.to_builtins(result), allow_nan=False)
         task = result.key, result.scene_name, result.method, result.seed
@@ -117,13 +117,13 @@ class Store:
         kind
             Kind of experiment, such as "sweep".
         settings
-            Settings that decide its tasks, of types that JSON has.
+            Settings that determine its tasks, of types that JSON has.
 
         Raises
         ------
         ValueError
-            If the study of that name has another kind or other settings, if the name or a setting
-            is invalid, or if the store cannot be written.
+            If the study of that name has another kind or other settings, if the name is invalid or
+            a number in the settings is not finite, or if the store cannot be written.
         """
         if not re.fullmatch(r"(?!\.+$)[^/\\]{1,200}", name) or not name.isprintable():
             expected = "give 1 to 200 printable characters without / and \\"
@@ -172,7 +172,7 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """Open a transaction, which is written whole or not at all, after those of others.
+        """Open a transaction, which is written completely or not at all, after those of others.
 
         Raises
         ------
@@ -198,17 +198,18 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     path
         SQLite file.
     create
-        True to create an empty store if there is none.
+        If True, an empty store is created if there is none.
 
     Returns
     -------
     Store
-        Threads and forked processes may share it.
+        The store, which threads and forked processes may share.
 
     Raises
     ------
     ValueError
-        If the file is damaged, is no store, or cannot be written; it is not changed.
+        If the file is a folder, is damaged, is not a store, or cannot be written; it is not
+        changed. Without `create`, also if there is no file.
     """
     path = as_path("path", path)
     if path.is_dir():
@@ -230,13 +231,13 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
 def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, and return their number.
 
-    The columns are the fields of `TaskResult`, in SI units, then one for each label
-    (``label.NAME`` if a field has that name). CSV has lists as JSON.
+    The columns are the name of the study, the fields of `TaskResult`, in SI units, and one for each
+    label (``label.NAME`` if another column has that name). A CSV file has lists as JSON.
 
     Raises
     ------
     ValueError
-        If the file has another ending.
+        If the name of the file has another ending.
     OSError
         If the file cannot be written.
     ImportError

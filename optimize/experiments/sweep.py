@@ -24,22 +24,22 @@ from optimize.problem import Problem
 Value = Label | list[Any]
 Point = dict[str, Value]
 
-DEFAULT_BUDGET = 2000  # layouts of a search
+DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
 MAX_POINTS = 100_000  # each is a scene that is checked before the first search
 WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
-RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # of a table such as [spacing]
+RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
 
 
 def parse_axis(text: str) -> tuple[str, list[Value]]:
-    """Read a key of the scene's file and its values from a text.
+    """Read a key of a scene's file and its values from a text.
 
     Parameters
     ----------
     text
-        KEY=FROM:TO:NUMBER for evenly spread values, FROM:TO:NUMBER:log for values evenly spread in
-        the logarithm, VALUE,VALUE for numbers or words, or [V, V] for a list of values in JSON, for
-        keys that hold lists themselves.
+        KEY=FROM:TO:NUMBER for evenly spaced values, KEY=FROM:TO:NUMBER:log for values with evenly
+        spaced logarithms, KEY=VALUE,VALUE for numbers or words, or KEY=[V, V] for values in JSON,
+        such as those of keys that hold lists.
 
     Returns
     -------
@@ -56,14 +56,14 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
     key, _, listing = (part.strip() for part in str(text).partition("="))
     try:
         if not listing or not all(key.split(".")):
-            raise ValueError("a key or its values are missing")
+            raise ValueError("the key or its values are missing")
         if ":" in listing:
             texts = _spread_values(listing)
         else:
             texts = json.loads(listing) if listing.startswith("[") else listing.split(",")
-        values: list[Value] = [_parse_value(key, w) if isinstance(w, str) else w for w in texts]
+        values: list[Value] = [_parse_value(key, v) if isinstance(v, str) else v for v in texts]
         if not values or len({repr(value) for value in values}) < len(values):
-            raise ValueError("give each value once")
+            raise ValueError("give at least one value, and each value once")
         return key, values
     except ValueError as error:
         raise ValueError(f"--set {text}: {error}; {SYNTAX}") from None
@@ -92,16 +92,22 @@ def _parse_value(key: str, text: str) -> Label:
 
 
 def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
-    """Return all combinations of the values of the keys; the last key changes first."""
+    """Return all combinations of the values of the keys; values of the last key change first.
+
+    Raises
+    ------
+    ValueError
+        If there are more than `MAX_POINTS` combinations.
+    """
     number = math.prod(map(len, axes.values()))
     require("points", number, high=MAX_POINTS, hint="split the sweep", whole=True)
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
 def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
-    """Return the scene of a document in which the values of a point replace others.
+    """Return the scene of a document in which the values of a point replace or add others.
 
-    A value of `fixed` or `values` replaces `min`, `max` and `step`, and the reverse.
+    Each of `fixed`, `values`, and `min`, `max` and `step` together replaces the others.
 
     Parameters
     ----------
@@ -130,8 +136,8 @@ def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") ->
         if table_name in ("spacing", "thickness") and last in RANGE_KEYS:
             # one form of a range replaces another; min, max and step are one form
             other_keys = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
-            for name_of_range in other_keys:
-                table.pop(name_of_range, None)
+            for other_key in other_keys:
+                table.pop(other_key, None)
         table[last] = copy.deepcopy(value)
     scene = scene_from_document(document, name, place)
     try:
@@ -167,7 +173,7 @@ def sweep(
     budget
         Number of layouts that each search may simulate; 2000 if `seconds` is not given either.
     seconds
-        Time of each search [s], instead.
+        Time of each search [s], instead of `budget`.
     options
         `executor`, `study`, `name` and `progress`, see `run_experiment`.
 
@@ -202,7 +208,7 @@ def plan_sweep(
     budget: int | None = None,
     seconds: float | None = None,
 ) -> list[Task]:
-    """Return the tasks of a sweep, in order, with every point checked.
+    """Return the tasks of a sweep, ordered by point, seed and method; check every point.
 
     Parameters
     ----------
@@ -216,7 +222,7 @@ def plan_sweep(
     """
     if isinstance(scene, Scene):
         base, name, file = scene.document(), scene.name, ""
-    else:  # only the points are checked: they may replace invalid values of the file
+    else:  # only the points are checked, as they may replace invalid values of the file
         base, name, file = read_named(scene)
     axis_values = [parse_axis(axis) for axis in as_list(axes)]
     if not axis_values:

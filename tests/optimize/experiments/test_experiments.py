@@ -173,7 +173,7 @@ def test_an_axis_has_the_values_of_its_text(text, values):
     ("row.count=3:4:0", "NUMBER = 0: give a whole number from 1 to"),
     (r"physics.push=0:inf:3", r"FROM, TO\[1\] = inf: give a finite number"),
     ("physics.push=0:1:3:log", r"FROM, TO\[0\] = 0.0: give a finite number, more than 0"),
-    ("physics.push=4,8,4", "give each value once"),
+    ("physics.push=4,8,4", "and each value once"),
     ("spacing.values=[1, ", "Expecting value"),
 ])  # fmt: skip
 def test_wrong_texts_are_rejected(text, message):
