@@ -54,7 +54,7 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     num_envs
         Number of environments that are stepped together.
     steps
-        Dominoes placed in a whole training.
+        Number of dominoes placed in a whole training.
     width, depth
         Number of units of a hidden layer, and number of hidden layers of each network; ARS has
         none.
@@ -102,9 +102,9 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
 def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -> Hyperparameters:
     """Return the default hyperparameters of an algorithm.
 
-    For random episodes and sampled scenes, APG has more environments and updates. If random
-    episodes have a schedule too, which a small change of all gaps misses, it has a small learning
-    rate and little noise.
+    APG has more environments and updates if scenes are sampled, or if episodes are random, with
+    placement noise or pieces in random order. If a random scene has a schedule of the hits, which a
+    small change of all gaps misses, APG has fewer of both, a small learning rate and little noise.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     """
     require_choice("algorithm", algorithm, ALGORITHMS)
     scene = target if isinstance(target, Scene) else target.first
-    varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
-    episode = TYPICAL_EPISODE if varies else scene.count - 1
+    count_varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
+    episode = TYPICAL_EPISODE if count_varies else scene.count - 1
     if algorithm == "ppo":
         # steps of a rollout in each environment: two episodes, or one if they are long
         length = 2 * episode if episode <= 120 else episode
@@ -135,18 +135,19 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
             },
         )  # fmt: skip
     if algorithm == "apg":
-        fixed = Hyperparameters(
+        # steps: number of updates, times environments, times steps of an episode
+        defaults = Hyperparameters(
             num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
             first_deviation=0.5, middle_deviation=0.08, last_deviation=0.003, penalty=0.1,
         )  # fmt: skip
         if scene is target and len(evaluation_seeds(scene)) == 1:
-            return fixed
+            return defaults
         if scene is target and scene.as_placed.tempo is not None:
-            return fixed.replace(
+            return defaults.replace(
                 num_envs=8, steps=300 * 8 * episode, width=128, learning_rate=3e-4,
                 first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,
             )  # fmt: skip
-        return fixed.replace(
+        return defaults.replace(
             num_envs=32, steps=1500 * 32 * episode, width=128,
             first_deviation=0.2, middle_deviation=0.05, last_deviation=0.01,
         )  # fmt: skip

@@ -90,7 +90,7 @@ class APG(OnPolicyAlgorithm):
     ) -> bool:
         """Build a layout with noise in each environment, and compute the loss of the policy.
 
-        Returns False if the callback stops the training.
+        The result is False if the callback stops the training.
         """
         callback.on_rollout_start()
         if random_parts(env.vector.scenes[0]):
@@ -114,7 +114,7 @@ class APG(OnPolicyAlgorithm):
         noise = antithetic_noise(env.num_envs, *mean.shape[1:])
         actions = (mean + deviation * noise).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
-        # the gain is relative to the score of the uniform baseline, except if that is zero
+        # a return is relative to the score of the uniform baseline, except if that is zero
         factors = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]
         return -(scores * torch.tensor(factors, dtype=torch.double)).sum(), infos
 

@@ -147,7 +147,9 @@ def _result(line: Mapping[str, str], scene: str) -> TaskResult:
 
 
 def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
-    """Return an experiment with stored runs added; its own runs replace equal ones.
+    """Return an experiment with stored runs added.
+
+    Its own runs replace stored runs of the same scene, method and seed.
 
     Raises
     ------

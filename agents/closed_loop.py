@@ -24,7 +24,7 @@ from domino_env.core.types import Floats
 from domino_env.kernels.step.observation import LATENESS_UNIT
 
 RTOL = 1e-5  # relative error allowed in the arrival times of layouts built in training
-# [%] weight in the loss of the mean square error of desired thicknesses, which are -1 to 1
+# [%] weight in the loss of the mean squared error of desired thicknesses, which are -1 to 1
 THICKNESS_WEIGHT = 10.0
 # parts of an observation that are used besides the position
 HAND_PARTS = "thicknesses", "hand", "stock"
@@ -120,7 +120,7 @@ class Episodes:
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)
         for n in range(scene.count - 1):
             observation = self.observations[:, n].clone()
-            if n:
+            if n:  # the first observation does not depend on actions
                 earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
                 lateness = delay / (LATENESS_UNIT * tempo.tolerance)
@@ -141,11 +141,11 @@ class Episodes:
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
         """Return arrival times (B, N-1) [s], and (B, N-1, N-1) derivatives by gap and thickness."""
-        layouts, pairs = self.spacing.shape
+        num_layouts, pairs = self.spacing.shape
         spacing, thickness = (np.repeat(x, pairs, axis=0) for x in (self.spacing, self.thickness))
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)
-        gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (layouts, 1)))
-        shape = layouts, pairs, -1
+        gradient = waves.pullback(np.tile(np.eye(pairs, pairs + 1, 1), (num_layouts, 1)))
+        shape = num_layouts, pairs, -1
         times = waves.arrival_times.reshape(shape)[:, 0, 1:]
         by_thickness = gradient.thickness.reshape(shape)[..., 1:]
         return times.copy(), gradient.spacing.reshape(shape), by_thickness.copy()

@@ -41,8 +41,7 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     scene
         A scene with a hand.
     coefficients
-        (25,), or (B, 25) for B environments: values at the knots, in units of actions. The knots
-        are dense near both ends of the chain.
+        (25,), or (B, 25) for B environments: values at the knots, in units of actions.
 
     Returns
     -------
@@ -58,6 +57,7 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
 
     def policy(observation: Singles) -> Floats:
         n = np.rint(observation[..., parts["placed"].start] * pairs)
+        # from 0 to 1, dense near both ends
         position = 0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs)
         desired, gap, by_piece, by_last = (_interpolate(position, values) for values in curves)
         desired = np.clip(desired, -1.0, 1.0)

@@ -258,7 +258,7 @@ def choose_scenes(
     name
         A scene distribution, the name of a shipped one, or the path of its file.
     number
-        Number of scenes, with a seed required; None for the whole test set, usually 200 scenes.
+        Number of scenes; None for the whole test set. Required with a seed.
     seed
         Seed of the sampled scenes; None for the first scenes of the test set.
 

@@ -39,7 +39,7 @@ FILES = (
 )  # fmt: skip
 
 POLICIES = Path(__file__).with_name("policies")
-DESIGNER = "designer"  # the scene-conditioned policy
+DESIGNER = "designer"  # name of the shipped scene-conditioned policy
 
 
 class ConfigDocument(Document):

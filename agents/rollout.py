@@ -87,8 +87,8 @@ def build(
     scene
         The scene to build for.
     distribution
-        The scene distribution that the policy was trained on, if any: the policy then observes the
-        features of the scene.
+        The scene distribution that the policy was trained on, whose features it observes; None for
+        a policy that was trained on a single scene.
     seeds
         Seeds of the episodes over which the score is the mean; None for `evaluation_seeds`.
 

@@ -207,6 +207,7 @@ def controller(scene: Scene) -> Rollout:
     for n, due in enumerate(tempo.schedule(scene.count)):
 
         def lateness(gap: Floats, index: Ints, n: int = n, due: float = due) -> Floats:
+            """Return how late domino n + 1 is hit [s] in some episodes, after given gaps."""
             spacing = np.concatenate([gaps[index, :n], gap[:, None]], axis=1)
             times = scene.batch(spacing, thickness[index, : n + 1]).simulate().total_time
             return np.where(np.isfinite(times), times - due, NO_HIT)
@@ -214,7 +215,7 @@ def controller(scene: Scene) -> Rollout:
         bracket = np.full(len(errors), low), np.full(len(errors), high)
         root = find_root(lateness, bracket, args=(episodes,), tolerances={"xatol": GAP_TOLERANCE})
         simulations += int(root.nfev.sum())
-        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # used if no gap meets the schedule
+        nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # if no gap meets the schedule
         gaps[:, n] = add_errors(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
     layout = scene.layout(gaps[0], thickness[0])

@@ -71,8 +71,8 @@ def load_fit(name: str) -> Fit | None:
             inspect.signature(function).bind(*[None] * number)
             return function if number == 3 else None
     raise ValueError(
-        f"algorithm '{name}': it can be neither called as fit(make_env, steps, seed), which "
-        "learns, nor as run(evaluator, rng), which searches"
+        f"algorithm '{name}': its arguments are neither (make_env, steps, seed), as of a learning "
+        "algorithm, nor (evaluator, rng), as of a search method: give it one of these signatures"
     )
 
 
@@ -84,7 +84,7 @@ def train_third_party(
     Parameters
     ----------
     name
-        Its name, `package.module:fit`.
+        Name of the algorithm, `package.module:fit`.
     target
         The scene, or the distribution that scenes are sampled from.
     steps

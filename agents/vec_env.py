@@ -92,7 +92,7 @@ class DominoVecEnv(VecEnv):
                 infos[i] = {key: final[key][i] for key in keys} | {
                     "terminal_observation": info["final_obs"][i],
                     "TimeLimit.truncated": False,
-                    "episode": {
+                    "episode": {  # rounded as by `Monitor`
                         "r": round(float(self._returns[i]), 6),
                         "l": int(self._lengths[i]),
                         "t": round(elapsed, 6),

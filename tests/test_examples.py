@@ -48,7 +48,7 @@ def test_an_algorithm_from_outside_is_benchmarked_like_ours(tmp_path, monkeypatc
     assert result.score == again.score
     assert load_scene("sprint").score(result.layout) == pytest.approx(result.score)
     assert -1.0 <= sampled.run().score < 0.1
-    with pytest.raises(ValueError, match="neither called as fit"):
+    with pytest.raises(ValueError, match="its arguments are neither"):
         benchmark_tasks(["sprint"], ["outside_algorithm:DummyVecEnv.close"])
 
 

@@ -62,6 +62,8 @@ def compare(
     ValueError
         If an argument is empty, has an entry twice or is out of its range, or if no run has a
         result; a run that fails beside others is one of the `failures`.
+    TypeError
+        If `seeds` is a single number.
     KeyboardInterrupt
         On Ctrl-C before the first result; later it ends the comparison with the results so far.
 
@@ -130,7 +132,7 @@ def plan_tasks(
 
 
 def as_list(value: Any) -> list[Any]:
-    """Return the list of several values, or of one."""
+    """Return several values as a list, or a list of one value; a string is one value."""
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
 
 

@@ -62,6 +62,7 @@ def draw_curves(
     dashed
         Methods whose lines are dashed.
     """
+    # three panels in a line; sizes of a panel, and of the space for the legend [in]
     figure, all_axes = plot_style.new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), *headings)
     lines = plot_style.method_lines(methods)
     handles: dict[str, Any] = {}
@@ -86,10 +87,10 @@ def draw_curves(
 
 
 def draw_over_time(experiment: Experiment, path: Path) -> None:
-    """Draw the shortfall from the best known against run time, in a panel for each problem."""
+    """Draw the shortfall from the best known against time, or evaluations, for each problem."""
     times = experiment.curve_times()
     panels: dict[str, dict[str, Curve]] = {}
-    ends: dict[str, list[float]] = {}
+    ends: dict[str, list[float]] = {}  # median shortfalls at the end, by method
     for problem, method in product(experiment.problems, experiment.methods):
         if runs := experiment.runs(method, problem):
             shortfalls = 100.0 * np.array([experiment.shortfalls(r, times) for r in runs])
@@ -134,7 +135,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     scenes = amount(len(experiment.problems), "scene")
     headings = (
         f"{name}: {quantity}, over {' and '.join(keys)}",
-        f"{scenes}, {experiment.tasks[0].limit} a search, {groups}",
+        f"{scenes}, {experiment.tasks[0].limit} for each search, {groups}",
     )
     places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
     panels: dict[str, dict[str, Curve]] = {}

@@ -74,6 +74,7 @@ def run_experiment(
     distinct = {task.key: task for task in tasks}
     missing = [task for key, task in distinct.items() if key not in results]
     interrupted = False
+    # no smoothing: the remaining time follows from the mean time of a task
     with progress_bar(
         progress, line=PLAIN_FORMAT, bar_format=BAR_FORMAT, desc=name, dynamic_ncols=True,
         total=len(distinct), initial=len(distinct) - len(missing), leave=False, smoothing=0.0,

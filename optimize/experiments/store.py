@@ -119,6 +119,11 @@ class Store:
         settings
             Settings that determine its tasks, of types that JSON has.
 
+        Returns
+        -------
+        Study
+            The study, with the results so far.
+
         Raises
         ------
         ValueError
@@ -162,7 +167,7 @@ class Store:
         Raises
         ------
         ValueError
-            If there is none; the message names the last ones.
+            If there is none; the message has the last ten names.
         """
         studies = {study.name: study for study in self.studies()}
         if name not in studies:
@@ -214,7 +219,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     path = as_path("path", path)
     if path.is_dir():
         raise ValueError(f"{path} is a folder: name the file of a store, such as studies.sqlite")
-    if not path.exists() or not (create or path.stat().st_size):
+    if not path.exists() or not (create or path.stat().st_size):  # an empty file is not a store
         if not create:
             raise ValueError(f"there is no store {path}: give an existing file (--store)")
         require_writable(path.parent)
@@ -224,6 +229,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
             for table in TABLES:
                 connection.execute(table)
+        # fails if the file is not a store
         connection.execute("SELECT data, settings FROM results, studies LIMIT 0")
     return store
 
@@ -282,7 +288,7 @@ def best_result(study: Study, name: str) -> TaskResult:
     matching = [r for r in results if name in (r.scene_name, r.problem)]
     number = len({r.scene for r in matching})
     if number != 1:
-        names = list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8]
+        names = list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8]  # enough for a message
         raise ValueError(
             f"study '{study.name}' has {number or 'no'} scenes called '{name}': name one of "
             f"{', '.join(names) or 'no results yet'}"

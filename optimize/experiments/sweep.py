@@ -132,7 +132,7 @@ def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") ->
         table_name, _, last = key.rpartition(".")
         table = document.setdefault(table_name, {}) if table_name else document
         if not isinstance(table, dict):
-            raise ValueError(f"{place}: '{key}': {table_name} is no table of the scene's file")
+            raise ValueError(f"{place}: '{key}': {table_name} is not a table of the scene's file")
         if table_name in ("spacing", "thickness") and last in RANGE_KEYS:
             # one form of a range replaces another; min, max and step are one form
             other_keys = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
