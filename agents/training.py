@@ -88,7 +88,7 @@ class Run:
     rollout: Rollout | None
 
     def __repr__(self) -> str:
-        result = f"median gain {self.curve[-1][3]:+.2%}"
+        result = f"median gain {self.curve[-1][3]:+.2%}"  # best_score
         if self.rollout is not None:
             result = self.rollout.scene.against_uniform(self.rollout.score, self.rollout.wave)
         work = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
@@ -128,7 +128,7 @@ class Run:
         record = best_known().get(scene.name)
         if record is not None:
             lines[f"best known {record.score:.4f}"] = record.score
-        table = np.array(self.curve)
+        table = np.array(self.curve)  # columns as in `COLUMNS`
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
         process = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"
         draw_scores(axes, table[:, 1], curves, lines, scene.unit, process)
@@ -216,7 +216,7 @@ def train(
 
 
 def clocks() -> Floats:
-    """Return the wall-clock and processor time [s]."""
+    """Return the wall-clock time and the processor time (2,) [s]."""
     return np.array([time.perf_counter(), time.process_time()])
 
 
@@ -395,7 +395,7 @@ class Training:
                 "score": rollout.score,
                 "uniform_score": rollout.uniform.score,
                 "gain": rollout.gain,
-                "last_score": self.curve[-1][2],
+                "last_score": self.curve[-1][2],  # of the last evaluation
             }
             write_png(run.plot(), self.folder / "result.png")
         self._write_json(

@@ -56,7 +56,7 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
     key, _, listing = (part.strip() for part in str(text).partition("="))
     try:
         if not listing or not all(key.split(".")):
-            raise ValueError("the key or its values are missing")
+            raise ValueError("a key or its values are missing")
         if ":" in listing:
             texts = _spread_values(listing)
         else:
