@@ -10,7 +10,7 @@
     env = gymnasium.make("DominoChain-v1", scene="sprint")
 
 Names are imported when they are first used. Importing the package registers the environments with
-Gymnasium and the functions that draw results.
+Gymnasium, and the functions that draw results.
 """
 
 import sys
@@ -25,7 +25,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
-# the `domino` command does not use registered environments and starts faster without them
+# the `domino` command uses no registered environments and starts faster without them
 if "_domino_command" not in sys.modules:
     from domino_env.envs import register
 

@@ -28,7 +28,7 @@ TRICKS = [
 ]  # fmt: skip
 # words of the message, or None for a good file
 EXPECTED: dict[str, str | None] = {
-    "layouts/deep.json": "nested too deep",
+    "layouts/deep.json": "nested too deeply",
     "layouts/empty.csv": "the file is empty",
     "layouts/escape.csv": r"'\x1b]0;owned\x07\x1b[2J' is not a number",
     "layouts/latin_1.csv": None,

@@ -1,1 +1,1 @@
-"""Helpers of all other folders: checks, files, tables, progress, plot style."""
+"""Helpers for all other folders: checks, files, models, tables, results, threads, plot style."""

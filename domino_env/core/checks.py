@@ -32,7 +32,7 @@ def require(
     optional: bool = False,
     array: bool = False,
 ) -> None:
-    """Raise a ValueError for a number that is not finite or not in the accepted range.
+    """Raise a ValueError for anything but a finite number in the accepted range.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def require(
     hint
         Typical value or next action, at the end of the message.
     above, below
-        Exclusive lower and upper bound.
+        Exclusive bounds, in place of `low` and `high`.
     whole
         If True, only whole numbers are accepted.
     optional
@@ -58,8 +58,8 @@ def require(
     Raises
     ------
     ValueError
-        The message is, for example, "gravity = 0.0 m/s²: give a finite number, more than 0 (9.81 on
-        Earth)". For an array it has the index of the first entry that is not accepted.
+        With a message such as "gravity = 0.0 m/s²: give a finite number, more than 0 (9.81 on
+        Earth)"; for an array with the index of the first entry that is not accepted.
     """
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     if optional and value is None:
@@ -70,6 +70,7 @@ def require(
         if low <= value <= high and above < value < below:
             return
     elif array and isinstance(value, np.ndarray) and value.dtype.kind in "iuf"[: 3 - whole]:
+        # floats ("f") are accepted without `whole` only
         accepted = value >= low if low > -INF else value > above
         accepted &= value <= high if high < INF else value < below
         if accepted.all():
@@ -97,11 +98,11 @@ def numbers(
     name, value
         Name and value of the argument.
     copy
-        Argument `copy` of `numpy.array`: True to copy always, None only if necessary.
+        Argument `copy` of `numpy.array`: True to copy always, None to copy only if necessary.
     shape
         Accepted shape, with letters for sizes that are free, as in (2, "N"); None for any.
     meaning
-        Meaning of the entries, at the end of the message about another shape.
+        Meaning of the shape, at the end of the message about another one.
 
     Returns
     -------
@@ -148,7 +149,7 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
 
 
 def require_type(name: str, value: object, kind: Any, expected: str) -> None:
-    """Raise a TypeError for a value that is not of a type; `expected` says what to give."""
+    """Raise a TypeError for a value of another type; its message ends in "give {expected}"."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} = {as_text(value)}: give {expected}")
 

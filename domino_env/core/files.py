@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, NoReturn
 
 LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million different dominoes takes 105 MB
 LONGEST_SENTENCE, LONGEST_PATH = 480, 160  # [characters]
-_SHORT_REPR = reprlib.Repr()
+_SHORT_REPR = reprlib.Repr()  # of values in messages
 _SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = 60
 _SHORT_REPR.maxlist = _SHORT_REPR.maxdict = _SHORT_REPR.maxtuple = 4
 _SHORT_REPR.maxlevel = 2
@@ -29,12 +29,12 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Return a JSON document; raise a ValueError with the path for other text."""
+    """Return the document of a JSON file; raise a ValueError with the path for other text."""
     with errors_with_path(path):
         try:
             return json.loads(decode(read_bytes(path)))
         except RecursionError:
-            raise ValueError("not JSON: nested too deep") from None
+            raise ValueError("not JSON: nested too deeply; use fewer levels") from None
         except json.JSONDecodeError as error:
             raise ValueError(f"not JSON: {error}") from None
 
@@ -51,7 +51,7 @@ def decode(data: bytes) -> str:
 
 @contextmanager
 def errors_with_path(path: Path | str) -> Iterator[None]:
-    """Replace errors in the `with` block by a ValueError of one line that begins with the path."""
+    """Replace errors of values, arithmetic and memory by a ValueError of one line with the path."""
     try:
         yield
     except (ValueError, ArithmeticError, MemoryError) as error:
@@ -80,21 +80,21 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     OSError
         If the file cannot be written; the message has the path and the reason.
     """
-    new = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with new.open("xb") as file:
+        with temporary.open("xb") as file:
             fill(file)
             file.flush()
             os.fsync(file.fileno())
-        new.replace(path)
-    except OSError as error:  # its message has the name of `new`, or none if the disk is full
+        temporary.replace(path)
+    except OSError as error:  # it names the temporary file, or no file if the disk is full
         if error.errno is None:
             raise
         raise type(error)(f"{path} cannot be written: {error.strerror}") from None
     finally:
         with suppress(OSError):  # a read-only file system raises even for a missing file
-            new.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -107,37 +107,37 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
     taken = next((name for name in names if (folder / name).exists()), None)
     if taken is not None:
         raise ValueError(
-            f"{folder} holds {taken} already: go on with --resume, or name another folder"
+            f"{folder} holds {taken} already: continue with --resume, or name another folder"
         )
 
 
 def require_writable(folder: Path) -> None:
     """Raise a ValueError if no file can be written to a folder, without creating the folder."""
-    place = next(f for f in (folder, *folder.absolute().parents) if f.exists())
-    if not place.is_dir():
-        raise ValueError(f"{place} is a file: name a folder")
+    base = next(f for f in (folder, *folder.absolute().parents) if f.exists())
+    if not base.is_dir():
+        raise ValueError(f"{base} is a file: name a folder")
     try:
-        TemporaryFile(dir=place).close()
+        TemporaryFile(dir=base).close()
     except OSError as error:
-        raise ValueError(f"{folder} cannot be made in {place}: {error.strerror}") from None
+        raise ValueError(f"{base}: {error.strerror}; name a folder that can be written") from None
 
 
 def layout_name(path: Path) -> str:
-    """Return the name of a layout's file, or of its folder if the file is named layout."""
+    """Return the stem of the name of a layout's file, or the name of its folder for "layout"."""
     in_run_folder = path.stem == "layout"
     return one_line(path.resolve().parent.name if in_run_folder else path.stem, 100)
 
 
-def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
-    """Return text with control characters escaped and "…" for all beyond `most` characters.
+def one_line(text: str, max_length: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
+    """Return text with control characters escaped, shortened to `max_length` characters by "…".
 
     If `keep_end` is True, the beginning of a long text is left out, otherwise its end.
     """
-    text = text[-most:] if keep_end and len(text) > most else text[: most + 1]
+    text = text[-max_length:] if keep_end and len(text) > max_length else text[: max_length + 1]
     safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    if len(safe) <= most:
+    if len(safe) <= max_length:
         return safe
-    return "…" + safe[1 - most :] if keep_end else safe[: most - 1] + "…"
+    return "…" + safe[1 - max_length :] if keep_end else safe[: max_length - 1] + "…"
 
 
 def amount(number: int, noun: str) -> str:

@@ -19,15 +19,15 @@ from msgspec import Meta, inspect
 from domino_env.core.checks import format_range, require_choice
 from domino_env.core.files import as_text, one_line
 
-# [SI units] bounds of sizes in files; products of four sizes neither overflow nor underflow
+# bounds of sizes in files [SI units]: products of four sizes neither overflow nor underflow
 SMALLEST, LARGEST = 1e-9, 1e9
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
-"""Positive size [SI units]."""
+"""Positive size, `SMALLEST` to `LARGEST` [SI units]."""
 Amount = Annotated[float, Meta(ge=0, le=LARGEST)]
-"""Finite number, 0 or more."""
+"""Number from 0 to `LARGEST`."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
-"""Finite number."""
+"""Number from -`LARGEST` to `LARGEST`."""
 
 
 def about(description: str) -> Meta:
@@ -36,6 +36,7 @@ def about(description: str) -> Meta:
 
 
 Model = TypeVar("Model")
+# parts of msgspec's messages: error and path, a step of the path, a missing or unknown field
 _PLACE = re.compile(r"(?P<error>.*) - at `\$(?P<path>.*)`", re.DOTALL)
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
 _FIELD = re.compile(r"(?:missing required|unknown) field `(.*)`", re.DOTALL)
@@ -60,21 +61,21 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 
 @cache
 def _fields_alone(kind: type[Value]) -> type[msgspec.Struct]:
-    """Return a Struct with the fields of a class, without its relations and defaults."""
+    """Return a Struct with the fields of a class, without its defaults and `__post_init__`."""
     entries = msgspec.structs.fields(kind)
     names = {field.name: field.encode_name for field in entries}
     return msgspec.defstruct(kind.__name__, [(f.name, f.type) for f in entries], rename=names)
 
 
 def plain(value: Any) -> Any:
-    """Return a value with dictionaries for Structs, and types of Python for those of NumPy."""
+    """Return a value with dictionaries for Structs, and types of Python for types of NumPy."""
     return msgspec.to_builtins(value, enc_hook=_from_numpy)
 
 
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):  # "g": longdouble, which tolist keeps
         return value.astype(float).tolist() if value.dtype.char == "g" else value.tolist()
-    return as_text(value)  # a string, which no field accepts
+    return as_text(value)  # a string, which fields of numbers reject
 
 
 class Document(msgspec.Struct):
@@ -106,11 +107,11 @@ def read_model(kind: type[Model], document: object, place: str = "") -> Model:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        _raise(error, kind, document, place)
+        _reraise(error, kind, document, place)
 
 
-def _raise(error: msgspec.ValidationError, kind: Any, document: Any, place: str) -> NoReturn:
-    """Raise a ValueError with the sentence for an error of msgspec."""
+def _reraise(error: msgspec.ValidationError, kind: Any, document: Any, place: str) -> NoReturn:
+    """Raise a ValueError with a sentence in place of an error of msgspec."""
     match = _PLACE.fullmatch(str(error))
     message, path = (match["error"], match["path"]) if match else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
@@ -123,12 +124,12 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, place: str)
     if error.__cause__ is not None:  # raised by __post_init__; most messages begin with a key
         sentence = str(error.__cause__)
         first = re.match(r"\w+", sentence)
-        begins = first is not None and first[0] in _fields(type_)
-        sentence = f"{place}{'.' if begins else ': '}{sentence}" if place else sentence
+        has_key = first is not None and first[0] in _fields(type_)
+        sentence = f"{place}{'.' if has_key else ': '}{sentence}" if place else sentence
     elif field and "unknown" in message:
         allowed = tuple(_fields(type_))
-        near = difflib.get_close_matches(field[1][:50], allowed, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
+        similar = difflib.get_close_matches(field[1][:50], allowed, n=1)
+        hint = f"did you mean '{similar[0]}'? " if similar else ""
         key = one_line(_key_path(place, field[1]), 60)
         sentence = f"unknown key '{key}': {hint}allowed: {', '.join(allowed)}"
     elif field:
@@ -143,7 +144,7 @@ def _raise(error: msgspec.ValidationError, kind: Any, document: Any, place: str)
 
 
 def _key_path(*steps: str | int) -> str:
-    """Return a place such as physics.push or spacing.values[3]."""
+    """Return a path such as physics.push or spacing.values[3]."""
     text = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps if s != "")
     return text.removeprefix(".")
 
@@ -162,6 +163,7 @@ def _without_metadata(type_: Any) -> tuple[Any, str]:
 
 
 def _fields(type_: Any) -> dict[str, Any]:
+    """Return the types of the fields of a Struct by key; empty for another type."""
     type_, _ = _without_metadata(type_)
     return {field.encode_name: field.type for field in getattr(type_, "fields", ())}
 
@@ -171,15 +173,15 @@ def _entry_type(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
     if isinstance(step, str):
         field = _fields(type_)[step]
         return field, _without_metadata(field)[1]
-    listed = type_
-    while not hasattr(listed, "item_type") and not hasattr(listed, "item_types"):
-        if isinstance(listed, inspect.UnionType):  # a number or a list of them
-            listed = next(t for t in listed.types if hasattr(t, "item_type"))
+    list_type = type_
+    while not hasattr(list_type, "item_type") and not hasattr(list_type, "item_types"):
+        if isinstance(list_type, inspect.UnionType):  # a number or a list of them
+            list_type = next(t for t in list_type.types if hasattr(t, "item_type"))
         else:
-            listed = listed.type
-    if hasattr(listed, "item_types"):
-        return listed.item_types[step], meaning
-    return listed.item_type, meaning
+            list_type = list_type.type
+    if hasattr(list_type, "item_types"):
+        return list_type.item_types[step], meaning
+    return list_type.item_type, meaning
 
 
 def _instruction(type_: Any) -> str:
@@ -213,6 +215,7 @@ def _instruction(type_: Any) -> str:
 
 
 def _format_bounds(type_: Any) -> str:
+    """Return the range of a number as `format_range`; empty for that of a `Number`."""
     if (type_.ge, type_.le) == (-LARGEST, LARGEST):
         return ""
     return format_range(type_.ge, type_.le, above=type_.gt, below=type_.lt)

@@ -1,4 +1,4 @@
-"""Style of all Matplotlib figures, without its global state."""
+"""Style of all figures, set without the global state of Matplotlib."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from domino_env.core.colours import COLOURS, FAINT, INK, RESULT, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
-HEAD = 0.85  # [in] of headline and subtitle
-MIN_WIDTH = 7.5  # [in] of a figure with a headline
-LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
+HEAD = 0.85  # height of headline and subtitle [in]
+MIN_WIDTH = 7.5  # of a figure with a headline [in]
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}  # arguments of `Axes.legend`
 
 
 def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -29,7 +29,8 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
     Parameters
     ----------
     methods
-        Names. The default method always has the colour `RESULT`, the uniform pitch grey dots.
+        Names. The default method always has the colour `RESULT`, the uniform baseline a grey
+        dotted line.
 
     Returns
     -------
@@ -39,13 +40,13 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
     """
     styles = {"auto": (RESULT, "-"), "uniform": (SOFT, ":")}
     for k, method in enumerate([name for name in methods if name not in styles]):
-        place = 1 + k % (len(COLOURS) - 1)
-        styles[method] = COLOURS[place], "--" if place > len(COLOURS) // 2 else "-"
+        index = 1 + k % (len(COLOURS) - 1)  # COLOURS[0] is that of the default method
+        styles[method] = COLOURS[index], "--" if index > len(COLOURS) // 2 else "-"
     return {method: {"color": c, "linestyle": line} for method, (c, line) in styles.items()}
 
 
 class Picture(Figure):
-    """A figure that notebooks show without pyplot."""
+    """Figure that notebooks show without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return png(self)
@@ -61,9 +62,9 @@ def new_figure(
     width, height
         Size [in].
     placed
-        True if the caller places the axes; else they fill the figure.
+        True if the caller places the axes; otherwise they fill the figure.
     register
-        True if `pyplot.show` is to show the figure, if pyplot is in use; notebooks always do.
+        True to have `pyplot.show` show the figure, if pyplot is imported; notebooks always show it.
     """
     options: dict[str, Any] = {"facecolor": "white", "layout": None if placed else "constrained"}
     pyplot = sys.modules.get("matplotlib.pyplot")
@@ -77,43 +78,43 @@ def new_figure(
 
 def new_panels(
     number: int,
-    most_across: int,
+    max_columns: int,
     size: tuple[float, float],
     margins: tuple[float, float] = (0.0, 0.0),
     headline: str = "",
     subtitle: str = "",
     **sharing: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels in lines of at most `most_across`.
+    """Return a figure with a grid of panels.
 
     Parameters
     ----------
     number
         Number of panels.
-    most_across
-        Panels in a line.
+    max_columns
+        Largest number of panels side by side.
     size
         Width and height of each panel [in].
     margins
-        Width and height of the space beside them, such as for a legend [in].
+        Width and height to add to those of the panels, such as for a legend [in].
     headline, subtitle
-        Text above all panels; without headline there is no space for it.
+        Text above all panels; an empty headline leaves out both.
     sharing
-        `sharex`, `sharey`.
+        `sharex` and `sharey` of `Figure.subplots`.
 
     Returns
     -------
     tuple
-        The figure and its panels, line by line, in this style.
+        The figure and its panels, from left to right and from top to bottom, after `style`.
     """
-    across = min(number, most_across)
-    down = -(-number // across)
+    columns = min(number, max_columns)
+    lines = -(-number // columns)
     head = HEAD if headline else 0.0
-    width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
+    width, height = margins[0] + size[0] * columns, margins[1] + size[1] * lines + head
     figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
         add_headings(figure, headline, subtitle)
-    panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
+    panels = list(figure.subplots(lines, columns, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
     for axes in panels[:number]:
@@ -140,33 +141,34 @@ def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.1
     layout: Any = figure.get_layout_engine()
     if layout is not None:
         layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / height))
+    # centres of the two lines of text: 0.30 and 0.58 in below the top
     x, high, low = left / width, 1.0 - 0.30 / height, 1.0 - 0.58 / height
     figure.text(x, high, escape_dollars(headline), va="center", size=14.5, color=INK, weight="bold")
     figure.text(x, low, escape_dollars(subtitle), va="center", size=9.5, color=SOFT)
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
-    """Set the time axis to rising times, logarithmic if they span more than a factor of 30."""
+    """Set the limits of a time axis to rising times [s]; above a factor of 30 it is logarithmic."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")
         label_plainly(axes.xaxis, (1, 3))
-    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))  # Matplotlib warns of equal limits
 
 
 def label_plainly(axis: Axis, digits: Sequence[float]) -> None:
-    """Label a logarithmic axis with plain numbers, those that begin with one of these digits."""
+    """Label a logarithmic axis at `digits` times powers of ten, with plain numbers."""
     axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
 def escape_dollars(text: str) -> str:
-    """Escape the dollar signs of a text, between which Matplotlib reads a formula."""
+    """Escape the dollar signs of a text, between which Matplotlib would typeset a formula."""
     return text.replace("$", r"\$")
 
 
 def png(figure: Figure) -> bytes:
-    """Return the figure as a PNG file; the same figure gives the same bytes."""
+    """Return the bytes of a PNG file; equal figures give equal bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=140, metadata={"Software": None})
     return buffer.getvalue()

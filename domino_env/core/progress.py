@@ -7,7 +7,7 @@ import sys
 import warnings
 from typing import Any
 
-PERIOD = 30.0  # [s] between two lines if standard error is no terminal
+PERIOD = 30.0  # [s] between two lines if standard error is not a terminal
 LINE = "{percentage:.0f} %, {n_fmt} of {total_fmt}{unit} in {elapsed}, {remaining} left{postfix}"
 
 
@@ -17,10 +17,10 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
     Parameters
     ----------
     show
-        True for a bar, False for no output, None for a bar if standard error is a terminal and
-        else a line every `PERIOD` seconds.
+        True for a bar; False for no output; None for a bar if standard error is a terminal,
+        otherwise a line every `PERIOD` seconds.
     line
-        Format of such a line, as tqdm's `bar_format`.
+        Format of such a line, as tqdm's `bar_format`; empty for `LINE`.
     options
         Arguments of tqdm.
 
@@ -36,7 +36,7 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
 
     class Lines(tqdm):  # type: ignore[misc]
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
-            if msg is None:  # else tqdm clears the line
+            if msg is None:  # "" would clear the line
                 print(str(self).strip(), file=sys.stderr, flush=True)
 
     options |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": PERIOD}
@@ -57,5 +57,15 @@ class WrongUnit(Advice):
 
 
 def advise(sentence: str, category: type[Advice] = Advice, stacklevel: int = 3) -> None:
-    """Warn of a probable mistake in the call of a public function."""
+    """Issue a warning of one sentence.
+
+    Parameters
+    ----------
+    sentence
+        The mistake or limitation, and the next action.
+    category
+        Class of the warning.
+    stacklevel
+        As for `warnings.warn`; 3 is the caller of the function that calls `advise`.
+    """
     warnings.warn(sentence, category, stacklevel=stacklevel)

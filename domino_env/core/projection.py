@@ -27,14 +27,14 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     Notes
     -----
     The projection adds the same shift to all entries and clips them. The sum is a piecewise linear
-    function of the shift, with a breakpoint where an entry reaches or leaves a bound. The shift is
-    found exactly from the sorted breakpoints.
+    function of the shift, with a breakpoint where an entry reaches or leaves a bound. The sorted
+    breakpoints give the shift exactly.
     """
     number, n = values.shape
     breakpoints = np.concatenate([low - values, high - values], axis=1)
     order = np.argsort(breakpoints, axis=1, kind="stable")
     breakpoints = np.take_along_axis(breakpoints, order, axis=1)
-    free = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # number of entries off their bounds
+    free = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
     increments = free[:, :-1] * np.diff(breakpoints, axis=1)
     zeros = np.zeros((number, 1))
     sums = low.sum() + np.concatenate([zeros, np.cumsum(increments, axis=1)], axis=1)
@@ -47,7 +47,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
 
 
 def correct_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Distribute the rounding error of the sum over the entries (B, n) between their bounds."""
+    """Add the rounding error of the sums of values (B, n) to the entries between their bounds."""
     free = (values > low) & (values < high)
     correction = (total - values.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
     return np.asarray(np.clip(values + free * correction[:, None], low, high))

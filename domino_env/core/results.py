@@ -1,7 +1,7 @@
 """Results: their drawings, their `repr`, and the versions of the packages that made them.
 
-Modules of results do not import those that draw them: a package registers the functions that return
-a Matplotlib figure in its `__init__`, and the first call imports them.
+Modules of results do not import the modules that draw them: the `__init__` of a package registers
+functions that return a Matplotlib figure, and the first call imports them.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from dataclasses import fields
 from enum import Enum
 from typing import Any
 
-_DRAWINGS: dict[str, str] = {}
-MAX_ITEMS = 4  # of a tuple that is written out
+_DRAWINGS: dict[str, str] = {}  # kind of result → "module:function"
+MAX_ITEMS = 4  # of a tuple that a repr shows in full
 
 
 def register(functions: Mapping[str, str]) -> None:
-    """Add drawings: kind of result → "module:function" that draws one."""
+    """Register drawing functions: kind of result → "module:function"."""
     _DRAWINGS.update(functions)
 
 
 def draw(kind: str, *arguments: Any) -> Any:
-    """Return the drawing by the function registered for this kind."""
+    """Return the figure that the registered function of this kind of result draws."""
     import pkgutil
 
     return pkgutil.resolve_name(_DRAWINGS[kind])(*arguments)
 
 
 def dataclass_repr(value: Any) -> str:
-    """Return a dataclass in one line: arrays by their shapes, long tuples by their lengths."""
+    """Return the repr of a dataclass, with the shapes of arrays and the lengths of long tuples."""
     parts = [f"{f.name}={_short_repr(getattr(value, f.name))}" for f in fields(value) if f.repr]
     return f"{type(value).__name__}({', '.join(parts)})"
 
@@ -66,7 +66,7 @@ def as_json(value: Any) -> Any:
     """Convert a value and its items to types of JSON; see `document`."""
     if isinstance(value, Enum):
         return value.name
-    if hasattr(value, "tolist"):  # of NumPy
+    if hasattr(value, "tolist"):  # an array or a number of NumPy
         value = value.tolist()
     if isinstance(value, dict):
         return {key: as_json(entry) for key, entry in value.items()}
@@ -76,13 +76,13 @@ def as_json(value: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and the packages that the bits of a result depend on."""
+    """Return the versions of Python and of packages on which the last bits of results depend."""
     import platform
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version
 
-    numbers = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in ("domino-chains", "numpy", "scipy", "numba", "cma"):
         with suppress(PackageNotFoundError):
-            numbers[name] = version(name)
-    return numbers
+            installed[name] = version(name)
+    return installed

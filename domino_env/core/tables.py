@@ -59,7 +59,8 @@ def text_table(
     names
         Names of the columns.
     lines
-        Cells in that order; longer ones than `MAX_CELL_WIDTH` are cut, control characters escaped.
+        Cells in that order; those longer than `MAX_CELL_WIDTH` are cut, control characters
+        are escaped.
     right
         Names of the columns that are aligned on the right, such as columns of numbers.
 
@@ -86,31 +87,36 @@ def fill_tables(page: str, tables: dict[str, list[str]]) -> str:
     tables
         Lines of each table by name.
 
+    Returns
+    -------
+    str
+        The page, in which the lines replace all text between the comments.
+
     Raises
     ------
     ValueError
-        If the page has no such comment for a table.
+        If the page does not have both comments for a table.
     """
-    places = {match[2] for match in _PLACE.finditer(page)}
-    if missing := set(tables) - places:
-        raise ValueError(f"the page has no comment <!-- {min(missing)} --> with an <!-- end -->")
+    names = {match[2] for match in _PLACE.finditer(page)}
+    if missing := set(tables) - names:
+        raise ValueError(f"no comment <!-- {min(missing)} --> or no <!-- end --> after it: add it")
 
-    def replacement(match: re.Match[str]) -> str:
+    def fill(match: re.Match[str]) -> str:
         lines = tables.get(match[2])
         return match[0] if lines is None else f"{match[1]}\n" + "\n".join(lines) + f"\n\n{match[3]}"
 
-    return _PLACE.sub(replacement, page)
+    return _PLACE.sub(fill, page)
 
 
 def _escape_formula(text: str) -> str:
-    """Return text, after a ``'`` if a spreadsheet would evaluate it."""
+    """Return text, preceded by ``'`` if a spreadsheet would evaluate it as a formula."""
     if not text.startswith(_FORMULA):
         return text
     try:
         float(text)
     except ValueError:
         return f"'{text}"
-    return text  # a negative number, formatted by hand
+    return text  # a number with a sign, already formatted
 
 
 def _markdown_line(cells: Iterable[object]) -> str:

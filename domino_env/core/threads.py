@@ -1,6 +1,6 @@
 """Threads that share the items of a batch.
 
-Kernels hold no lock while they run.
+Kernels run without the global interpreter lock, so threads run them at the same time.
 """
 
 from __future__ import annotations
@@ -12,29 +12,41 @@ from functools import cache
 
 import numba
 
-MAX_THREADS = 1024
+MAX_THREADS = 1024  # more than a computer has cores: no limit
 PIECES_PER_THREAD = 4  # so that threads whose waves stop early take another piece
-MAX_PIECE = 200_000  # [dominoes]
-MIN_SHARED = 400  # [dominoes] of a batch that several threads share
+MAX_PIECE = 200_000  # largest piece of a batch [dominoes]
+MIN_SHARED = 400  # smallest batch that several threads share [dominoes]
 
 
 def allowed_threads() -> int:
     """Return Numba's number of threads, or that of NUMBA_NUM_THREADS if it is smaller.
 
-    A worker process gets its environment after it has loaded the main script, and Numba with it,
-    which reads the environment only once.
+    Numba reads the variable only when it is imported. A worker process may import Numba with its
+    main script, before the variable is set.
     """
     return min(numba.get_num_threads(), int(os.environ.get("NUMBA_NUM_THREADS", MAX_THREADS)))
 
 
-def share_evenly(task: Callable[..., object], items: int, least: int, *arguments: object) -> None:
+def share_evenly(task: Callable[..., object], items: int, minimum: int, *arguments: object) -> None:
     """Call task(first, last, *arguments) for as many equal pieces of a batch as there are threads.
 
-    The calling thread takes the first piece itself. Waking another thread takes some 20 µs, so a
-    piece has at least `least` items.
+    Parameters
+    ----------
+    task
+        Function of a range of items, which releases the global interpreter lock.
+    items
+        Number of items in the batch.
+    minimum
+        Smallest number of items in a piece, as waking another thread takes some 20 µs.
+    arguments
+        Further arguments of the task.
+
+    Notes
+    -----
+    The calling thread takes the first piece itself.
     """
-    most = items // max(least, 1)
-    threads = min(allowed_threads(), most) if most > 1 else 1
+    max_threads = items // max(minimum, 1)
+    threads = min(allowed_threads(), max_threads) if max_threads > 1 else 1
     if threads <= 1:
         task(0, items, *arguments)
         return
@@ -43,14 +55,27 @@ def share_evenly(task: Callable[..., object], items: int, least: int, *arguments
     jobs = [pool.submit(task, edges[i], edges[i + 1], *arguments) for i in range(1, threads)]
     try:
         task(0, edges[1], *arguments)
-    finally:
+    finally:  # the other threads write into the same arrays
         for job in jobs:
             job.result()
 
 
 def share_pieces(task: Callable[..., object], items: int, count: int, *arguments: object) -> None:
-    """Call task(first, last, *arguments) for small pieces of a batch of chains of `count` dominoes.
+    """Call task(first, last, *arguments) for small pieces of a batch of chains.
 
+    Parameters
+    ----------
+    task
+        Function of a range of chains, which releases the global interpreter lock.
+    items
+        Number of chains in the batch.
+    count
+        Number of dominoes in each chain.
+    arguments
+        Further arguments of the task.
+
+    Notes
+    -----
     Small pieces keep all cores busy if some waves stop early. Plain threads are used rather than a
     parallel Numba loop, as they work in several calling threads at once and after a fork.
     """
@@ -67,9 +92,9 @@ def share_pieces(task: Callable[..., object], items: int, count: int, *arguments
 
 @cache
 def _pool(workers: int) -> ThreadPoolExecutor:
-    """Return the pool of a number of threads; it is kept for the next call."""
+    """Return a pool of this number of threads, which is kept for later calls."""
     return ThreadPoolExecutor(workers, "domino")
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has no threads of its parent
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a fork copies no threads

@@ -14,7 +14,8 @@ Bools = NDArray[np.bool_]
 def unique_points(table: Floats) -> Floats:
     """Return the unique points of a table (M, n), ordered by their coordinates.
 
-    As `numpy.unique(table, axis=0)`, which raises a TypeError in place of a KeyboardInterrupt.
+    The result is that of `numpy.unique(table, axis=0)`, which turns a KeyboardInterrupt into a
+    TypeError.
     """
     ordered = table[np.lexsort(table.T[::-1])]
     first = np.ones(len(ordered), dtype=np.bool_)

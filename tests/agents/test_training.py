@@ -150,7 +150,7 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monke
     before = _curve(tmp_path / "cut")
     whole = _curve(run.folder)
     assert before == whole[: len(before)]  # the same seed gives the same results
-    with pytest.raises(ValueError, match=r"holds .* already: go on with --resume"):
+    with pytest.raises(ValueError, match=r"holds .* already: continue with --resume"):
         train(SMALL, algorithm, folder=tmp_path / "cut", hyperparameters=chosen)
     resumed = train("sprint", folder=tmp_path / "cut", resume=True)
     assert (resumed.scene, resumed.algorithm) == ("small", algorithm)
