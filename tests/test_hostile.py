@@ -35,7 +35,7 @@ EXPECTED: dict[str, str | None] = {
     "layouts/nan.json": "spacing[0] = nan: give a finite number from 1e-09 to 1e+09",
     "layouts/negative.csv": "-18: give a number more than 0",
     "layouts/twice.csv": "two columns give the spacing",
-    "layouts/utf_16_torn.csv": "not utf-16-le text, or not all of it: truncated data",
+    "layouts/utf_16_torn.csv": "not valid utf-16-le text (truncated data): save it as UTF-8",
     "scenes/formulas_in_the_title.toml": None,
     "scenes/half.toml": "not TOML",
     "scenes/huge_count.toml": "give a whole number from 2 to 100000",

@@ -65,7 +65,7 @@ def raise_with_path(path: Path | str, error: BaseException | str) -> NoReturn:
     if isinstance(error, MemoryError):
         text = "too large for this computer's memory"
     elif isinstance(error, UnicodeDecodeError):
-        text = f"not {error.encoding} text, or not all of it: {error.reason}"
+        text = f"not valid {error.encoding} text ({error.reason}): save it as UTF-8"
     if text.startswith((f"{path}, ", f"{name}, ")):  # line and column follow
         text = text.removeprefix(str(path)).removeprefix(name)
         raise ValueError(one_line(name + text)) from None

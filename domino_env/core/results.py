@@ -63,7 +63,7 @@ def document(value: Any, names: str) -> dict[str, Any]:
 
 
 def as_json(value: Any) -> Any:
-    """Convert a value and its items to types of JSON; see `document`."""
+    """Convert a value and its items to types of JSON, in the way that `document` does."""
     if isinstance(value, Enum):
         return value.name
     if hasattr(value, "tolist"):  # an array or a number of NumPy

@@ -12,7 +12,7 @@ from domino_env.core.files import one_line, write_text
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings of text that a spreadsheet evaluates
 _PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
-MAX_CELL_WIDTH = 60  # characters of a cell on a terminal
+MAX_CELL_WIDTH = 60  # of a cell on a terminal [characters]
 
 
 def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
@@ -44,7 +44,7 @@ def write_csv(path: Path, names: Iterable[str], lines: Iterable[Iterable[object]
 
 
 def markdown_table(names: Sequence[str], lines: Iterable[Iterable[object]]) -> list[str]:
-    """Return a table as lines of Markdown; cells are Markdown, except that ``|`` is escaped."""
+    """Return a table as lines of Markdown; in cells, ``|`` is escaped, a line feed is a space."""
     head = [_markdown_line(names), "|" + " --- |" * len(names)]
     return head + [_markdown_line(line) for line in lines]
 

@@ -1,4 +1,4 @@
-"""Layouts as files: CSV as spreadsheets write it, and JSON.
+"""Files of layouts: CSV as spreadsheets write it, and JSON.
 
 Files hold the arguments of a `Layout`, which checks whether the dominoes can stand.
 """
@@ -23,9 +23,9 @@ from domino_env.core.files import decode, one_line, read_bytes, read_json, write
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
 from domino_env.physics.standard import DENSITY, HEIGHT
 
-MAX_DOMINOES = 1_000_000  # of a file, which is read in some seconds, within 1 GB of memory
+MAX_DOMINOES = 1_000_000  # of a file, which takes some seconds and 1 GB of memory to read
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
-# cells are divided by these, not multiplied by 0.001: 18 mm then reads as the very number 0.018
+# cells are divided by these, not multiplied by 0.001: 18 mm is then exactly the number 0.018
 _PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
     f"{name}{unit}": per_unit
     for name in ("spacing", "thickness", "height", "width", "rise")
@@ -40,16 +40,16 @@ Numbers = Number | list[Number]
 
 
 class LayoutTable(Table):
-    """A layout as JSON, SI units; one number serves all dominoes."""
+    """Layout in a JSON file, in SI units; a single number holds for all dominoes."""
 
     spacing: Annotated[list[Size], about("free gaps, one fewer than dominoes [m]")]
     thickness: Annotated[Sizes, about("along the chain [m]")]
     height: Annotated[Sizes, about("[m]")] = HEIGHT
     width: Annotated[Size | UnsetType, about("across the chain [m]")] = UNSET
     density: Annotated[Sizes, about("[kg/m³]")] = DENSITY
-    rise: Annotated[Numbers, about("how much higher the next pivot lies [m]")] = 0.0
-    tilt: Annotated[Numbers, about("slope under a domino, positive downhill [rad]")] = 0.0
-    unit: Annotated[Literal["SI: m, kg/m3"], about("the only one that is read")] = UNIT
+    rise: Annotated[Numbers, about("height of the next pivot above this one [m]")] = 0.0
+    tilt: Annotated[Numbers, about("slope of the ground under it, positive downhill [rad]")] = 0.0
+    unit: Annotated[Literal["SI: m, kg/m3"], about("the only accepted value")] = UNIT
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the `Layout`.
@@ -57,7 +57,7 @@ class LayoutTable(Table):
         Raises
         ------
         ValueError
-            For more than `MAX_DOMINOES`.
+            For more than `MAX_DOMINOES` dominoes.
         """
         _require_count(len(self.spacing) + 1)
         values = {name: getattr(self, name) for name in LayoutTable.__struct_fields__}
@@ -65,12 +65,12 @@ class LayoutTable(Table):
 
 
 def write_csv(path: Path, parts: dict[str, Any]) -> None:
-    """Write one line per domino, SI units, shortest digits that read back to the same bits.
+    """Write one line per domino in SI units; numbers read back bitwise equal.
 
     Parameters
     ----------
     path
-        Output file.
+        The file, which is replaced atomically.
     parts
         Arrays of a layout by name, and its width.
     """
@@ -83,7 +83,7 @@ def write_csv(path: Path, parts: dict[str, Any]) -> None:
 
 
 def write_json(path: Path, parts: dict[str, Any]) -> None:
-    """Write every array in full, SI units; `parts` as for `write_csv`."""
+    """Write every array in full in SI units; `parts` as for `write_csv`."""
     document = {name: np.asarray(part).tolist() for name, part in parts.items()}
     write_text(path, json.dumps({"unit": UNIT} | document, indent=1) + "\n")
 
@@ -93,24 +93,30 @@ def read_arguments(path: Path) -> dict[str, Any]:
 
     A table has one line per domino under a line of names:
 
-    - spacing (or spacing_mm): the free gap in front of it; of the last domino empty or 0.
+    - spacing (or spacing_mm): the free gap in front of the domino; empty or 0 for the last one.
     - thickness (or thickness_mm).
     - height (height_mm) and density, if they differ from the standard domino's.
     - width (width_mm), the same in every line.
-    - rise (rise_mm), how much higher the next pivot lies, and tilt (tilt_deg), the slope under it,
-      positive downhill, if the ground is not flat. The last rise is not used.
+    - rise (rise_mm), the height of the next pivot above this one, and tilt (tilt_deg), the slope
+      under the domino, positive downhill, if the ground is not flat. The last rise is not used.
 
-    Cells are separated by commas, semicolons or tabs, decimal commas are read where cells are not
-    separated by commas, and other columns are ignored. JSON holds a `LayoutTable`.
+    Cells are separated by commas, semicolons or tabs. Decimal commas are read where cells are not
+    separated by commas. Other columns are ignored. A JSON file holds a `LayoutTable`.
+
+    Returns
+    -------
+    dict
+        Values by name of the argument, in SI units.
 
     Raises
     ------
     ValueError
-        With line and column or key, for more than `MAX_DOMINOES`, and for another suffix.
+        For errors in the file (with line and column, or key), more than `MAX_DOMINOES` dominoes,
+        and another suffix.
     """
     suffix = path.suffix.lower()
     if path.is_dir():
-        raise ValueError("it is a folder: name the file of a layout, such as layout.csv in a run")
+        raise ValueError("it is a folder: name a file, such as the layout.csv of a run folder")
     if not path.exists():
         raise ValueError("there is no such file: name a .csv or .json file of a layout")
     if suffix == ".csv":
@@ -139,36 +145,36 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
                 f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
                 f"'{kind}_mm' (found: {given or 'nothing'})"
             )
-    columns, numbers = {kind: array("d") for kind in places}, array("q")
+    columns, line_numbers = {kind: array("d") for kind in places}, array("q")
 
     def cell_error(line: int, kind: str, reason: str) -> ValueError:
         column = one_line(names[places[kind]])
         return ValueError(f"{path}, line {line}, column '{column}': {reason}")
 
     for line, cells in lines:
-        if any(cell.strip() for cell in cells[len(names) :]):  # such as 18,5 in two cells
+        if any(cell.strip() for cell in cells[len(names) :]):  # 18,5 is read as two cells
             raise ValueError(
-                f"{path}, line {line}: more cells than the {len(names)} names: where commas divide "
-                "the cells, write 18.5 with a point, or divide them by semicolons"
+                f"{path}, line {line}: more cells than the {len(names)} names: where commas "
+                "separate cells, write 18.5 with a point, or separate them by semicolons"
             )
         cells += [""] * (len(names) - len(cells))
-        last = not cells[places["spacing"]].strip(" \t0.,")
+        no_gap = not cells[places["spacing"]].strip(" \t0.,")  # empty or 0, as for the last one
         for kind, place in places.items():
             try:
                 value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], separator)
             except ValueError as error:
-                if not (last and kind in _PAIR_COLUMNS):
+                if not (no_gap and kind in _PAIR_COLUMNS):
                     raise cell_error(line, kind, str(error)) from None
                 value = math.nan
             columns[kind].append(value)
-        numbers.append(line)
-    if not numbers:
+        line_numbers.append(line)
+    if not line_numbers:
         raise ValueError("no dominoes below the line of names: give one line per domino")
-    _require_count(len(numbers))
+    _require_count(len(line_numbers))
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
     missing = np.isnan(values["spacing"])
     if not missing[-1] or missing[:-1].any():
-        line = numbers[int(missing[:-1].argmax()) if missing[:-1].any() else -1]
+        line = line_numbers[int(missing[:-1].argmax()) if missing[:-1].any() else -1]
         reason = "give the free gap in front of every domino but the last, which has none"
         raise cell_error(line, "spacing", reason)
     for kind in places.keys() & _PAIR_COLUMNS:
@@ -188,12 +194,12 @@ def _number(kind: str, cell: str, per_unit: float, separator: str) -> float:
         raise ValueError(f"empty; every domino needs a {kind}")
     quoted = one_line(cell, 60)
     try:
-        number = cell if separator == "," else cell.replace(",", ".")
-        value = float(number.replace("_", " ")) / per_unit  # float() would read 1_4 as 14
+        text = cell if separator == "," else cell.replace(",", ".")
+        value = float(text.replace("_", " ")) / per_unit  # float() would read 1_4 as 14
     except ValueError:
         hint = ""
         if re.fullmatch(r"[0-9]+,[0-9]+", cell):
-            hint = f": where commas divide the cells, write {cell.replace(',', '.')}"
+            hint = f": where commas separate cells, write {cell.replace(',', '.')}"
         raise ValueError(f"'{quoted}' is not a number{hint}") from None
     if kind in _SIGNED_COLUMNS:
         if not abs(value) <= LARGEST:
@@ -210,20 +216,20 @@ def _split_table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list
     lines = decode(data).splitlines(keepends=True)
     first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
-    named = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
-    # otherwise the one with most names; of equals the first, as a comma may be part of a name
-    separator = (
-        named[1]
-        if named
-        else max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
-    )
+    declared = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
+    # otherwise the one that gives most names; in a tie the first, as a name may contain a comma
+    if declared:
+        separator = declared[1]
+    else:
+        separator = max(";\t,", key=lambda mark: len(next(_cells(path, lines, mark), (0, []))[1]))
     cells = _cells(path, lines, separator)
-    if named:
-        next(cells)
+    if declared:
+        next(cells)  # that line is not part of the table
     return separator, cells
 
 
 def _require_count(count: int) -> None:
+    """Raise a ValueError for more than `MAX_DOMINOES` dominoes."""
     if count > MAX_DOMINOES:
         raise ValueError(f"it has {count:,} dominoes: give at most {MAX_DOMINOES:,}")
 
@@ -240,5 +246,5 @@ def _cells(path: Path, lines: list[str], separator: str) -> Iterator[tuple[int, 
 
 
 def _column_name(cell: str) -> str:
-    """Return one name for `Spacing (mm)`, `spacing [mm]` and `spacing_mm`."""
+    """Return the normalised name of a column: spacing_mm for `Spacing (mm)` and `spacing [mm]`."""
     return "_".join(re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split())

@@ -1,6 +1,6 @@
 """Geometry of chains on uneven ground, and layouts that cannot stand.
 
-All functions take one layout, or a batch with one more axis in front.
+All functions but `pivots` take one layout, or a batch with one more axis in front.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import numpy as np
 
 from domino_env.core.types import Bools, Floats
 
-REACH = 0.999  # of the height at which a tip strikes: largest rise of the next pivot
+MAX_STEP = 0.999  # largest rise of the next pivot over the height at which the tip strikes
 
 
 def normal_rises(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return how far each next pivot lies above the last, normal to its ground (…, N-1) [m]."""
+    """Return the rise of each next pivot, normal to the ground under it (…, N-1) [m]."""
     ahead = tilt[..., 1:]
     return (spacing + thickness[..., 1:]) * np.tan(ahead) + rise / np.cos(ahead)
 
@@ -28,7 +28,7 @@ def pitches(
 
 
 def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return the front bottom edges (N, 2) [m], x forward and z up, the first at 0."""
+    """Return the front bottom edges of a layout (N, 2) [m], x forward and z up, the first at 0."""
     ahead = tilt[1:]
     forward = (spacing + thickness[1:] + rise * np.sin(ahead)) / np.cos(ahead)
     return np.concatenate((np.zeros((1, 2)), np.cumsum(np.stack([forward, rise], -1), axis=0)))
@@ -41,12 +41,15 @@ def find_violation(
     rise: Floats | None = None,
     tilt: Floats | None = None,
 ) -> tuple[tuple[int, ...], str] | None:
-    """Find the first domino that cannot stand or fall; without rise and tilt the ground is flat.
+    """Find a domino that cannot stand, or a contact that the model does not cover.
+
+    Without rise and tilt the ground is flat.
 
     Returns
     -------
     tuple or None
-        Index of the domino and a sentence about it; None if there is none.
+        Index of the domino, in a batch after that of the layout, and a sentence about it; None if
+        there is none.
     """
     if rise is None or tilt is None:
         if (height[..., :-1] <= height[..., 1:]).all():
@@ -58,15 +61,15 @@ def find_violation(
             return at, f"{name}[{at[-1]}] = {values[at]} {unit}: give a finite number"
     steepest = np.arctan2(thickness, height)
     if (at := _first_index(np.abs(tilt) >= steepest)) is not None:
-        lean, most = np.degrees([tilt[at], steepest[at]])
+        slope, limit = np.degrees([tilt[at], steepest[at]])
         return at, (
-            f"domino {at[-1]} does not stand: tilt[{at[-1]}] is {lean:.4g}°, and it tips over by "
-            f"itself from {most:.4g}° on (the angle whose tangent is thickness over height); make "
+            f"domino {at[-1]} does not stand: tilt[{at[-1]}] is {slope:.4g}°, and it tips over by "
+            f"itself from {limit:.4g}° on (the angle whose tangent is thickness over height); make "
             "the ground flatter there, or the domino thicker"
         )
     behind, ahead = height[..., :-1], height[..., 1:]
     faults, least_gap, offset, strike = _contact_faults(spacing, thickness, height, rise, tilt)
-    leaning, stair, overshoot = faults
+    leaning, too_high, overshoot = faults
     if (at := _first_index(leaning)) is not None:
         i = at[-1]
         return at, (
@@ -74,20 +77,20 @@ def find_violation(
             f"ground between them is hollow: make spacing[{i}] = {spacing[at]} m more than "
             f"{least_gap[at]:.6g} m, or the difference of their tilts smaller"
         )
-    if (at := _first_index(stair)) is not None:
-        i, most = at[-1], min(spacing[at], REACH * strike[at])
+    if (at := _first_index(too_high)) is not None:
+        i, limit = at[-1], min(spacing[at], MAX_STEP * strike[at])
         return at, (
             f"domino {i + 1} stands {offset[at]:.6g} m above domino {i}, normal to its own ground: "
-            f"the model takes at most {most:.6g} m over spacing[{i}] = {spacing[at]} m; make the "
-            "step lower"
+            f"the model accepts at most {limit:.6g} m over spacing[{i}] = {spacing[at]} m; make "
+            "the step lower"
         )
     if (at := _first_index(overshoot)) is not None:
-        i = at[-1]
+        i, limit = at[-1], min(ahead[at], (1.0 + MAX_STEP) * strike[at])
         return at, (
-            f"domino {i} (height {behind[at]} m) would strike {strike[at] - offset[at]:.6g} m up, "
-            f"above the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), normal to its "
-            f"own ground: widen spacing[{i}] = {spacing[at]} m, make domino {i + 1} taller, or "
-            "make the ground less hollow"
+            f"domino {i} (height {behind[at]} m) would strike {strike[at] - offset[at]:.6g} m up "
+            f"domino {i + 1} (height[{i + 1}] = {ahead[at]} m), normal to its own ground: at most "
+            f"{limit:.6g} m; widen spacing[{i}] = {spacing[at]} m, make domino {i + 1} taller, or "
+            "the ground less hollow"
         )
     return None
 
@@ -95,7 +98,7 @@ def find_violation(
 def impassable(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> Bools:
-    """Return a mask (…, N-1) of the contacts that cannot work, as `find_violation` explains."""
+    """Return a mask (…, N-1) of contacts that the model does not cover; see `find_violation`."""
     height = np.broadcast_to(height, thickness.shape)
     faults = _contact_faults(spacing, thickness, height, rise, tilt)[0]
     return np.asarray(np.logical_or.reduce(faults))
@@ -104,24 +107,25 @@ def impassable(
 def _contact_faults(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> tuple[tuple[Bools, Bools, Bools], Floats, Floats, Floats]:
-    """Return masks (…, N-1) of contacts that cannot work, and the lengths that decide it [m].
+    """Return masks (…, N-1) of contacts that the model does not cover, and lengths (…, N-1) [m].
 
     Masks: dominoes that lean against each other before anything falls; a next pivot too high above
-    the last; a tip that strikes above the next top. Lengths: gap below which dominoes lean against
-    each other; `normal_rises`; height above the last pivot at which the tip strikes.
+    this one; a tip that strikes too far up the next domino. Lengths, from which the masks follow:
+    the gap below which dominoes lean against each other; `normal_rises`; the height above this
+    pivot at which the tip strikes.
     """
     behind, ahead = height[..., :-1], height[..., 1:]
     in_reach = spacing < behind
     least_gap = behind * np.sin(tilt[..., :-1] - tilt[..., 1:])
     offset = normal_rises(spacing, thickness, rise, tilt)
     strike = np.sqrt(np.maximum(behind**2 - spacing**2, 0.0))
-    leaning, stair = least_gap >= spacing, offset > np.minimum(spacing, REACH * strike)
+    leaning, too_high = least_gap >= spacing, offset > np.minimum(spacing, MAX_STEP * strike)
     # 1e-12: rounding
-    overshoot = strike - offset > np.minimum(ahead * (1.0 + 1e-12), (1.0 + REACH) * strike)
-    masks = in_reach & leaning, in_reach & stair, in_reach & overshoot
+    overshoot = strike - offset > np.minimum(ahead * (1.0 + 1e-12), (1.0 + MAX_STEP) * strike)
+    masks = in_reach & leaning, in_reach & too_high, in_reach & overshoot
     return masks, least_gap, offset, strike
 
 
-def _first_index(wrong: Bools) -> tuple[int, ...] | None:
-    places = np.argwhere(wrong)
-    return tuple(int(k) for k in places[0]) if len(places) else None
+def _first_index(mask: Bools) -> tuple[int, ...] | None:
+    indices = np.argwhere(mask)
+    return tuple(int(k) for k in indices[0]) if len(indices) else None

@@ -15,12 +15,14 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import Outcome, kernel_setting
 
-ROUNDING = 1e-9  # of the largest force or impulse, below which the sign of another is rounding
+ROUNDING = 1e-9  # over the largest force or impulse: below it, signs are those of rounding errors
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Forces and losses by which a wave fits the model's assumptions; nan where not reached.
+    """Forces and losses of a wave, which show where the model's assumptions fail.
+
+    Values are nan where the wave did not get.
 
     Attributes
     ----------
@@ -30,15 +32,16 @@ class Diagnosis:
         (N-1,) smallest force between domino i and i+1 while they touch [N]; negative where the
         model keeps a contact closed that would separate.
     least_hit_impulse
-        (N-1,) smallest impulse of that contact in hits [N s]; negative likewise.
+        (N-1,) smallest impulse of that contact in hits [N s]; negative in the same case.
     least_flush_impulse
-        (N-1,) smallest impulse of that contact in face impacts [N s]; nan where there was none.
+        (N-1,) smallest impulse of that contact in face impacts [N s]; negative in the same case,
+        nan where there was none.
     floor_friction
         (N,) smallest coefficient of friction with the floor that keeps the pivot from sliding; inf
         where the pivot is not pressed onto the ground.
     least_load
         (N,) smallest load on the pivot, normal to the ground, over the domino's weight; negative
-        where it lifts.
+        where the pivot would lift off.
     flush_loss
         (N,) largest fraction of the leader's speed lost in one face impact while domino i led.
     stall_margin
@@ -71,7 +74,7 @@ class Diagnosis:
 
     @property
     def lifting_dominoes(self) -> NDArray[np.int64]:
-        """Indices of the dominoes whose pivot would lift off the floor."""
+        """Indices of the dominoes whose pivot would lift off the ground."""
         return np.flatnonzero(self.least_load < 0.0)
 
 
@@ -87,12 +90,19 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
     physics
         Friction, gravity and push; by default those of `Physics()`.
     rtol
-        As for `simulate`.
+        Relative error allowed in the arrival times, as for `simulate`.
 
     Returns
     -------
     Diagnosis
         Values per domino.
+
+    Raises
+    ------
+    TypeError
+        For a layout or physics of another type.
+    ValueError
+        For `rtol` out of its range.
     """
     require_arguments(layout, physics)
     loads = np.full(layout.count, np.nan, LOADS)
@@ -103,6 +113,7 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
     outcome = diagnose_chain(arrays_from(layout), *kernel_setting(physics, rtol), loads)
     for name, unreached in extremes.items():
         loads[name][loads[name] == unreached] = np.nan
+    # forces and impulses of the kernels are per width
     return Diagnosis(
         outcome=Outcome(outcome),
         least_contact_force=loads["contact_force"][:-1] * layout.width,

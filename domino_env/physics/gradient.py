@@ -25,7 +25,7 @@ class Gradient:
     spacing
         (N-1,) [1/m]; all later dominoes move with the gap.
     thickness
-        (N,) [1/m]; the gaps stay.
+        (N,) [1/m]; the gaps do not change.
     height
         (N,) [1/m]
     density
@@ -37,16 +37,17 @@ class Gradient:
     push
         [s/rad]
     rise
-        (N-1,) [1/m]; all later pivots rise with the next, the gaps stay. None on flat ground.
-    tilt
-        (N,) [1/rad]; the ground under a domino turns about its pivot, the gaps stay. None on flat
+        (N-1,) [1/m]; all later pivots rise with the next, the gaps do not change. None on flat
         ground.
+    tilt
+        (N,) [1/rad]; the ground under a domino turns about its pivot, the gaps do not change. None
+        on flat ground.
 
     Notes
     -----
-    The derivative exists almost everywhere. It jumps if a change of contact coincides with a hit,
-    if several face impacts coincide, and at the onset of a face impact; the result is then the
-    one-sided derivative for the simulated sequence of events.
+    The derivative exists almost everywhere. It jumps where a change of contact coincides with a
+    hit, where several face impacts coincide, and at the onset of a face impact; the result is then
+    the one-sided derivative for the simulated sequence of events.
     """
 
     spacing: Floats
@@ -68,21 +69,21 @@ def arrays_from(layout: Layout) -> Arrays:
 
 
 def batch_arrays_from(layout: Layout) -> Arrays:
-    """Return the arrays of a layout as a batch of one."""
+    """Return the arrays of a layout for the kernels, as a batch of one."""
     ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
     flat = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
     return Arrays(*flat, *ground)
 
 
 def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:
-    """Return a gradient plus `weight` times that of the length.
+    """Return a gradient plus `weight` times the gradient of the length.
 
     Parameters
     ----------
     gradient
         Gradient for one layout or a batch.
     layout
-        The layout, or the batch, with `spacing`, `thickness`, `rise` and `tilt`.
+        The layout or batch, with `spacing`, `thickness`, `rise` and `tilt`.
     weight
         Factor of the length's gradient; for a batch (B, 1).
 
@@ -96,6 +97,7 @@ def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats
         thickness[..., 1:] += weight
         return replace(gradient, spacing=gradient.spacing + weight, thickness=thickness)
     arrays = layout.spacing, layout.thickness, layout.rise, layout.tilt
+    # pitch and normal: from pivot to pivot along the ground under the next domino and normal to it
     ahead, pitch = layout.tilt[..., 1:], layout.spacing + layout.thickness[..., 1:]
     normal, distance = footing.normal_rises(*arrays), footing.pitches(*arrays)
     along, up = weight * pitch / distance, weight * normal / distance

@@ -1,4 +1,4 @@
-"""Ground: an even slope, or a smooth curve through points, and layouts along it."""
+"""Ground: an even slope or a smooth curve through points, and layouts on it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.standard import ADVICE, DENSITY, HEIGHT, WIDTH
 
-MAX_DEVIATION = 1e-4  # [m] of the ground under a base from its chord
+MAX_DEVIATION = 1e-4  # of the ground under a base from its chord [m]
 MAX_SLOPE = 45.0  # [°]
-MAX_SPAN = 100.0  # [m] of a profile that is probably in metres
+MAX_SPAN = 100.0  # of a profile that is probably given in metres [m]
 MAX_POINTS = 10_000
 
 Angle = Annotated[float, Meta(ge=-MAX_SLOPE, le=MAX_SLOPE)]
@@ -36,9 +36,8 @@ Points = Annotated[tuple[Point, ...], Meta(min_length=2, max_length=MAX_POINTS)]
 class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     """Ground under a chain: an even slope, or a smooth curve through points.
 
-    The pivot of the first domino, its front bottom edge, stands at x = 0. Every domino stands on
-    the chord under its base, and free gaps are laid along the ground, each from a pivot
-    perpendicular to the next back face.
+    The pivot of the first domino, its front bottom edge, is at x = 0. Every domino stands on the
+    chord under its base. A gap is measured from a pivot, perpendicular to the next back face.
 
     Parameters
     ----------
@@ -46,12 +45,13 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Angle of an even slope, positive downhill [°].
     profile
         Points [x, y] of a curve, x rising [m]: the natural cubic spline through them, which
-        goes on straight beyond its ends.
+        continues straight beyond its ends.
 
     Raises
     ------
     ValueError
-        For none or both of them, points that do not rise in x, and ground steeper than 45°.
+        For neither or both of slope and profile, points whose x does not rise, and ground steeper
+        than 45°.
 
     References
     ----------
@@ -69,7 +69,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Points | None,
         about(
             "points [x, y] of a smooth curve, x rising from point to point [m]; the first domino's "
-            "front stands at x = 0, and beyond its ends the ground goes on straight"
+            "front stands at x = 0, and beyond its ends the ground continues straight"
         ),
     ] = None
 
@@ -92,12 +92,12 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         if self.profile is not None and steepest > math.tan(math.radians(MAX_SLOPE)):
             raise ValueError(
                 f"profile slopes by {math.degrees(math.atan(steepest)):.3g}° near x = {place:.4g} "
-                f"m: at most {MAX_SLOPE:g}°; points that lie further apart are less steep"
+                f"m: at most {MAX_SLOPE:g}°; place the points further apart in x"
             )
 
     @property
     def is_even(self) -> bool:
-        """True for an even slope."""
+        """True for an even slope, False for a profile."""
         return self.slope is not None
 
     def height(self, x: ArrayLike) -> Floats:
@@ -118,13 +118,13 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
     @property
     def steepest(self) -> tuple[float, float]:
-        """Steepest place [m] and the slope there, |dy/dx|."""
+        """Steepest place x [m], and |dy/dx| there."""
         knots, inner = self.curve.knots, self.curve.pieces[1:-1]
         # the slope is largest at a knot or where a piece has no curvature
-        with np.errstate(all="ignore"):
-            flat = -inner[:, 1] / (3.0 * inner[:, 0])
-        flat = np.where((flat > 0.0) & (flat < np.diff(knots)), flat, 0.0)
-        places = np.concatenate([knots, knots[:-1] + flat])
+        with np.errstate(all="ignore"):  # a piece of constant curvature has none
+            inflection = -inner[:, 1] / (3.0 * inner[:, 0])
+        is_inside = (inflection > 0.0) & (inflection < np.diff(knots))
+        places = np.concatenate([knots, knots[:-1] + np.where(is_inside, inflection, 0.0)])
         t, c = self._piece(places)
         steepness = np.abs((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
         largest = int(np.argmax(steepness))
@@ -141,7 +141,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Returns
         -------
         tuple of float
-            Place [m] and |d²y/dx²| [1/m], 0 if there is none of this sign.
+            Place x [m], and |d²y/dx²| there [1/m]; 0 if there is no curvature of this sign.
         """
         knots = self.curve.knots  # the curvature is linear between them
         t, c = self._piece(knots)
@@ -157,7 +157,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         spacing
             (N-1,) or (B, N-1) free gaps [m].
         thickness
-            (N,) or (B, N) [m].
+            (N,) or (B, N) thicknesses [m].
 
         Returns
         -------
@@ -167,7 +167,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Raises
         ------
         ValueError
-            For ground that bulges by more than a tenth of a millimetre under a base.
+            For ground that deviates by more than 0.1 mm from the chord under a base.
         """
         gaps, thicknesses = numbers("spacing", spacing), numbers("thickness", thickness)
         if self.slope is not None:
@@ -200,7 +200,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Returns
         -------
         Layout
-            With the ground's rise and tilt.
+            Layout with the ground's rise and tilt.
 
         Raises
         ------
@@ -213,7 +213,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         return Layout(gaps, thicknesses, height, width, density, rise, tilt)
 
     def violation(self, thickness: float) -> str | None:
-        """Return a sentence if a base does not lie on the ground somewhere, else None.
+        """Return a sentence if the ground is too curved for a base somewhere, else None.
 
         Parameters
         ----------
@@ -223,21 +223,21 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Returns
         -------
         str or None
-            Place, distance and next action.
+            Sentence with place, deviation, accepted range and next action.
         """
         for sign, verb in ((1.0, "is hollow"), (-1.0, "bulges")):
             place, curvature = self.curvature(sign)
-            deviation = curvature * thickness**2 / 8.0
+            deviation = curvature * thickness**2 / 8.0  # height of an arc over its chord
             if deviation > MAX_DEVIATION:
                 return (
                     f"the ground {verb} by {1e3 * deviation:.3g} mm under a base "
                     f"{1e3 * thickness:.4g} mm thick near x = {place:.4g} m: at most "
-                    f"{1e3 * MAX_DEVIATION:g} mm; make it bend less there, or the dominoes thinner"
+                    f"{1e3 * MAX_DEVIATION:g} mm; make it more even there or the dominoes thinner"
                 )
         return None
 
     def along_ground(self, gradient: Gradient, layout: Any) -> Gradient:
-        """Convert a gradient at fixed rise and tilt to one for dominoes moving along the ground.
+        """Convert a gradient at fixed rise and tilt to one for dominoes that move along the ground.
 
         If a gap or a thickness changes, all later dominoes move along the ground, and their rise
         and tilt change with them.
@@ -247,7 +247,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         gradient
             Gradient of one layout, as from `Wave.gradient`, or of a batch.
         layout
-            That layout, or the batch, with `spacing`, `thickness`, `rise` and `tilt`.
+            That layout or batch, with `spacing`, `thickness`, `rise` and `tilt`.
 
         Returns
         -------
@@ -256,6 +256,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
         Raises
         ------
+        TypeError
+            For anything but a Gradient.
         ValueError
             For a layout with another number of dominoes than the gradient.
         """
@@ -281,8 +283,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     def curve(self) -> Curve:
         """Piecewise cubic of the ground, for the kernels."""
         if self.profile is None:
-            down = -math.tan(math.radians(self.slope or 0.0))
-            x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, down, 0.0])
+            rate = -math.tan(math.radians(self.slope or 0.0))  # dy/dx
+            x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, rate, 0.0])
         else:
             from scipy.interpolate import CubicSpline
 
@@ -291,17 +293,21 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
             pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
         starts = np.concatenate([x[:1], x])
-        return Curve(*(_batch(array, 0) for array in (x, starts, pieces)))
+        return Curve(*(_read_only(array) for array in (x, starts, pieces)))
 
     def _piece(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return distances of x (…) from the starts of their pieces, and coefficients (4, …)."""
+        """Return distances (…) of x from the starts of its pieces, and coefficients (4, …)."""
         k = np.searchsorted(self.curve.knots, x)
         return x - self.curve.starts[k], np.moveaxis(self.curve.pieces[k], -1, 0)
 
 
-def _batch(array: ArrayLike, axes: int = 1) -> Floats:
-    """Return a read-only view with a batch axis, as the compiled functions take it."""
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    view = np.atleast_2d(array).view() if axes else array.view()
+def _batch(array: ArrayLike) -> Floats:
+    """Return a read-only view with a batch axis, for which the kernels are compiled."""
+    return _read_only(np.atleast_2d(array))
+
+
+def _read_only(array: ArrayLike) -> Floats:
+    """Return a contiguous read-only view, for which the kernels are compiled."""
+    view = np.ascontiguousarray(array, dtype=np.float64).view()
     view.flags.writeable = False
     return view

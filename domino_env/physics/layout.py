@@ -1,4 +1,4 @@
-"""Layout of a chain: geometry in SI units, checked once."""
+"""Layout of a chain: geometry in SI units, checked when it is made."""
 
 from __future__ import annotations
 
@@ -27,30 +27,35 @@ class Layout:
     spacing
         (N-1,) free gaps between the front of each domino and the back of the next [m].
     thickness
-        Scalar or (N,) size along the fall [m].
+        Scalar or (N,) size along the chain [m].
     height
-        Scalar or (N,) [m]; by default 0.048, as of the standard domino.
+        Scalar or (N,) [m]; by default 0.048, that of the standard domino.
     width
         Size across the chain [m]; times do not depend on it. By default 0.024.
     density
         Scalar or (N,) [kg/m³]; by default 1040.
     rise
-        Scalar or (N-1,) height of the next pivot above each [m]; by default 0.
+        Scalar or (N-1,) height of the next pivot above this one [m]; by default 0.
     tilt
         Scalar or (N,) slope of the ground under each domino, positive downhill [rad]; by default 0.
-        A gap is measured from the pivot, perpendicular to the back of the next domino: on an even
-        slope along the ground.
+
+    Attributes
+    ----------
+    is_flat
+        True if rise and tilt are 0.
 
     Raises
     ------
     ValueError
-        For shapes that do not match, values that are not positive and finite, a tip that would
-        strike above the next domino's top, and ground too steep or too hollow. The message has the
-        element, its value and the next action.
+        For shapes that do not match, values out of range, a tip that would strike above the next
+        domino's top, and ground that is too steep or too uneven. The message has the index, the
+        value and the next action.
 
     Notes
     -----
-    Every array is kept as a read-only float64 copy of full length.
+    Every array is kept as a read-only float64 copy of full length. On uneven ground a gap is
+    measured from a pivot, perpendicular to the back face of the next domino, which is along the
+    ground on an even slope.
 
     Examples
     --------
@@ -67,7 +72,7 @@ class Layout:
     density: Floats
     rise: Floats
     tilt: Floats
-    is_flat: bool = field(init=False)  # rise and tilt are 0
+    is_flat: bool = field(init=False)
 
     def __init__(
         self,
@@ -88,7 +93,7 @@ class Layout:
             "density": full_array("density", density, count),
         }
         for name, array in arrays.items():
-            # these comparisons take less time than `require`
+            # these comparisons take less time than `require`, which makes the message
             if len(array) and not 0.0 < array.min() <= array.max() < np.inf:
                 unit = "kg/m³" if name == "density" else "m"
                 require(name, array, above=0.0, unit=unit, array=True)
@@ -109,7 +114,7 @@ class Layout:
         return () if self.is_flat else (self.rise, self.tilt)
 
     def __reduce__(self) -> tuple[object, ...]:
-        # a copy's arrays are read-only too, as the kernel is compiled for those
+        # `__init__` makes the arrays of a copy read-only, for which the kernels are compiled
         sizes = self.spacing, self.thickness, self.height, self.width, self.density
         return Layout, (*sizes, *self.rise_and_tilt)
 
@@ -162,7 +167,7 @@ class Layout:
         spacing
             Free gap [m].
         thickness
-            Size along the fall [m].
+            Thickness of every domino [m].
         height
             Height of every domino [m].
         width
@@ -175,7 +180,7 @@ class Layout:
         Returns
         -------
         Layout
-            The layout.
+            Layout of `count` dominoes.
 
         Raises
         ------
@@ -210,14 +215,14 @@ class Layout:
 
     @cached_property
     def positions(self) -> Floats:
-        """Pivots (front bottom edges) along the line through them (N,), the first at 0 [m]."""
+        """Positions of the pivots along the line through them (N,), the first at 0 [m]."""
         positions = np.concatenate(([0.0], np.cumsum(self.pitch)))
         positions.flags.writeable = False
         return positions
 
     @property
     def pivots(self) -> Floats:
-        """Pivots (front bottom edges) (N, 2), x forward and z up, the first at 0 [m]."""
+        """Coordinates of the pivots (N, 2), x forward and z up, the first at 0 [m]."""
         if self.is_flat:
             return np.stack([self.positions, np.zeros(self.count)], axis=-1)
         return footing.pivots(self.spacing, self.thickness, self.rise, self.tilt)
@@ -243,7 +248,7 @@ class Layout:
         return draw("layout", self, ax)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write one line per domino, in metres; the last spacing is empty.
+        """Write one line per domino in SI units; the last spacing is empty.
 
         On uneven ground there are two more columns: rise [m] and tilt [rad].
 
@@ -273,12 +278,12 @@ class Layout:
     def read(cls, path: str | Path, width: float = WIDTH) -> Layout:
         """Read a layout from a `.csv` or `.json` file.
 
-        Warns of lengths that were probably given in another unit.
+        Lengths that were probably given in another unit cause a warning.
 
         Parameters
         ----------
         path
-            The file, in the format of `domino_env.physics.files.read_arguments`.
+            The file, in a format that `domino_env.physics.files.read_arguments` explains.
         width
             Size across the chain if the file does not give it [m].
 
@@ -289,6 +294,8 @@ class Layout:
 
         Raises
         ------
+        TypeError
+            For anything but a path.
         ValueError
             For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
@@ -306,22 +313,22 @@ class Layout:
 
     @property
     def _sizes(self) -> tuple[float, tuple[float, float], tuple[float, float]]:
-        """Largest height, and least and largest gap and thickness [m]."""
+        """Largest height, smallest and largest gap, smallest and largest thickness [m]."""
         gaps, sizes = ((float(a.min()), float(a.max())) for a in (self.spacing, self.thickness))
         return float(self.height.max()), gaps, sizes
 
 
-def _span(values: Floats, unit: float = 1e3) -> str:
-    """Format values times `unit`, by default metres as millimetres: one number, or the range."""
-    low, high = (f"{unit * value:.4g}" for value in (values.min(), values.max()))
+def _span(values: Floats, factor: float = 1e3) -> str:
+    """Format values times a factor, by default from m to mm: one number, or the range."""
+    low, high = (f"{factor * value:.4g}" for value in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
 
 def full_array(name: str, values: ArrayLike, count: int) -> Floats:
-    """Return an array (count,) of a number or of one per domino or pair; raise for other shapes."""
+    """Return an array (count,) from one number or `count`; raise a ValueError for other shapes."""
     array = numbers(name, values)
     if array.ndim == 0:
-        full = np.empty(count)  # half the time of np.full
+        full = np.empty(count)  # takes half the time of np.full
         full.fill(array)
         return full
     return numbers(name, array, None, (count,), "or one number for all")

@@ -1,4 +1,4 @@
-"""Motion: positions of all dominoes of a falling chain at any instant."""
+"""Motion: positions of all dominoes of a toppling chain at any time."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
 from domino_env.physics.wave import kernel_setting
 
-PIECES = 32  # of each fall, equal steps of the angle between its 33 samples
+PIECES = 32  # equal steps of the leader's angle in each interval between hits
 
 
 class Motion:
-    """Lean of every domino of a chain over time.
+    """Leans of all dominoes of a chain over time.
 
     Parameters
     ----------
@@ -37,17 +37,24 @@ class Motion:
     Attributes
     ----------
     end
-        Time at which the last leader lies or has stalled [s]; nothing moves afterwards.
+        Time at which the last leader lies almost flat or has stalled [s]; nothing moves afterwards.
     starts
-        Times at which each domino begins to lead [s], and the end, shape (F+1,).
+        Times at which each leading domino begins to fall [s], and the end, shape (F+1,).
     samples
-        The leader at equal steps of angle in each interval between hits, shape (F, 33): `angle`
-        [rad] from upright to its ground, `time` [s] since it was hit, `speed` [rad/s].
+        Leader at equal steps of its angle in each of F intervals between hits, shape (F, 33):
+        `angle` from its pose at rest [rad], `time` since it was hit [s], `speed` [rad/s].
+
+    Raises
+    ------
+    TypeError
+        For a layout or physics of another type.
+    ValueError
+        For `rtol` out of its range.
 
     Notes
     -----
-    The leader's angle is interpolated between 33 samples of each of its falls (to some 1e-4 rad, at
-    the kinks at face impacts); all others follow from it by their contacts. Dominoes behind a
+    The leader's angle is interpolated between its 33 samples; the largest errors, some 1e-4 rad,
+    are those at face impacts. All other leans follow from it by the contacts. Dominoes behind a
     separated contact, and a leader that has stalled, keep their last position.
     """
 
@@ -61,17 +68,22 @@ class Motion:
         self.end = float(self.starts[-1])
 
     def leader(self, times: ArrayLike) -> tuple[Ints, Floats]:
-        """Return the leading domino at each instant and its lean from the vertical.
+        """Return the leading domino at each time and its lean from the vertical.
 
         Parameters
         ----------
         times
-            (T,) instants since the push [s].
+            (T,) times since the push [s].
 
         Returns
         -------
         tuple of ndarray
             Index of the leader (T,) and its lean (T,) [rad].
+
+        Raises
+        ------
+        ValueError
+            For times that are not finite, or another shape.
         """
         require("times", t := numbers("times", times, shape=("T",)), unit="s", array=True)
         t = np.clip(t, 0.0, self.end)
@@ -88,12 +100,17 @@ class Motion:
         Parameters
         ----------
         times
-            (T,) instants since the push [s].
+            (T,) times since the push [s].
 
         Returns
         -------
         ndarray
             Leans (T, N) [rad].
+
+        Raises
+        ------
+        ValueError
+            For times that are not finite, or another shape.
         """
         n, angle = self.leader(np.atleast_1d(numbers("times", times)))
         return stack_leans(self.layout, n, angle)
@@ -102,9 +119,9 @@ class Motion:
 def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     """Return the leans of all dominoes of a chain whose leader leans by a given angle.
 
-    Those ahead of the leader stand upright to their ground. Contacts are those of the model: a tip
-    slides down until the faces meet, then the front face rests on the rear edge, until the contact
-    separates. Angles only grow, so each lean determines its contact.
+    Dominoes ahead of the leader are at rest. Contacts are those of the model: a tip slides down the
+    next rear face until the faces meet, then the front face rests on the next rear bottom edge
+    until the contact separates. Leans only grow, so each lean determines its contact.
 
     Parameters
     ----------
@@ -133,7 +150,7 @@ def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
 def stack_sums(
     layout: Layout, leader: Ints, angle: Floats, backward: float, forward: float
 ) -> tuple[Floats, Floats]:
-    """Compute the potential energy that a chain has released, and its inertia at the leader.
+    """Compute the potential energy that a chain has released, and its effective inertia.
 
     Parameters
     ----------
@@ -142,17 +159,17 @@ def stack_sums(
     leader
         (T,) index of the leading domino.
     angle
-        (T,) turn of the leader from upright to its ground [rad].
+        (T,) angle of the leader from its pose at rest [rad].
     backward, forward
-        Steps of the leader's turn to both sides [rad]; the rates of all dominoes are differences
-        between them.
+        Steps of this angle to both sides [rad]; rates of all leans are differences between them.
 
     Returns
     -------
     released : ndarray
         Potential energy over gravity (T,) [kg m].
     inertia : ndarray
-        Inertia (T,) [kg m²]: twice the kinetic energy over the leader's squared velocity.
+        Effective inertia (T,) [kg m²]: twice the kinetic energy over the square of the leader's
+        angular velocity.
     """
     mass = layout.density * layout.height * layout.thickness * layout.width
     inertias = mass * (layout.height**2 + layout.thickness**2) / 3.0
@@ -164,10 +181,11 @@ def stack_sums(
 
 
 def _contacts(layout: Layout) -> Floats:
-    """Return the geometry of the contacts over the height of the domino behind, (N-1, 7).
+    """Return the geometry of the contacts (N-1, 7), lengths over the height of the domino behind.
 
-    p, e: pivot ahead, forward and upward; d: thickness of the domino ahead; r, slant: p and e in
-    polar form; separation: turn [rad] at which the contact separates; stand: tilt ahead [rad].
+    p, e: pivot ahead, along the ground under it and normal to it; d: thickness of the domino ahead;
+    r, slant: p and e in polar form; separation: angle ψ at which the contact separates [rad];
+    stand: tilt ahead [rad]. ψ is the angle of the domino ahead from its pose at rest.
     """
     length, stand = layout.height[:-1], layout.tilt[1:]
     d = layout.thickness[1:] / length
@@ -206,8 +224,8 @@ def _sum_stacks(
 ) -> None:
     """Write the sums of `stack_sums`; first, last: leans of the leader at both ends of a step.
 
-    Far behind the leader leans do not change from one instant to the next. The sums up to the first
-    such domino are kept, so that the time is proportional to the length of the chain.
+    Far behind the leader leans do not change from one time to the next. The sums of these dominoes
+    are kept, so that the computation takes a time proportional to the length of the chain.
     """
     count = len(bodies)
     leans, totals = np.full((count, 2), np.nan), np.zeros((count + 1, 2))
@@ -221,6 +239,7 @@ def _sum_stacks(
                 low, high = _lean_behind(contacts[i], low), _lean_behind(contacts[i], high)
         for k in range(i + 1, leader[t] + 1):
             height, thickness, tilt, mass, inertia = bodies[k]
+            # twice the drop of the centre of mass, from rest to the mean of both leans
             fallen = height * math.cos(tilt) + thickness * math.sin(tilt)
             for lean in leans[k]:
                 fallen -= 0.5 * (height * math.cos(lean) + thickness * math.sin(lean))
@@ -244,7 +263,7 @@ def outlines(layout: Layout, leans: Floats) -> Floats:
     -------
     ndarray
         Corners (N, 4, 2) [m], x forward and z up, in the order front bottom edge (about which the
-        domino turns), top front, top rear, bottom rear.
+        domino topples), top front, top rear, bottom rear.
     """
     up = np.stack([np.sin(leans), np.cos(leans)], axis=-1) * layout.height[:, None]
     back = np.stack([-np.cos(leans), np.sin(leans)], axis=-1) * layout.thickness[:, None]

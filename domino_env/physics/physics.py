@@ -15,7 +15,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     Parameters
     ----------
     friction
-        Coulomb coefficient between dominoes, 0 or more; 0 leaves all friction terms out.
+        Coulomb coefficient between dominoes, 0 for none.
     gravity
         Acceleration of gravity [m/s²].
     push
@@ -24,24 +24,24 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        For a number that is not finite or out of its range.
+        For a number out of its range: friction 0 to 1e9, gravity and push 1e-9 to 1e9.
     """
 
     friction: Annotated[Amount, about("coefficient between dominoes; 0 for none")] = 0.25
     gravity: Annotated[Size, about("[m/s²]; 9.81 on Earth")] = 9.81
-    push: Annotated[Size, about("angular velocity of domino 0 at first [rad/s]")] = 8.0
+    push: Annotated[Size, about("angular velocity of domino 0 at t = 0 [rad/s]")] = 8.0
 
 
 STANDARD = Physics()
 
 
 def require_arguments(layout: object, physics: object) -> None:
-    """Check the types of a layout and a physics.
+    """Check the types of the arguments `layout` and `physics`.
 
     Raises
     ------
     TypeError
-        For anything but a Layout and a Physics, in this order.
+        For anything but a Layout, or else for anything but a Physics.
     """
     require_layout(layout)
     require_physics(physics)

@@ -1,23 +1,24 @@
-"""The standard domino, and hints at lengths in another unit."""
+"""Standard domino, and hints at lengths in another unit."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from domino_env.core.files import one_line
+from domino_env.core.files import LONGEST_PATH, one_line
 from domino_env.core.progress import Advice, WrongUnit, advise
 
 HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # [m], [m], [kg/m³]
 THICKNESS = 0.0075  # [m]
 
-MAX_HEIGHT, MIN_HEIGHT = 10.0, 1e-3  # [m] of dominoes that are probably in metres
-MAX_RATIO, MIN_RATIO = 10.0, 1e-3  # of a thickness or a gap over the height, likewise
+# plausible range of heights in metres [m], and of the ratio of a thickness or a gap to the height
+MAX_HEIGHT, MIN_HEIGHT = 10.0, 1e-3
+MAX_RATIO, MIN_RATIO = 10.0, 1e-3
 ADVICE = (
     "lengths are in metres in Python and in files, 18 mm is 0.018; columns named …_mm, such as "
     "spacing_mm, and options are in millimetres"
 )
 
-Range = tuple[float, float]
+Range = tuple[float, float]  # smallest and largest [m]
 
 
 def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
@@ -26,11 +27,11 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
     Parameters
     ----------
     height
-        Of the tallest domino [m].
+        Height of the tallest domino [m].
     spacing
-        The narrowest and the widest gap [m].
+        Narrowest and widest gap [m].
     thickness
-        The thinnest and the thickest domino [m].
+        Smallest and largest thickness [m].
 
     Returns
     -------
@@ -51,14 +52,16 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
 
 
 def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: Range) -> None:
-    """Warn of lengths in a file that were probably given in another unit, as `unit_hint`.
+    """Warn of lengths in a file that were probably given in another unit; see `unit_hint`.
 
     The warning is a WrongUnit for implausible sizes of dominoes and for gaps of more than ten
-    heights, else an Advice, as gaps a little out of reach or almost closed may be intended.
+    heights. Otherwise it is an Advice, as gaps a little out of reach or very narrow may be
+    intended.
     """
     hint = unit_hint(height, spacing, thickness)
     if hint is not None:
-        least = max(thickness[0], spacing[0])
-        plausible = MIN_HEIGHT <= height <= MAX_HEIGHT and least <= MAX_RATIO * height
+        smallest = max(thickness[0], spacing[0])
+        plausible = MIN_HEIGHT <= height <= MAX_HEIGHT and smallest <= MAX_RATIO * height
         category = Advice if plausible and thickness[1] >= MIN_RATIO * height else WrongUnit
-        advise(f"{one_line(str(file), 160, keep_end=True)}: {hint}", category, stacklevel=4)
+        # 4: the warning is that of the caller of `Layout.read`
+        advise(f"{one_line(str(file), LONGEST_PATH, keep_end=True)}: {hint}", category, 4)

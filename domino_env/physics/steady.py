@@ -1,8 +1,8 @@
-"""Steady waves and smallest pushes by composition of maps; Chapman's closed forms.
+"""Steady waves and smallest pushes by composition of maps, and closed forms for thin dominoes.
 
-An interval between hits, a face impact and a hit are affine maps of u = ω², so a period of an
-endless chain is one too, and so is a whole chain: a fixed point is the steady wave, a lower bound
-on u_0 the smallest push.
+An interval between hits, a face impact and a hit are affine maps of u = ω². Their composition over
+a period of an endless chain is affine too, and its fixed point is the steady wave. Composition over
+a whole chain gives a lower bound on the first u, which is the square of the smallest push.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ FIRST_RING_SIZE = 512  # dominoes behind the leader; doubled while those further
 class SteadyWave:
     """Steady wave of an endless chain, or the reason why there is none.
 
-    For an array of chains every field is an array of its shape.
+    For an array of chains every field is an array of the same shape.
 
     Attributes
     ----------
     exists
         True if there is a steady wave.
     explanation
-        Reason why there is none, if so.
+        Sentence that there is a steady wave, or why there is none.
     speed
         Mean speed [m/s]; 0 if there is none.
     frequency
         Hits per second [1/s]; 0 if there is none.
     omega_release
-        Angular velocity of each leader just after it is hit [rad/s]; nan if there is none. For a
-        pattern (P,), as the following fields.
+        Angular velocity of each leader just after it is hit [rad/s]; nan if there is no steady
+        wave. This and the following fields have shape (P,) for a pattern of P dominoes.
     omega_impact
-        Angular velocity of each leader just before it hits [rad/s].
+        Angular velocity of each leader just before it hits the next domino [rad/s], or nan.
     fall_times
-        Intervals between hits [s].
+        Intervals between hits [s], or nan.
     """
 
     exists: Any
@@ -78,7 +78,7 @@ def steady_wave(
     pitch
         Distance from pivot to pivot [m]. An array gives a curve: one wave per value.
     thickness, height
-        Sizes of every domino [m], broadcast with the pitch.
+        Thickness and height of every domino [m], broadcast with the pitch.
     physics
         Friction and gravity, by default those of `Physics()`; the push has no effect.
     density
@@ -91,10 +91,12 @@ def steady_wave(
     Returns
     -------
     SteadyWave
-        Numbers, or arrays of the broadcast shape.
+        Wave with numbers, or with arrays of the broadcast shape.
 
     Raises
     ------
+    TypeError
+        For physics of another type.
     ValueError
         For an argument out of its range, or a chain that cannot stand.
 
@@ -111,11 +113,11 @@ def steady_wave(
     sizes = _check_chains(physics, slope, rtol, (pitch, thickness, height, density))
     shape = np.broadcast(*sizes).shape
     chains = np.reshape(np.broadcast_arrays(*sizes), (4, -1, 1))
-    patterns = (_solve_pattern(chain, physics, slope, rtol) for chain in chains.swapaxes(0, 1))
-    waves = [vars(pattern).values() for pattern in patterns]
+    waves = (_solve_pattern(chain, physics, slope, rtol) for chain in chains.swapaxes(0, 1))
+    fields = [vars(wave).values() for wave in waves]
     if not shape:
-        return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
-    return SteadyWave(*(np.array(column).reshape(shape) for column in zip(*waves, strict=True)))
+        return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in fields[0]))
+    return SteadyWave(*(np.array(column).reshape(shape) for column in zip(*fields, strict=True)))
 
 
 def steady_pattern(
@@ -133,9 +135,10 @@ def steady_pattern(
     Parameters
     ----------
     pitch
-        (P,) distances from pivot j to j+1 [m], the last one to the first of the next period.
+        (P,) distances from pivot j to j+1 [m]; the last is that to the first pivot of the next
+        period.
     thickness, height
-        Sizes of every domino, a number or (P,) [m].
+        Thickness and height of every domino, a number or (P,) [m].
     physics, slope, rtol
         As for `steady_wave`.
     density
@@ -148,6 +151,8 @@ def steady_pattern(
 
     Raises
     ------
+    TypeError
+        For physics of another type.
     ValueError
         For an argument out of its range, or a chain that cannot stand.
     """
@@ -157,42 +162,42 @@ def steady_pattern(
 
 
 def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -> SteadyWave:
-    """Return the steady wave of a pattern; chain: (4, P) pitch, thickness, height and density."""
+    """Return the steady wave of a pattern; chain (4, P): pitch, thickness, height and density."""
     pitches, thicknesses, heights, densities = chain
     count = len(thicknesses)
     successors = np.arange(1, count + 2) % count
     gaps = pitches - thicknesses[successors[:-1]]
     rise = -np.sin(slope) * pitches
     pairs, dominoes = successors - 1, np.append(0, successors)
-    Layout(  # checks a period and the first domino of the next
+    Layout(  # checks one period and two dominoes of the next
         gaps[pairs], thicknesses[dominoes], heights[dominoes],
         density=densities[dominoes], rise=rise[pairs], tilt=slope,
     )  # fmt: skip
     if np.any(gaps >= heights):
         j = int(np.argmax(gaps >= heights))
-        return _no_wave(f"gap {j} = {gaps[j]} m is not below the height, {heights[j]} m", count)
+        return _no_wave(f"gap {j} = {gaps[j]} m is not less than the height, {heights[j]} m", count)
     ground = (rise, np.full(count, float(slope))) if slope != 0.0 else ()
     pattern = Arrays(gaps, thicknesses, heights, densities, *ground)
     # the steady wave is the fixed point of the map of one period
     falls = np.zeros(count, FALL)
     ring_size = FIRST_RING_SIZE
     while True:
-        setting = (pattern, physics.friction, physics.gravity, rtol, ring_size)
-        outcome, leader, tail, gain, offset, least_u = period_falls(*setting, 0.0, True, falls)
+        inputs = (pattern, physics.friction, physics.gravity, rtol, ring_size)
+        outcome, leader, tail, gain, offset, least_u = period_falls(*inputs, 0.0, True, falls)
         if tail <= rtol or ring_size == RING_SIZE:
             break
         ring_size *= 2
     if outcome != Outcome.PROPAGATED:
         reason = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
         return _no_wave(reason, count)
-    u = offset / (1.0 - gain) if gain < 1.0 else -1.0
+    u = offset / (1.0 - gain) if gain < 1.0 else -1.0  # -1: no fixed point that waves approach
     if u <= max(least_u, 0.0):
         return _no_wave(
             "the chain releases less energy than its hits and friction dissipate; use wider gaps, "
             "thinner dominoes or less friction",
             count,
         )
-    outcome, leader, *_ = period_falls(*setting, u, False, falls)
+    outcome, leader, *_ = period_falls(*inputs, u, False, falls)
     if outcome != Outcome.PROPAGATED:
         return _no_wave(f"domino {leader} of the pattern nearly stops; change its gap", count)
     period = float(falls["time"].sum())
@@ -218,9 +223,9 @@ def _check_chains(
     return sizes
 
 
-def _no_wave(reason: str, period: int) -> SteadyWave:
-    """Return the result for a chain without steady wave, with the reason."""
-    unknown = [np.full(period, np.nan)] * 3
+def _no_wave(reason: str, count: int) -> SteadyWave:
+    """Return the result for a pattern of `count` dominoes without steady wave, with the reason."""
+    unknown = [np.full(count, np.nan)] * 3
     return SteadyWave(False, f"there is no steady wave: {reason}", 0.0, 0.0, *unknown)
 
 
@@ -239,9 +244,9 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
     Returns
     -------
     float
-        Smallest push [rad/s]; inf if no push is enough: a gap out of reach, friction that jams the
-        chain, or no rigid answer. It is never 0, as the first domino has to be lifted over its
-        edge.
+        Smallest push [rad/s]; inf if no push is enough, because of a gap out of reach, friction
+        that jams the chain, or no rigid answer. It is never 0, as the first domino has to be lifted
+        over its edge.
 
     Raises
     ------
@@ -261,14 +266,14 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
 def terminal_speed_estimate(
     pitch: float, thickness: float, height: float = HEIGHT, gravity: float = 9.81
 ) -> float:
-    """Estimate the speed of the steady wave of thin, frictionless dominoes [m/s].
+    """Estimate the speed of the steady wave of thin dominoes without friction [m/s].
 
     Parameters
     ----------
     pitch
         Distance from pivot to pivot [m].
     thickness, height
-        Sizes of every domino [m].
+        Thickness and height of every domino [m].
     gravity
         Acceleration of gravity [m/s²].
 
@@ -280,7 +285,7 @@ def terminal_speed_estimate(
     Raises
     ------
     ValueError
-        For a size out of its range, or a fall that releases no energy (eq. 12).
+        For an argument out of its range, or a fall that releases no energy.
 
     References
     ----------
@@ -301,14 +306,14 @@ def terminal_speed_estimate(
 
 
 def existence_limit(thickness: float, height: float = HEIGHT) -> float:
-    """Return the largest thickness/pitch of a steady frictionless wave.
+    """Return the largest thickness/pitch of a steady wave without friction.
 
-    It is (1 - a²)/(1 + a²) with a = thickness/height: beyond it a fall releases no energy.
+    It is (1 - a²)/(1 + a²) with a = thickness/height; above it a fall releases no energy.
 
     Parameters
     ----------
     thickness, height
-        Sizes of every domino [m].
+        Thickness and height of every domino [m].
 
     Returns
     -------

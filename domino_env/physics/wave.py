@@ -1,4 +1,4 @@
-"""Waves: `simulate`, `simulate_batch`, and why a wave ended."""
+"""Waves: `simulate`, `simulate_batch`, and the outcomes of waves."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Wave:
     outcome
         Reason why the wave ended; `explanation` is a sentence about it, with the place.
     hit
-        Number of dominoes struck; the first counts, and one that is struck without being moved.
+        Number of dominoes struck. The first counts, and so does one that is struck but not moved.
     toppled
         Number of dominoes that passed their tipping angle; all of them if the wave propagated.
     arrival_times
@@ -96,14 +96,14 @@ class Wave:
         (N,) lowest u = ω² of each leader over its value just after the hit: 0 where the wave
         stalled, nan where not reached.
     reach
-        Progress of the wave: intervals between hits, with the fraction of the last one, over N; 1
-        if it propagated.
+        Part of the chain that the wave passed: the number of intervals between hits, with the
+        fraction of the last one, over N; 1 if it propagated.
     error_estimate
         Estimate of the largest |error|/t_k over the arrival times t_k.
     converged
         True if the estimate is at most `rtol`; near a stall, rounding may prevent it.
     flushes
-        Number of face impacts, in which a contact of a tip becomes one of a corner.
+        Number of contacts whose faces met in a face impact, after which they are corner contacts.
     releases
         Number of separations.
     largest_flush_loss
@@ -113,7 +113,7 @@ class Wave:
     run_time
         Time of the computation [s].
     tape
-        Saved states for `pullback`; None unless simulated with `gradient=True`.
+        Saved states for `pullback`; None if simulated without `gradient=True`.
     """
 
     layout: Layout
@@ -153,7 +153,7 @@ class Wave:
         Parameters
         ----------
         ax
-            Matplotlib axes that get the local speed and nothing else; None for a new figure.
+            Matplotlib axes in which only the local speed is drawn; None for a new figure.
 
         Returns
         -------
@@ -165,7 +165,7 @@ class Wave:
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Compute the gradient of Σ_k arrival_bar[k] t_k with respect to layout and physics.
 
-        One pass of reverse mode, which takes a time proportional to N. It is exact up to the
+        One pass of reverse mode takes a time proportional to N. The gradient is exact up to the
         tolerance of the simulation, near a stall too.
 
         Parameters
@@ -181,12 +181,12 @@ class Wave:
         Raises
         ------
         ValueError
-            For a wave simulated without `gradient=True`, for a wrong shape, and if arrival_bar is
-            not 0 for a domino that the wave did not reach.
+            For a wave simulated without `gradient=True`, for a wrong shape, for numbers that are
+            not finite, and if arrival_bar is not 0 for a domino that the wave did not reach.
         """
         if self.tape is None:
             raise ValueError(
-                "this wave saved no states to differentiate: simulate it with "
+                "this wave has no saved states to differentiate: simulate it with "
                 "simulate(layout, physics, gradient=True)"
             )
         shape = (self.layout.count,)
@@ -199,7 +199,7 @@ class Wave:
                 f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
             )
         arrays, physics_bar = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)[0]
-        setting, bars = kernel_setting(self.physics, self.rtol)[:3], _empty_adjoints(arrays)
+        setting, bars = kernel_setting(self.physics, self.rtol)[:3], _empty_bars(arrays)
         vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
         friction, gravity, push = physics_bar.item()
         return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
@@ -215,7 +215,7 @@ class Wave:
         Returns
         -------
         Gradient
-            With respect to layout and physics.
+            Gradient with respect to layout and physics.
 
         Raises
         ------
@@ -269,29 +269,38 @@ class Wave:
 
 
 def _column(records: str, name: str) -> Any:
+    """Return a property for one field of an attribute that is an array of records."""
     return property(lambda self: getattr(self, records)[name])
 
 
 @dataclass(frozen=True, eq=False)
 class WaveBatch:
-    """Waves of B layouts of N dominoes each; `batch[b]` is a `Wave`, fields have a leading B.
+    """Waves of B layouts of N dominoes each; `batch[b]` is a `Wave`.
 
-    The fields per domino, such as `arrival_times`, are empty, (B, 0), with `record=False`. Besides
-    the fields of `Wave`:
+    It has the fields of `Wave` but layout and tape, with a leading B, and those below.
+    With `record=False` or a gradient the fields per domino, such as `arrival_times`, are empty.
 
     Attributes
     ----------
     arrays
         Arrays of the layouts for the kernels.
+    physics, rtol
+        Physics and relative error of all waves.
+    summaries
+        (B,) records of results of a whole wave, which the fields show.
+    arrivals
+        (B, N) records of results per domino; (B, 0) if these are not kept.
+    run_time
+        Time of the computation of all waves [s].
     outcome
         (B,) values of `Outcome`.
     total_time
-        (B,) arrival at the last domino [s]; inf where not reached.
+        (B,) arrival times at the last domino [s]; inf where not reached.
     lowest_stall_margin
-        (B,) smallest stall margin of all leaders; with `record=False` it is taken over the nodes of
-        the quadrature only.
+        (B,) smallest stall margins of all leaders; without fields per domino, u is compared at the
+        nodes of the quadrature only.
     gradient
-        Gradient of the total time, zero for a wave that did not propagate; None without `gradient`.
+        Gradient of the total time, 0 for a wave that did not propagate; None if not requested.
     """
 
     arrays: kernel_arrays.Arrays
@@ -320,7 +329,7 @@ class WaveBatch:
 
     @cached_property
     def mean_speed(self) -> Floats:
-        """Mean speeds (B,) as of `Wave` [m/s]."""
+        """Mean speeds (B,), as for `Wave` [m/s]."""
         arrays, total = self.arrays, self.total_time
         pitches = footing.pitches(arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt)
         # summed as Layout.length is, so that speeds agree to the last bit
@@ -340,7 +349,12 @@ class WaveBatch:
         Returns
         -------
         Gradient
-            Arrays with a leading B, zero for a wave that did not propagate.
+            Arrays with a leading B, 0 for a wave that did not propagate.
+
+        Raises
+        ------
+        ValueError
+            For another shape than (B, N).
         """
         setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
         bars = numbers("arrival_bar", arrival_bar, shape=shape, meaning="that of the thicknesses")
@@ -354,23 +368,25 @@ class WaveBatch:
         b
             Index in the batch.
         layout
-            The layout that was simulated; None to make it of the arrays.
+            The layout that was simulated; None to make it from the arrays.
 
         Returns
         -------
         Wave
-            Without saved states.
+            Wave without saved states.
 
         Raises
         ------
+        IndexError
+            For an index out of the batch.
         ValueError
-            For a batch simulated with `record=False`.
+            For a batch without fields per domino.
         """
         b = operator.index(b)
         if not self.arrivals.shape[1]:
-            raise ValueError("this batch has no fields per domino: simulate it with record=True")
+            raise ValueError("no fields per domino: simulate with record=True, without gradient")
         if layout is None:
-            parts = self.arrays._asdict().items()
+            parts = self.arrays._asdict().items()  # those that all layouts share have length 1
             layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
         summary = kernel_arrays.Summary._make(self.summaries.item(b))
         seconds = self.run_time / len(self)
@@ -410,13 +426,13 @@ def simulate(
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13.
     gradient
-        Save the states that `Wave.pullback` and `Wave.gradient` need, some 100 bytes per interval
-        between hits.
+        True to save the states that `Wave.pullback` and `Wave.gradient` need, some 100 bytes per
+        interval between hits.
 
     Returns
     -------
     Wave
-        Also for a layout in which the wave stops, see `Wave.outcome`.
+        The wave, also if it stops; see `Wave.outcome`.
 
     Raises
     ------
@@ -446,7 +462,7 @@ def simulate(
     arrays, setting, count = batch_arrays_from(layout), kernel_setting(physics, rtol), layout.count
     summaries = np.empty(1, kernel_arrays.SUMMARY)
     arrivals = np.empty((1, count), kernel_arrays.ARRIVAL)
-    # mostly enough; else the same run writes as many events again, to a tape of their number
+    # usually long enough; otherwise the wave is simulated again with as many entries as events
     tape = np.empty(4 * count + 16, kernel_arrays.EVENT) if gradient else _NO_TAPE
     while True:
         solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
@@ -477,7 +493,7 @@ def simulate_batch(
     Parameters
     ----------
     spacing
-        (B, N-1) [m].
+        (B, N-1) free gaps [m].
     thickness
         Scalar, (N,) or (B, N) [m].
     physics
@@ -493,10 +509,10 @@ def simulate_batch(
     rtol
         As for `simulate`.
     record
-        Keep the fields per domino.
+        True to keep the fields per domino.
     gradient
-        Compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
-        are then not saved.
+        True to compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
+        are then not kept.
 
     Returns
     -------
@@ -505,9 +521,11 @@ def simulate_batch(
 
     Raises
     ------
+    TypeError
+        For physics of another type.
     ValueError
-        For dominoes that cannot stand, with the index of the layout and the element; for a
-        tolerance out of its range.
+        For wrong shapes, values or a tolerance out of range, and dominoes that cannot stand, with
+        the indices of layout and domino.
 
     Notes
     -----
@@ -520,11 +538,11 @@ def simulate_batch(
     record, time_gradient = record and not gradient, None
     summaries = np.empty(number, kernel_arrays.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernel_arrays.ARRIVAL)
-    size = number, count, arrays, *setting
+    inputs = number, count, arrays, *setting
     if gradient:
         time_gradient = _pullback_batch(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
-        share_pieces(solve_batch, *size, record, summaries, arrivals, _NO_TAPE)
+        share_pieces(solve_batch, *inputs, record, summaries, arrivals, _NO_TAPE)
     run_time = time.perf_counter() - began
     return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, time_gradient)
 
@@ -536,16 +554,16 @@ def _pullback_batch(
     summaries: NDArray[np.record],
 ) -> Gradient:
     """Simulate layouts, write their summaries, and return the gradient of arrival times."""
-    bars, physics_bars = _empty_adjoints(arrays), np.empty(len(summaries), PHYSICS_BAR)
+    bars, physics_bars = _empty_bars(arrays), np.empty(len(summaries), PHYSICS_BAR)
     size = arrays.thickness.shape
-    written = summaries, bars, physics_bars
-    share_pieces(vjp_batch, *size, arrays, *setting, arrival_bar, *written)
+    results = summaries, bars, physics_bars
+    share_pieces(vjp_batch, *size, arrays, *setting, arrival_bar, *results)
     friction, gravity, push = (physics_bars[name] for name in ("friction", "gravity", "push"))
     return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
 
-def _empty_adjoints(arrays: kernel_arrays.Arrays) -> kernel_arrays.Arrays:
-    """Return empty arrays for the derivatives with respect to all of a layout or a batch."""
+def _empty_bars(arrays: kernel_arrays.Arrays) -> kernel_arrays.Arrays:
+    """Return empty arrays for the derivatives with respect to the arrays of a layout or a batch."""
     empty: list[Any] = [None if array is None else np.empty(array.shape) for array in arrays]
     return kernel_arrays.Arrays(*empty)
 
@@ -559,7 +577,7 @@ def _wave(
     run_time: float,
     tape: NDArray[np.record] | None = None,
 ) -> Wave:
-    """Return the wave that the kernels have written."""
+    """Return a wave from the records that the kernels have written."""
     return Wave(
         layout=layout,
         physics=physics,
@@ -583,8 +601,8 @@ def _wave(
 
 
 def kernel_setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
-    """Return friction, gravity, push and checked tolerance for the kernels."""
-    if not (type(rtol) is float and MIN_RTOL <= rtol <= MAX_RTOL):  # a call of `require` is 1 µs
+    """Return friction, gravity, push and the tolerance for the kernels; check the tolerance."""
+    if not (type(rtol) is float and MIN_RTOL <= rtol <= MAX_RTOL):  # `require` takes 1 µs
         require("rtol", rtol, MIN_RTOL, MAX_RTOL)
     return physics.friction, physics.gravity, physics.push, float(rtol)
 
@@ -598,18 +616,18 @@ def _check_batch(
     tilt: ArrayLike,
 ) -> kernel_arrays.Arrays:
     """Return the arrays of a batch for the kernels; raise for dominoes that cannot stand."""
-    meaning = "a layout per index b; for one layout use simulate()"
+    meaning = "one layout per index b; for a single layout use simulate()"
     gaps = numbers("spacing", spacing, None, ("B", "N-1"), meaning)
     number, count = gaps.shape[0], gaps.shape[1] + 1
 
-    def full(name: str, values: ArrayLike, across: int) -> Floats:
-        """Return (1, n) or (B, n) from a scalar, (n,) or (B, n)."""
+    def full(name: str, values: ArrayLike, size: int) -> Floats:
+        """Return an array (1, size) or (B, size) from a scalar, (size,) or (B, size)."""
         array = np.atleast_2d(numbers(name, values, None))
-        if len(array) in (1, number) and array.shape[1:] in ((1,), (across,)):
-            return np.broadcast_to(array, (len(array), across))
+        if len(array) in (1, number) and array.shape[1:] in ((1,), (size,)):
+            return np.broadcast_to(array, (len(array), size))
         raise ValueError(
-            f"{name} has shape {np.shape(values)}: give a number, ({across},) or ({number}, "
-            f"{across}), as spacing has shape {gaps.shape}"
+            f"{name} has shape {np.shape(values)}: give a number, ({size},) or ({number}, {size}), "
+            f"as spacing has shape {gaps.shape}"
         )
 
     thicknesses = np.broadcast_to(full("thickness", thickness, count), (number, count))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from domino_env.core.models import read_model
-from domino_env.physics.footing import REACH
+from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
@@ -250,7 +250,7 @@ def _violations_of_bends(
     by at most k (s + d), and a pivot lies at most k s (s + d)/2 from the line of the next chord.
     Dominoes do not lean against each other if L k (s + d) < s; a tip then strikes below the top
     too, as L - √(L² - s²) > s²/2L. Both conditions are strictest at the narrowest gap. At the
-    widest gap, the distance of a pivot from that line must not exceed s, nor `REACH` times the
+    widest gap, the distance of a pivot from that line must not exceed s, nor `MAX_STEP` times the
     contact height √(L² - s²).
     """
     low, high = spacing
@@ -266,7 +266,7 @@ def _violations_of_bends(
                 "larger, or the ground less hollow"
             )
         offset = 0.5 * high * _slope_difference(curvature, high + thickest)  # [m]
-        if high >= height or offset > min(high, REACH * math.sqrt(height**2 - high**2)):
+        if high >= height or offset > min(high, MAX_STEP * math.sqrt(height**2 - high**2)):
             yield (
                 f"the largest gap, {1e3 * high:.4g} mm, is too wide for {where}: a tip would miss "
                 "the next domino; make spacing.max smaller, or the ground more even"

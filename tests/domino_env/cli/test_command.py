@@ -101,7 +101,7 @@ def test_json_for_other_programs(output_of, file):
     ("simulate BAD", "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
     ("simulate MM", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall: lengths"),
     ("optimize TALL", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
-    ("simulate .", ".: it is a folder: name the file of a layout, such as layout.csv in a run"),
+    ("simulate .", ".: it is a folder: name a file, such as the layout.csv of a run folder"),
     ("optimize FILE", "row.csv: a scene is a .toml file or a name; domino simulate reads layouts"),
     ("click ONE", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
     ("click FILE --push 0.1", "row.csv: no domino hits another, so there is no sound: the wave st"),

@@ -190,7 +190,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
     ("spacing_mm,thickness_mm\n1_4,7.5\n,7\n", "'1_4' is not a number"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
     ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',
-     "'18,5' is not a number: where commas divide the cells, write 18.5"),
+     "'18,5' is not a number: where commas separate cells, write 18.5"),
     ("spacing_mm,thickness_mm\n18,5,7,5\n,7\n", "line 2: more cells than the 2 names: where"),
     ("spacing_mm,thickness_mm,width_mm\n20,7,24\n,7,40\n",
      "column 'width_mm': dominoes of 0.024 and 0.04 m: give one width"),

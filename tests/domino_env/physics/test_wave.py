@@ -209,7 +209,7 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
 
 
 @pytest.mark.parametrize(("given", "message"), [
-    ({"spacing": [0.02, 0.02]}, "a layout per index b"),
+    ({"spacing": [0.02, 0.02]}, "one layout per index b"),
     ({"spacing": [["wide"]]}, "spacing = .*wide.*: give numbers"),
     ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
     ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
