@@ -1,8 +1,8 @@
-"""The `domino` command, from outside the package.
+"""Entry point of the `domino` command, outside the packages.
 
-Importing `domino_env` loads Gymnasium to register the environments, which takes longer than all of
-`domino --help`. Commands make no environment by its name: if this module is loaded first, the
-package does not register them.
+Importing `domino_env` loads Gymnasium to register the environments, which takes longer than
+everything else in `domino --help`. Commands need no registered environments: if this module is
+loaded first, the package does not register them.
 """
 
 import os
@@ -11,14 +11,14 @@ import sys
 
 
 def main() -> int:
-    """Run the command; see `domino_env.cli.main.main`."""
+    """Run the command and return its exit status, as `domino_env.cli.main.main` does."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # Ctrl-C during the imports ends the process without a traceback; main() replaces this
+        # until `main` sets a handler, Ctrl-C ends the process without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from domino_env.cli.main import main
 
     code = main()
-    if code > 128:  # of a signal: threads that still compile or simulate are not waited for
+    if code > 128:  # ended by a signal: do not wait for threads that still compile or simulate
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

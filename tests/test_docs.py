@@ -20,7 +20,7 @@ import agents
 import domino_env as de
 import optimize
 from agents.algorithms import Hyperparameters, default_hyperparameters
-from domino_env.cli.main import main, parser
+from domino_env.cli.main import build_parser, main
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_from_document
 from domino_env.view.sound import clicks, write_wav
@@ -199,13 +199,13 @@ def test_the_scenes_of_a_page_can_be_read(page):
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_in_the_text_have_their_options(page, capsys):
     for line in commands(page):
-        parser().parse_args(shlex.split(line.partition(" > ")[0])[1:])
+        build_parser().parse_args(shlex.split(line.partition(" > ")[0])[1:])
     for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
         assert find_spec(module) is not None
     for command in re.findall(r"`domino ([a-z-]+[^`]*)`", FENCED.sub("", PAGES[page])):
         name, *words = command.split()
         with pytest.raises(SystemExit, match="0"):
-            parser().parse_args([name, "--help"])
+            build_parser().parse_args([name, "--help"])
         explained = capsys.readouterr().out
         assert all(word in explained for word in words if word.startswith("--"))
 

@@ -1,1 +1,1 @@
-"""The `domino` command: one module a subcommand."""
+"""The `domino` command, with one module for each subcommand."""

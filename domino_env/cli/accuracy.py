@@ -1,8 +1,8 @@
 """Measure the error of the simulator and of general ODE solvers against their run time.
 
-Four standard layouts are simulated; --stability simulates the edge cases instead and compares
-outcome, true error and error estimate. The output folder receives the table
-(CSV) and the picture (PNG).
+Four standard layouts are simulated. With --stability, the edge cases are simulated instead, and
+outcome, true error and error estimate are compared. The output folder receives a table (CSV) and a
+picture (PNG).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import argparse
 
 from domino_env.cli.options import SECONDS, add_flags, add_options, add_out_option
 
-SUMMARY = "measure error against run time, simulate the edge cases"
+SUMMARY = "measure errors against run times, or simulate edge cases"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,11 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_out_option(parser, "runs/accuracy")
     limit = "time limit for one solver on one layout [s]"
     add_options(parser, ("seconds", SECONDS, "S", 3.0, limit))
-    add_flags(parser, stability="simulate the edge cases", quick="few settings, short layouts")
+    add_flags(parser, stability="simulate edge cases", quick="few settings, short layouts")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, print and write; return 1 if an edge case has a fault."""
+    """Measure errors, print and write them; return 1 if an edge case has a fault, else 0."""
     from pathlib import Path
     from typing import Any
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / f"{name}.csv", folder / f"{name}.png"
     faulty, records = list[Any](), list[Any]()
-    # one line of the terminal, cleared at the end; disable=None: only on a terminal
+    # a status line, which is cleared at the end; disable=None shows it only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:
         progress = line.set_description_str
         if arguments.stability:

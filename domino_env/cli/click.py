@@ -13,8 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino click`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     add_physics_options(parser)
-    target = "output file (LAYOUT with the ending .wav)"
-    add_options(parser, ("wav", output(".wav"), "FILE", None, target))
+    sound = "output file (LAYOUT with the ending .wav)"
+    add_options(parser, ("wav", output(".wav"), "FILE", None, sound))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_physics(arguments, source)
     wave = simulate(chosen.read(source), chosen.physics)
     if wave.hit < 2:
-        alone = "a chain needs two dominoes or more"
-        reason = alone if wave.layout.count < 2 else wave.explanation
+        too_short = "a chain needs two dominoes or more"
+        reason = too_short if wave.layout.count < 2 else wave.explanation
         raise ValueError(f"{source}: no domino hits another, so there is no sound: {reason}")
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)

@@ -1,6 +1,6 @@
-"""Draw the figures and tables of Chapman, The physics of toppling dominoes, with this simulator.
+"""Reproduce the figures and tables of Chapman, The physics of toppling dominoes.
 
-Misprints of the source are marked.
+They are computed with this simulator, and misprints of the article are marked.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import argparse
 
 from domino_env.cli.options import add_out_option
 
-SUMMARY = "draw Chapman's figures and tables with this simulator"
+SUMMARY = "reproduce Chapman's figures and tables"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw the figures, write and print the tables."""
+    """Draw the figures, and write and print the tables."""
     from pathlib import Path
 
     from domino_env.core.files import write_text

@@ -12,12 +12,12 @@ SUMMARY = "estimate the hit frequency of a recording"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino listen`."""
     parser.add_argument("files", metavar="FILE.wav", nargs="+", help="recording of a uniform chain")
-    pitch = "distance from pivot to pivot [mm]: the speed is printed too"
+    pitch = "distance from pivot to pivot [mm], to print the speed too"
     add_options(parser, ("pitch", SIZE, "MM", None, pitch))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Estimate and print the frequency of each recording."""
+    """Estimate and print the hit frequency of each recording."""
     from pathlib import Path
 
     from domino_env.core.files import errors_with_path
@@ -32,6 +32,6 @@ def run(arguments: argparse.Namespace) -> int:
             metres = arguments.pitch * 1e-3
             line += f", {hits.frequency * metres:.4f} ± {hits.uncertainty * metres:.4f} m/s"
         print(f"{line} (autocorrelation {hits.clarity:.2f}, {hits.seconds:.2f} s evaluated)")
-        if hits.clarity < 0.3:
-            print("  the hits hardly repeat: gaps are unequal, or the recording is noisy")
+        if hits.clarity < 0.3:  # autocorrelations of periodic hits are larger
+            print("  the hits are not periodic: the gaps are unequal, or the recording is noisy")
     return 0

@@ -1,7 +1,8 @@
-"""The `domino` command: each package adds its own subcommands.
+"""The `domino` command, to which each package adds its subcommands.
 
 A subcommand is a module in the entry-point group `domino.commands` with `SUMMARY`,
-`add_arguments(parser)` and `run(arguments) -> int`; it imports heavy modules inside `run`.
+`add_arguments(parser)` and `run(arguments) -> int`, which returns the exit status. It imports heavy
+modules inside `run`, so that `domino --help` is fast.
 """
 
 from __future__ import annotations
@@ -31,83 +32,95 @@ PURPOSES = {
     "build and look": "studio render report template click listen",
     "validate": "verify validate accuracy figures",
 }
-"""Commands by purpose, in the order of `domino --help`; those of other packages follow."""
+"""Commands by purpose, in the order of `domino --help`; all others follow."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser whose errors are one line, as those of commands."""
+    """Parser that raises errors, which `main` prints in one line, instead of exiting."""
 
     def error(self, message: str) -> NoReturn:
         """Raise a ValueError."""
+        # the checks of `options` are called without a name, which argparse adds before " = "
         message = message.removeprefix("argument ").replace(":  = ", " = ")
         usage = re.search("required|unrecognized|expected|choice|not allowed", message)
         raise ValueError(f"{message}{f' ({self.prog} --help)' if usage else ''}")
 
 
-def parser() -> argparse.ArgumentParser:
-    """Build the command line from the commands of all installed packages."""
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the commands of all installed packages."""
     modules = {entry.name: entry.load() for entry in entry_points(group=GROUP)}
     grouped = " ".join(PURPOSES.values()).split()
-    more = {"more": " ".join(sorted(modules.keys() - {*grouped}))}
+    others = {"more": " ".join(sorted(modules.keys() - {*grouped}))}
     lines = ["Simulate and design chains of toppling dominoes."]
-    for purpose, names in (PURPOSES | more).items():
+    for purpose, names in (PURPOSES | others).items():
         known = [name for name in names.split() if name in modules]
         lines += [f"\n{purpose}:"] * bool(known)
         lines += [f"  {name:<11} {modules[name].SUMMARY}" for name in known]
     lines += ["\ndomino COMMAND --help explains a command and its options."]
-    top = _Parser(
+    parser = _Parser(
         prog="domino", usage="domino COMMAND [OPTIONS]", description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    top.add_argument("--version", action="version", version=f"domino {__version__}")
-    commands = top.add_subparsers(
+    parser.add_argument("--version", action="version", version=f"domino {__version__}")
+    commands = parser.add_subparsers(
         prog="domino", metavar="COMMAND", required=True, help=argparse.SUPPRESS
     )
     for name, module in modules.items():
-        sub = commands.add_parser(name, description=module.__doc__)
-        sub.formatter_class = argparse.RawDescriptionHelpFormatter
-        module.add_arguments(sub)
-        sub.set_defaults(run=module.run)
-    return top
+        command = commands.add_parser(name, description=module.__doc__)
+        command.formatter_class = argparse.RawDescriptionHelpFormatter
+        module.add_arguments(command)
+        command.set_defaults(run=module.run)
+    return parser
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run a command, and return its exit status.
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command.
 
-    Bad input ends with one line on standard error and status 2, Ctrl-C with 130, SIGTERM with 143.
+    Parameters
+    ----------
+    argv
+        Command and its arguments; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 for success, 1 if a check of the command fails, 2 after invalid input, which
+        is explained in one line on standard error, 130 after Ctrl-C and 143 after SIGTERM.
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a console without µ prints a replacement
+        if isinstance(stream, io.TextIOWrapper):  # a console without µ shows a replacement
             stream.reconfigure(errors="replace")
     interruption = _Interruption()
     notices, log = _Notices(), logging.getLogger("domino_env")
     log.addHandler(notices)
     log.setLevel(logging.INFO)
     try:
-        words = list(sys.argv[1:] if words is None else words)
+        argv = list(sys.argv[1:] if argv is None else argv)
         names = sorted(entry_points(group=GROUP).names)
-        if words and words[0] not in ["-h", "--help", "--version", *names]:
+        if argv and argv[0] not in ["-h", "--help", "--version", *names]:
             from domino_env.core.checks import require_choice
 
-            require_choice("COMMAND", words[0], names)  # argparse suggests no similar one
-        top = parser()
-        top.prog = " ".join(["domino", *words[:1]])  # of arguments that no command takes
-        arguments = top.parse_args(words)
+            require_choice("COMMAND", argv[0], names)  # argparse does not suggest a similar name
+        parser = build_parser()
+        parser.prog = " ".join(["domino", *argv[:1]])  # for messages about unknown arguments
+        arguments = parser.parse_args(argv)
         with warnings.catch_warnings():
             warnings.simplefilter("default", Advice)
             warnings.simplefilter("error", WrongUnit)
-            warnings.showwarning = _show
+            warnings.showwarning = _show_warning
             code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return interruption.code if interruption.signal else code  # such as with the best so far
+        # an interrupted search returns normally, with its best layout so far
+        return interruption.code if interruption.signal else code
     except BrokenPipeError:
-        # the reader has closed the output: the rest of the buffer is discarded
+        # the program that reads the output has closed it: the rest of the buffer is discarded
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt as stop:
-        print(f"domino: {str(stop) or 'interrupted'}", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"domino: {str(error) or 'interrupted'}", file=sys.stderr)
         return interruption.code
     except (ValueError, OSError, ImportError, WrongUnit) as error:
+        # a library raised this for the interruption
         if interruption.signal and (isinstance(error, ImportError) or not str(error)):
             print("domino: interrupted", file=sys.stderr)
             return interruption.code
@@ -119,23 +132,23 @@ def main(words: Sequence[str] | None = None) -> int:
     except Exception as error:
         if not interruption.signal:
             raise
-        # a library raised this for the interruption, while it handled another error
+        # as above
         print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
         return interruption.code
     finally:
         log.removeHandler(notices)
-        interruption.undo()
+        interruption.restore()
 
 
 def _print_line(line: str) -> None:
-    """Print a line on standard error, above the bar of a progress that is shown there."""
+    """Print a line on standard error, above a progress bar if one is shown there."""
     from tqdm import tqdm
 
     tqdm.write(line, file=sys.stderr)
 
 
 class _Notices(logging.Handler):
-    """Handler that prints notices as lines."""
+    """Handler that prints each notice on a line of its own."""
 
     def emit(self, record: logging.LogRecord) -> None:
         _print_line(record.getMessage())
@@ -144,7 +157,7 @@ class _Notices(logging.Handler):
 _show_as_python = warnings.showwarning
 
 
-def _show(
+def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int,
     file: TextIO | None = None, line: str | None = None,
 ) -> None:  # fmt: skip
@@ -156,20 +169,20 @@ def _show(
 
 
 class _Interruption:
-    """Handlers that let SIGTERM end a command as Ctrl-C does, and record which of them came."""
+    """Handlers that let SIGTERM end a command as Ctrl-C does, and record the signal."""
 
     def __init__(self) -> None:
-        self.signal: int = 0
+        self.signal: int = 0  # number of the last signal; 0 for none
         self._previous_handlers: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():
             self._catch(signal.SIGTERM)
-            # a process that ignores Ctrl-C, such as a background job, goes on ignoring it
+            # a process that ignores Ctrl-C, such as a background job, continues to ignore it
             if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_DFL):
                 self._catch(signal.SIGINT)
 
     @property
     def code(self) -> int:
-        """Exit status for the signal that ended the command."""
+        """Exit status for the signal that ended the command: 128 plus its number."""
         return 143 if self.signal == signal.SIGTERM else 130
 
     def _catch(self, number: int) -> None:
@@ -179,9 +192,10 @@ class _Interruption:
         self.signal = number
         raise KeyboardInterrupt
 
-    def undo(self) -> None:
-        for number, before in self._previous_handlers.items():
-            signal.signal(number, before)
+    def restore(self) -> None:
+        """Restore the previous handlers."""
+        for number, handler in self._previous_handlers.items():
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

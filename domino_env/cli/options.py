@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 Option = tuple[str, Callable[[str], object], str, object, str]
-"""Name, reader of the value, its placeholder, default, and help without the default."""
+"""Name, reader of the value, placeholder in the help, default, and help without the default."""
 
 
 def add_options(parser: Any, *options: Option) -> None:
-    """Add options that take a value to a parser or a group of its arguments."""
+    """Add options that take a value to a parser or a group of arguments."""
     for name, read, metavar, default, text in options:
         if default is not None:
             text += f" ({default:g})" if isinstance(default, float) else f" ({default})"
@@ -34,13 +34,16 @@ def add_options(parser: Any, *options: Option) -> None:
 
 
 def add_flags(parser: Any, **texts: str) -> None:
-    """Add options without a value by their names and help."""
+    """Add options without a value, each given as name=help, with _ for - in the name."""
     for name, text in texts.items():
         parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=text)
 
 
 def _check(value: Any, check: Callable[..., None], *arguments: Any, **options: Any) -> Any:
-    """Return a value that passes a check; argparse would replace the message of a ValueError."""
+    """Return a value that passes a check.
+
+    A ValueError becomes an ArgumentTypeError, as argparse replaces the message of the former.
+    """
     try:
         check(*arguments, **options)
     except ValueError as error:
@@ -51,10 +54,10 @@ def _check(value: Any, check: Callable[..., None], *arguments: Any, **options: A
 def number(
     unit: str = "", hint: str = "", *, whole: bool = False, **bounds: float
 ) -> Callable[[str], Any]:
-    """Return the reader of an option's number; the other arguments are those of `require`."""
+    """Return the reader of an option's number, with arguments of `core.checks.require`."""
 
     def read(text: str) -> Any:
-        from domino_env.core.checks import require  # NumPy, which --help does without
+        from domino_env.core.checks import require  # imports NumPy, which --help does not need
 
         try:
             value = int(text) if whole else float(text)
@@ -82,12 +85,12 @@ def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:
     return 1.0 if text == "free" else read(text)
 
 
-def require_deviation(deviation: float, gap: float) -> None:
-    """Raise for a deviation [mm] with which most gaps cannot be placed; gap: the largest [mm]."""
+def require_deviation(deviation: float, largest_gap: float) -> None:
+    """Raise a ValueError for a deviation [mm] of more than half of the largest gap [mm]."""
     from domino_env.core.checks import require
 
     hint = "half of the largest gap"
-    require("--deviation", deviation, high=0.5 * gap, unit="mm", hint=hint)
+    require("--deviation", deviation, high=0.5 * largest_gap, unit="mm", hint=hint)
 
 
 def folder(name: str) -> Any:
@@ -101,7 +104,7 @@ def output(*suffixes: str) -> Callable[[str], Any]:
 
 
 def require_output(path: Path, *suffixes: str) -> None:
-    """Raise for a file that has another ending, or cannot be written."""
+    """Raise a ValueError for a file that has another ending or cannot be written."""
     if path.suffix.lower() not in suffixes or path.is_dir():
         raise ValueError(f"{path}: name a {' or '.join(suffixes)} file")
     require_writable(path.parent)
@@ -111,9 +114,12 @@ LAYOUT_FILE = output(".csv", ".json")
 
 
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
-    """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its baseline."""
-    more = ", and its uniform baseline" * uniform
-    scene = f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)"
+    """Add --scene, --friction, --gravity and --push.
+
+    `uniform` is True for commands that show the uniform baseline of the scene too.
+    """
+    baseline = ", and its uniform baseline" * uniform
+    scene = f"physics of a scene, name or .toml file{baseline} (that beside LAYOUT, if any)"
     friction = "coefficient of friction between dominoes (of the scene, or 0.25)"
     gravity = "gravitational acceleration [m/s²] (of the scene, or 9.81)"
     push = "angular velocity of the first domino [rad/s] (of the scene, or 8)"
@@ -127,7 +133,7 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
 
 
 def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bool = True) -> None:
-    """Add --out FOLDER; a default that is not `literal` is only shown."""
+    """Add --out FOLDER; a default that is not `literal` is a text for the help alone."""
     parser.add_argument(
         "-o", "--out", type=folder, metavar="FOLDER", default=default if literal else None,
         help=f"folder to write to ({default})",
@@ -135,10 +141,10 @@ def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bo
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
-    """Add --json [FILE], for `write_json`."""
+    """Add --json [FILE], whose value `write_json` takes."""
     parser.add_argument(
         "--json", metavar="FILE", nargs="?", const="-", type=_json_file,
-        help="print the result as JSON alone, or write it to a .json file besides",
+        help="print the result as JSON only, or also write it to a .json file",
     )  # fmt: skip
 
 
@@ -164,13 +170,13 @@ class ChosenPhysics:
     Attributes
     ----------
     scene
-        The scene that was named, or that lies beside the layout; None without either.
+        Scene that is named by --scene or lies beside the layout; None without either.
     physics
-        Those of the scene, or the defaults, with the changes of the options.
+        Physics of the scene, or the defaults, with the values of the options.
     changed
-        Names of the options that were given.
+        Names of the options that are given.
     origin
-        Source of the physics, in words.
+        Source of the physics, as text.
     """
 
     scene: Scene | None
@@ -180,7 +186,7 @@ class ChosenPhysics:
 
     @property
     def line(self) -> str:
-        """The physics and their source, a line to print with every result."""
+        """Line with the physics and their source, to be printed with every result."""
         physics = self.physics
         return (
             f"physics: friction {physics.friction:g}, gravity {physics.gravity:g} m/s², "
@@ -188,7 +194,7 @@ class ChosenPhysics:
         )
 
     def read(self, path: str | Path) -> Layout:
-        """Read a layout of the scene, see `domino_env.scenes.io.reading.read_layout`."""
+        """Read a layout of the scene as `domino_env.scenes.io.reading.read_layout` does."""
         from domino_env.scenes.io.reading import read_layout
 
         return read_layout(path, self.scene)
@@ -201,13 +207,18 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
     ----------
     arguments
         Values of the options of `add_physics_options`.
-    paths
-        Files of layouts, or folders of runs.
+    *paths
+        Files of layouts, or run folders.
+
+    Returns
+    -------
+    ChosenPhysics
+        Physics of the scene or the defaults, changed by the options.
 
     Raises
     ------
     ValueError
-        For a scene that cannot be read, and for layouts that lie beside different scenes.
+        For a scene that cannot be read, and for layouts beside different scenes.
     """
     from domino_env.physics.physics import Physics
     from domino_env.scenes.io.reading import common_scene, load_scene
@@ -216,7 +227,7 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
     given = {name: getattr(arguments, name) for name in ("friction", "gravity", "push")}
     given = {name: value for name, value in given.items() if value is not None}
     physics = (scene.physics if scene else Physics()).replace(**given)
-    origin = "the standard"
+    origin = "defaults"
     if scene is not None:
         origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"
     if given:

@@ -1,6 +1,7 @@
 """Draw toppling chains as an animated GIF, a film or a picture.
 
-Several layouts are drawn one below the other. With a scene, its uniform baseline is the last.
+Several layouts are drawn one below the other, with the uniform baseline of the scene, if there is
+one, as the last.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     options.add_physics_options(parser, uniform=True)
-    slow = "slow motion: seconds of the film per second of the wave"
+    slow = "slow motion: seconds of the animation for each second of the wave"
     options.add_options(
         parser,
         ("gif", options.output(".gif"), "FILE", None, "write an animated GIF"),
         ("mp4", options.output(".mp4"), "FILE", None, "write a film (extra 'render')"),
-        ("png", options.output(".png"), "FILE", None, "write one picture with several moments"),
+        ("png", options.output(".png"), "FILE", None, "write a picture of several moments"),
         ("moments", options.NATURAL, "N", 4, "number of moments in the picture"),
         ("slow", options.number(above=0.0), "FACTOR", 5.0, slow),
         ("rate", options.number("Hz", above=0.0), "HZ", 25.0, "frames per second"),
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     for name, write in writers.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
-        print(f"{name}: {amount(number, 'image')}, {number / arguments.rate:.1f} s")
+        print(f"{name}: {amount(number, 'frame')}, {number / arguments.rate:.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

@@ -1,7 +1,7 @@
 """Write a page that compares layouts in an animation and explains why one is faster.
 
-RUN is a folder written by `domino optimize` or `domino train`, LAYOUT a .csv or .json file. The
-page is one file and needs no network.
+RUN is a folder written by `domino optimize` or `domino train`, LAYOUT is a .csv or .json file. The
+page is one HTML file and needs no network.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ SUMMARY = "write a page that compares layouts in an animation"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino report`."""
-    paths = "folder of a run, or layout file"
+    paths = "run folder, or layout file"
     parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help=paths)
     options.add_physics_options(parser, uniform=True)
-    description = "output file (report.html in the folder of the run)"
-    options.add_options(parser, ("html", options.output(".html"), "FILE", None, description))
+    page = "output file (report.html, in RUN if that comes first)"
+    options.add_options(parser, ("html", options.output(".html"), "FILE", None, page))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
-"""Write the file of a scene for your own dominoes.
+"""Write a scene file for your own dominoes.
 
-Options take lengths in millimetres and the slope in degrees; lengths in the file are in metres:
+Options take lengths in millimetres and the slope in degrees. Lengths in the file are in metres.
 
 domino scene --count 120 --thickness 8 --height 43 --length 2500 --slope 1 -o mine.toml
 domino optimize mine.toml
@@ -12,30 +12,30 @@ import argparse
 
 from domino_env.cli import options
 
-HEAD = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
+HEADER = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
 COMMENTS = {
-    "objective": "mean_speed: length over time; robust: its quantile under placement noise",
+    "objective": "mean_speed: length over time; robust: its quantile with placement noise",
     "slope": "[degrees], positive downhill",
     "height": "[m]",
     "width": "[m] across the chain",
-    "density": "[kg/m³]; equal dominoes topple alike at any density",
+    "density": "[kg/m³]; times of equal dominoes do not depend on it",
     "first_thickness": "[m] thickness of the first domino",
     "length": "[m] from the first pivot to the last",
     "min": "[m] smallest free gap",
     "max": "[m] largest free gap",
     "friction": "Coulomb coefficient between dominoes",
-    "floor_friction": "coefficient of friction of the floor",
+    "floor_friction": "Coulomb coefficient between dominoes and floor",
     "gravity": "[m/s²]",
     "push": "[rad/s] angular velocity of the first domino",
     "fixed": "[m]; for free thicknesses write min and max, or values = [...]",
     "deviation": "[m] standard deviation of the error of each gap",
-    "quantile": "fraction of the random layouts that may be slower than the score",
-    "draws": "number of random layouts that are simulated for each score",
-    "seed": "seed of the random layouts",
+    "quantile": "fraction of the draws that may be slower than the score",
+    "draws": "number of draws that are simulated for each score",
+    "seed": "seed of the draws",
 }
 SUMMARY = "write a scene file for your own dominoes"
-MIN_GAP, MAX_GAP = 2.0, 0.8  # bounds of the gaps without --gaps: [mm] and [heights of a domino]
-DRAWS, FLOOR_DRAWS = 256, 8  # random layouts per score: with fixed pivots and on a floor
+MIN_GAP, MAX_GAP = 2.0, 0.8  # [mm], [heights of a domino] bounds of the gaps without --gaps
+DRAWS, FLOOR_DRAWS = 256, 8  # draws for each score, with fixed pivots and on a floor
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,10 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("floor", options.floor, "FRICTION", None, standing),
         ("push", options.PUSH, "RAD/S", 8.0, "angular velocity of the first domino [rad/s]"),
     )
-    gaps = "smallest and largest free gap [mm] (2 and 0.8 times the height)"
+    gaps = "smallest and largest free gap [mm] (2, and 0.8 times the height)"
     parser.add_argument("--gaps", type=options.SIZE, nargs=2, metavar=("MIN", "MAX"), help=gaps)
-    target, text = options.output(".toml"), "write to a .toml file (print)"
-    parser.add_argument("-o", "--out", type=target, metavar="FILE", help=text)
+    read, text = options.output(".toml"), "write to a .toml file (print)"
+    parser.add_argument("-o", "--out", type=read, metavar="FILE", help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
         floor_friction=arguments.floor,
         ground=None if arguments.slope is None else Ground(slope=arguments.slope),
     )
-    text = HEAD + "".join(map(_add_comment, scene.to_toml().splitlines()))
+    text = HEADER + "".join(map(_add_comment, scene.to_toml().splitlines()))
     if arguments.out is None:
         print(text, end="")
         return 0
@@ -110,11 +110,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add_comment(line: str) -> str:
-    """Return a line of a scene file with the comment that explains its key."""
+    """Return a line of a scene file, with a comment if there is one for its key."""
     comment = COMMENTS.get(line.partition(" =")[0])
     return f"{line:<26} # {comment}\n" if comment else f"{line}\n"
 
 
 def _metres(millimetres: float) -> float:
-    """Return a length in metres, without the digits of rounding."""
+    """Return a length in metres, rounded to 12 decimals for a legible file."""
     return round(millimetres / 1000.0, 12)

@@ -1,4 +1,4 @@
-"""Simulate one layout: when each domino is hit, how fast the wave is, and how it ends.
+"""Simulate one layout and print arrival times, speed and outcome.
 
 LAYOUT is a .csv file with a header and one line per domino (spacing_mm and thickness_mm, or spacing
 and thickness in metres; height and density if they differ), or a .json file.
@@ -17,27 +17,28 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 SUMMARY = "simulate one layout: arrival times, speed and outcome"
-WAVE = (
+# fields of `Wave` and `RigidWave` in the JSON document
+WAVE_FIELDS = (
     "outcome explanation mean_speed hit toppled reach error_estimate converged flushes releases "
     "largest_flush_loss"
 )
-DOMINOES = "arrival_times release_velocity impact_velocity stall_margin"
-RIGID = (
+DOMINO_FIELDS = "arrival_times release_velocity impact_velocity stall_margin"
+RIGID_FIELDS = (
     "floor_friction mean_speed hit toppled error_estimate converged arrival_times slid opened "
     "opened_at"
 )
-MAX_LINES = 60  # of a table that is printed whole
-ENDS = 10  # lines at each end of a longer one
+MAX_LINES = 60  # largest number of lines of a table that is printed whole
+ENDS = 10  # lines of a longer table that are printed at each of its ends
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     options.add_physics_options(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
-    tolerance = "largest relative error of the arrival times"
-    standing = "friction of a floor ('free' is 1): simulate free-standing dominoes too"
-    noise = "standard deviation of each gap [mm]: simulate 256 draws with placement noise too"
+    parser.add_argument("--json", action="store_true", help="print the result as JSON in SI units")
+    tolerance = "relative tolerance of the arrival times"
+    standing = "also simulate free-standing dominoes on a floor of this friction ('free' is 1)"
+    noise = "also simulate 256 draws of placement noise with this standard deviation [mm]"
     options.add_options(
         parser,
         ("rtol", options.number(low=1e-13, high=1e-3), "RTOL", 1e-8, tolerance),
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and print."""
+    """Simulate the layout and print the results."""
     from domino_env.core.results import document
     from domino_env.physics.wave import simulate
     from domino_env.rigid.simulation import simulate_standing
@@ -66,11 +67,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.deviation is not None:
         noise = placement_noise(wave, scene, 1e-3 * arguments.deviation)
     if arguments.json:
-        result = document(wave, WAVE) | document(wave.physics, "friction gravity push")
-        result |= document(wave.layout, "positions") | document(wave, DOMINOES)
+        result = document(wave, WAVE_FIELDS) | document(wave.physics, "friction gravity push")
+        result |= document(wave.layout, "positions") | document(wave, DOMINO_FIELDS)
         result |= {"physics_from": chosen.origin} | evaluation
         if rigid:
-            result["free_standing"] = document(rigid, RIGID)
+            result["free_standing"] = document(rigid, RIGID_FIELDS)
         if noise:
             result["placement_noise"] = noise
         options.write_json(result, "-")
@@ -84,14 +85,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(wave: Wave) -> list[str]:
-    """Return one line per domino that is hit; of a long layout its two ends."""
+    """Return one line for each domino that is hit, of a long layout only the first and last."""
     from domino_env.core.tables import text_table
 
     layout = wave.layout
     columns = {
         "domino": [str(i) for i in range(wave.hit)],
         "gap in front [mm]": [*(f"{1e3 * gap:.3f}" for gap in layout.spacing), ""],
-        "thickness [mm]": [f"{1e3 * thick:.3f}" for thick in layout.thickness],
+        "thickness [mm]": [f"{1e3 * thickness:.3f}" for thickness in layout.thickness],
         "arrival [s]": [f"{t:.6f}" for t in wave.arrival_times],
         "wave speed [m/s]": ["", *(f"{speed:.4f}" for speed in wave.local_speed)],
         "hit with [rad/s]": [
@@ -105,7 +106,7 @@ def _table(wave: Wave) -> list[str]:
 
 
 def _summary(wave: Wave) -> list[str]:
-    """Return outcome, speed, events and error of a wave."""
+    """Return lines with outcome, speed, events and error of a wave."""
     lines = ["", f"{wave.outcome.name}: {wave.explanation}"]
     if wave.mean_speed > 0.0:
         lines.append(
@@ -113,21 +114,21 @@ def _summary(wave: Wave) -> list[str]:
             f"last domino hit after {wave.arrival_times[-1]:.6f} s"
         )
     loss = f" (largest loss of speed {wave.largest_flush_loss:.2%})"
-    words = [f"face impacts: {wave.flushes}{loss}"] * bool(wave.flushes)
-    words += [f"separations: {wave.releases}"] * bool(wave.releases)
-    if wave.error_estimate > 0.0:  # of two hits or more
-        words.append(f"relative error of the times below {wave.error_estimate:.1e}")
-    lines += ["; ".join(words)] * bool(words)
+    facts = [f"face impacts: {wave.flushes}{loss}"] * bool(wave.flushes)
+    facts += [f"separations: {wave.releases}"] * bool(wave.releases)
+    if wave.error_estimate > 0.0:  # 0 if the first domino hits no other
+        facts.append(f"relative error of the times below {wave.error_estimate:.1e}")
+    lines += ["; ".join(facts)] * bool(facts)
     if not wave.converged:
         lines.append(
-            f"so close to a stall that rounding prevents the tolerance {wave.rtol:g}; the error "
-            "estimate holds"
+            f"the wave is so close to a stall that rounding prevents the tolerance {wave.rtol:g}; "
+            "the error estimate is valid"
         )
     return lines
 
 
 def _evaluation(wave: Wave, scene: Scene) -> dict[str, object]:
-    """Return the rules of a scene that the wave violates, or its score and the baseline's."""
+    """Return the violated rules of a scene, or else the scores of wave and uniform baseline."""
     from domino_env.scenes.uniform import gain
 
     violations = scene.violations(wave.layout)
@@ -141,6 +142,7 @@ def _evaluation(wave: Wave, scene: Scene) -> dict[str, object]:
 
 
 def _evaluation_lines(result: dict[str, object]) -> list[str]:
+    """Return the result of `_evaluation` in lines of text."""
     name, violations = result["scene"], result["violations"]
     if isinstance(violations, list) and violations:
         return [f"not a layout of scene '{name}': {sentence}" for sentence in violations]
@@ -154,7 +156,10 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
 
 
 def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:
-    """Return the fraction of draws that complete, and the spread of their times [s]."""
+    """Return the fraction of draws that complete and statistics of their total times [s].
+
+    `deviation` is the standard deviation of the placement error of each gap [m].
+    """
     import numpy as np
 
     from domino_env.scenes.objectives.robust import Placement, simulate_draws
@@ -164,14 +169,14 @@ def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[s
     times = waves.total_time[waves.mean_speed > 0.0]
     noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
     if len(times):
-        slow, fast = np.quantile(times, (0.95, 0.05)).tolist()
+        fast, slow = np.quantile(times, (0.05, 0.95)).tolist()
         noise |= {"mean": float(times.mean()), "spread": float(times.std())}
         noise |= {"fastest_5_percent": fast, "slowest_5_percent": slow}
     return noise
 
 
 def noise_summary(noise: dict[str, float]) -> str:
-    """Return the effect of placement noise in one line."""
+    """Return the result of `placement_noise` in one line."""
     line = (
         f"placement noise of {1e3 * noise['deviation']:g} mm, {noise['draws']} draws: "
         f"{100.0 * noise['completes']:.4g} % complete"
@@ -186,7 +191,10 @@ def noise_summary(noise: dict[str, float]) -> str:
 
 
 def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
-    """Return speed and end of the same dominoes free-standing on a floor."""
+    """Return lines with speed and toppled dominoes of a free-standing layout.
+
+    `wave` is the wave of the same layout with fixed pivots.
+    """
     count = rigid.layout.count
     lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]
     if rigid.mean_speed > 0.0:

@@ -1,4 +1,4 @@
-"""Write a paper template as PDF: numbered footprints of all dominoes at 1:1, on several sheets."""
+"""Write a paper template as PDF: numbered footprints of all dominoes at 1:1, on sheets of paper."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     size = "size of the sheets (a4)"
     parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help=size)
-    description = "output file (LAYOUT with the extension .pdf)"
-    add_options(parser, ("pdf", output(".pdf"), "FILE", None, description))
+    template = "output file (LAYOUT with the ending .pdf)"
+    add_options(parser, ("pdf", output(".pdf"), "FILE", None, template))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the template, and print its file and instructions for its use."""
+    """Write the template, and print the name of its file and instructions for its use."""
     from pathlib import Path
 
     from domino_env.core.files import layout_name, one_line

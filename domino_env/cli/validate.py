@@ -1,7 +1,8 @@
 """Compare measured chains with the model: fitted friction, leave-one-out predictions, verdict.
 
-SOURCE is the name of a shipped source, a .toml file of your own (copy one from
+SOURCE is the name of a shipped source, your own .toml file (copy one from
 domino_env/validation/sources), or a chain as PITCH=FREQUENCY in millimetres and hits per second:
+
 domino validate 16=64.4 24=42.3 32=28.1
 """
 
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare the sources with the model, and print and write the results."""
+    """Compare the sources with the model, print the results and write a page if requested."""
     from pathlib import Path
 
     from domino_env.core.files import write_text
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
         page, plot = Path(arguments.out) / PAGE, Path(arguments.out) / PLOT
+        # of an existing page only the part between these marks is replaced
         old = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
         draw(validations, plot)
         write_text(page, fill_tables(old, {"sources": markdown(validations)}))
@@ -55,34 +57,34 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _sources(arguments: argparse.Namespace) -> list[Source]:
-    """Return the named sources in order, and last the source of the chains on the command line."""
+    """Return the named sources in order, then one of all chains given as PITCH=FREQUENCY."""
     from pathlib import Path
 
     from domino_env.validation.source import TEMPLATE, Source, read_source, shipped_sources
 
-    shipped, sources, pairs = shipped_sources(), [], []
+    shipped, sources, chains = shipped_sources(), [], []
     for word in arguments.sources:
         if word in shipped:
             sources.append(shipped[word])
         elif word.endswith(".toml"):
             sources.append(read_source(Path(word)))
         elif "=" in word:
-            pairs.append(_pair(word))
+            chains.append(_parse_chain(word))
         else:
             raise ValueError(
-                f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or chains as in "
-                "16=64.4"
+                f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or a chain such "
+                "as 16=64.4 (PITCH=FREQUENCY [mm, 1/s])"
             )
-    if pairs:
-        pitches, frequencies = zip(*pairs, strict=True)
+    if chains:
+        pitches, frequencies = zip(*chains, strict=True)
         sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height
         own = Source.from_frequencies(pitches, frequencies, *sizes, pitch_uncertainty=TEMPLATE)
         sources.append(own)
     return sources or list(shipped.values())
 
 
-def _pair(word: str) -> tuple[float, float]:
-    """Return the pitch [m] and the hits per second [1/s] of PITCH=FREQUENCY (pitch in mm)."""
+def _parse_chain(word: str) -> tuple[float, float]:
+    """Return pitch [m] and frequency [1/s] of a chain given as PITCH=FREQUENCY [mm, 1/s]."""
     try:
         pitch, frequency = map(float, word.split("="))
     except ValueError:

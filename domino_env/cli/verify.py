@@ -1,9 +1,9 @@
 """Verify layouts with simulators in which closed contacts may open.
 
-The reference simulator simulates each layout on fixed pivots and free-standing on floors, in about
-a second. If the extra 'verify' (pymunk) is installed, a third-party rigid-body engine simulates it
-too, in seconds to minutes: it repeats the simulation with more solver iterations and smaller steps
-until the arrival times converge or its limits are reached.
+The reference simulator simulates each layout with fixed pivots and free-standing on floors, in
+about a second. If the extra 'verify' (pymunk) is installed, a third-party rigid-body engine
+simulates it too, in seconds to minutes: it repeats the simulation with more solver iterations and
+smaller steps until the arrival times converge or its limits are reached.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
-    """Add --floor and --engine, with the default of --engine and a note for its help text."""
-    floors = "coefficients of friction of the floors; 'free' stands for 1"
+    """Add --floor and --engine; `engine` is the default of --engine, `note` ends its help."""
+    floors = "coefficients of friction of the floors; 'free' is 1"
     options.add_options(parser, ("floor", read_floors, "FRICTION,...", "0.3,0.5,1", floors))
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,
-        help=f"simulate with the third-party engine too ({note})",
+        help=f"also simulate with the third-party engine ({note})",
     )  # fmt: skip
 
 
 def read_floors(text: str) -> tuple[float, ...]:
-    """Return the frictions in a text such as '0.3,0.5,1'."""
+    """Return the coefficients of friction in a text such as '0.3,0.5,1'."""
     return tuple(options.floor(word, options.POSITIVE_COEFFICIENT) for word in text.split(","))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify each layout; return 1 if any verdict is DIFFERS, else 0."""
+    """Verify each layout; return 1 if a verdict is DIFFERS, else 0."""
     import sys
     from importlib.util import find_spec
 
@@ -53,13 +53,13 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.rigid.engine import engine_name
 
     if len(arguments.layouts) > 1 and arguments.json:
-        raise ValueError(f"--json writes one file, not {len(arguments.layouts)}: give one LAYOUT")
+        raise ValueError(f"--json takes one layout, not {len(arguments.layouts)}: give one LAYOUT")
     engine = arguments.engine
     if engine:
-        engine_name()  # raises at once if the engine is not installed
-    elif engine is None:
+        engine_name()  # raises an ImportError before any simulation if it is not installed
+    elif engine is None:  # neither --engine nor --no-engine
         engine = find_spec("pymunk") is not None
-    output = sys.stderr if arguments.json == "-" else sys.stdout
+    output = sys.stderr if arguments.json == "-" else sys.stdout  # "-": JSON on standard output
 
     differs = False
     choices = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
@@ -77,14 +77,14 @@ def run(arguments: argparse.Namespace) -> int:
             options.write_json(verification.as_document(result), arguments.json)
     if not engine and arguments.engine is None:
         print(
-            "(to verify with a third-party engine too: pip install 'domino-chains[verify]')",
+            "(to also verify with a third-party engine: pip install 'domino-chains[verify]')",
             file=output,
         )
     return 1 if differs else 0
 
 
 def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
-    """Yield a line for each floor, with the gain over the uniform baseline on this floor."""
+    """Yield a line with the gain over the uniform baseline for each floor and fixed pivots."""
     from domino_env.rigid.simulation import floor_name, simulate_standing
     from domino_env.scenes.uniform import best_uniform_on
 
@@ -93,11 +93,11 @@ def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
         return
     for rigid in result.reference:
         friction = rigid.floor_friction
-        best_uniform = best_uniform_on(scene, baseline, friction)
-        uniform = simulate_standing(best_uniform, physics, friction)
-        speeds = rigid.mean_speed, uniform.mean_speed
-        gain = f"{speeds[0] / speeds[1] - 1.0:+.2%}" if min(speeds) > 0.0 else "a wave stops"
+        uniform = simulate_standing(best_uniform_on(scene, baseline, friction), physics, friction)
+        speed, uniform_speed = rigid.mean_speed, uniform.mean_speed
+        both_complete = min(speed, uniform_speed) > 0.0
+        gain = f"{speed / uniform_speed - 1.0:+.2%}" if both_complete else "a wave stops"
         yield (
-            f"{floor_name(friction)}: {speeds[0]:.4f} m/s; uniform baseline there {speeds[1]:.4f} "
-            f"m/s (gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {gain}"
+            f"{floor_name(friction)}: {speed:.4f} m/s; uniform baseline {uniform_speed:.4f} m/s "
+            f"(gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {gain}"
         )
