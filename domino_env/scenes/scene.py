@@ -79,9 +79,9 @@ class Scene(Specification):
     settings
         Table of the objective: a `Tempo` for "tempo", a `Placement` for "robust"; None for others.
     floor_friction
-        Coulomb coefficient of the floor of free-standing dominoes, 0 or more: the score is then
-        the mean speed [m/s] that `domino_env.simulate_standing` computes, if all dominoes topple.
-        None for fixed pivots, as in the analytic model.
+        Coulomb coefficient of the floor of free-standing dominoes, 0 or more. Scores are then
+        computed from the speeds of `domino_env.simulate_standing`, and a success needs all dominoes
+        to topple. None for fixed pivots, as in the analytic model.
     ground
         Ground on which layouts stand, a slope or a curve; None for flat ground.
     placement_deviation
@@ -152,10 +152,11 @@ class Scene(Specification):
         """
         if isinstance(layout, Wave):
             return float(self.evaluate_waves([layout]).score[0])
-        self._require(layout)
+        self._require_valid(layout)
         return self.score(self.simulate(layout))
 
-    def _require(self, layout: Layout) -> None:
+    def _require_valid(self, layout: Layout) -> None:
+        """Raise a ValueError for a layout that violates the scene's rules."""
         if violations := self.violations(layout):
             raise ValueError(f"scene '{self.name}': {'; '.join(violations)}")
 
@@ -242,7 +243,7 @@ class Scene(Specification):
         ValueError
             For a layout that violates the scene's rules, and for invalid seeds.
         """
-        self._require(layout)
+        self._require_valid(layout)
         require("seeds", seed_array := np.atleast_1d(seeds), 0, whole=True, array=True)
         generators = [np.random.default_rng(seed) for seed in seed_array]
         errors = [self.placement_errors(generator) for generator in generators]

@@ -114,7 +114,7 @@ class Specification:
 
     @cached_property
     def as_placed(self) -> Self:
-        """Scene without `placement_draws`: it scores a layout by one simulation."""
+        """Scene without `placement_draws`, which scores a layout as it is placed."""
         return self.replace(placement_draws=0) if self.placement_draws else self
 
     @property
@@ -149,7 +149,7 @@ class Specification:
         """
         if self.stock is None:
             raise ValueError(f"scene '{self.name}' has no stock: give a scene with [stock]")
-        for generator in np.array([generators], object).flat:
+        for generator in np.array([generators], object).flat:  # also a value that is no list
             require_type("generators", generator, np.random.Generator, "a list of Generators")
         pieces = self.stock.without(self.first_thickness).dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
