@@ -75,7 +75,7 @@ class SearchResult(SceneResult):
         return gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
-        score = self.scene.against_uniform(self.score, self.wave)
+        score = self.scene.format_with_gain(self.score, self.wave)
         effort = f"{amount(self.evaluations, 'layout')} in {self.seconds:.2g} s"
         search = f"{self.scene.name} by {self.method}, seed {self.seed}"
         return f"SearchResult({search}: {score}; {effort})"

@@ -290,7 +290,7 @@ class Scene(Specification):
         violates_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
         return "violates a limit of the scene" if violates_limit else self.criterion.failure
 
-    def against_uniform(self, score: float, wave: Wave) -> str:
+    def format_with_gain(self, score: float, wave: Wave) -> str:
         """Format a score with its unit and, if there is one, its gain over the uniform baseline.
 
         Parameters

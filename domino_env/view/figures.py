@@ -187,7 +187,7 @@ def draw_with_uniform(
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
-    headline = f"{scene.name}: {scene.against_uniform(result.score, result.wave)}"
+    headline = f"{scene.name}: {scene.format_with_gain(result.score, result.wave)}"
     return layouts_figure(layouts, headline, subtitle, scene, last, ax=ax, register=register)
 
 

@@ -18,7 +18,7 @@ class SceneResult:
     score: float
 
     def __repr__(self) -> str:
-        score = self.scene.against_uniform(self.score, self.wave)
+        score = self.scene.format_with_gain(self.score, self.wave)
         return f"{type(self).__name__}({self.scene.name}: {score})"
 
     def _repr_png_(self) -> bytes:
