@@ -148,7 +148,7 @@ def test_where_there_is_no_steady_wave():
     assert tight.speed == 0.0
     assert math.isnan(tight.omega_release)
     assert "energy" in tight.explanation
-    assert "not below the height" in de.steady_wave(0.06, 0.0075).explanation
+    assert "not less than the height" in de.steady_wave(0.06, 0.0075).explanation
     for pitch, words in ((0.007, "more than 0"), ([], "give one chain"), ("a", "pitch = 'a'")):
         with pytest.raises(ValueError, match=words):
             de.steady_wave(pitch, 0.0075)
@@ -213,7 +213,7 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
     ({"spacing": [["wide"]]}, "spacing = .*wide.*: give numbers"),
     ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
     ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
-    ({"height": [0.1, 0.05, 0.05]}, "above the top of domino 1"),
+    ({"height": [0.1, 0.05, 0.05]}, "would strike 0.0979796 m up domino 1 "),
     ({"tilt": [[0.3, 0.0, 0.0]]}, "layout 0: domino 0 does not stand"),
     ({"rise": [[0.0, 0.021]]}, "layout 0: .* above domino 1"),
 ])  # fmt: skip
