@@ -49,7 +49,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
         or an archive (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
         The scene; None for the scene of the training. Its observations must have the size of those
-        in training. Scripted policies and policies trained on sampled scenes require a scene.
+        in training. Scripted policies, archives and policies trained on sampled scenes require one.
     trust
         If True, Stable-Baselines3 may load an archive, which runs the code in the archive. Not
         needed for plain multilayer perceptrons.
@@ -150,7 +150,7 @@ def evaluate_gains(
     distribution
         The scene distribution of the training.
     scenes
-        S scenes of this distribution; their numbers may be outside its ranges.
+        S scenes of this distribution; their sampled numbers may be outside its ranges.
 
     Returns
     -------

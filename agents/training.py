@@ -240,6 +240,7 @@ class Training:
     num_scenes: int | None
 
     def __post_init__(self) -> None:
+        # scenes of evaluations and of the test set; none if the target is a single scene
         self.scenes: list[Scene] = []
         self.tests: list[Scene] = []
         self.simulations = 0
@@ -251,7 +252,7 @@ class Training:
                 self.tests = choose_scenes(self.target)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
-        self.next_evaluation = 0
+        self.next_evaluation = 0  # steps
         self.start = clocks()
         self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
 

@@ -40,8 +40,7 @@ class DominoProblem(Problem[Floats]):
     then heights divided by that of the domino before; gaps and thicknesses are in heights if the
     scene gives them so. Unlike a design vector of `optimize.Problem` it is not projected: if it
     breaks a rule of the scene (a length, a list, a stock), `check_constraints` returns a violation.
-    The objective is the scene's score, which is maximised; a wave that stops scores less
-    than 0.
+    The objective is the scene's score, which is maximised; a wave that stops scores less than 0.
 
     Parameters
     ----------

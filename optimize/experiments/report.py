@@ -32,7 +32,7 @@ of it.
 
 
 def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, tables and picture of a comparison; return their names."""
+    """Write the page, tables and picture of a comparison to a folder; return their names."""
     from optimize.experiments.pictures import draw_over_time
 
     steps = (
@@ -48,7 +48,7 @@ def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
 
 
 def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, table and picture of a sweep; return their names."""
+    """Write the page, table and picture of a sweep to a folder; return their names."""
     from optimize.experiments.pictures import draw_over_settings
 
     scene = read_scene(experiment.tasks[0].scene)
