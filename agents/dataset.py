@@ -124,7 +124,7 @@ def make_dataset(
 
 
 def _card(
-    source: SceneDistribution,
+    distribution: SceneDistribution,
     results: Sequence[TaskResult],
     returns: dict[str, float],
     options: dict[str, float],
@@ -138,15 +138,15 @@ def _card(
         "searched": "the searched layout",
     }
     lines = [
-        (f"`{source.name}/{quality}-v0`", layouts[quality], f"{mean:.2f}")
+        (f"`{distribution.name}/{quality}-v0`", layouts[quality], f"{mean:.2f}")
         for quality, mean in returns.items()
     ]
     words = (f" --{name} {value}" for name, value in options.items())
-    command = f"domino dataset FOLDER --distribution {source.name}{''.join(words)}"
+    command = f"domino dataset FOLDER --distribution {distribution.name}{''.join(words)}"
     return CARD_PAGE.read_text("utf-8").format(
-        number=len(results), name=source.name, title=source.title,
-        features=", ".join(source.features), budget=options["budget"], median=np.median(gains),
-        tenth=np.quantile(gains, 0.1), command=command,
+        number=len(results), name=distribution.name, title=distribution.title,
+        features=", ".join(distribution.features), budget=options["budget"], command=command,
+        median=np.median(gains), tenth=np.quantile(gains, 0.1),
         table="\n".join(markdown_table(("episodes", "layout", "mean return"), lines)),
         versions=", ".join(f"{name} {number}" for name, number in versions().items()),
     )  # fmt: skip

@@ -79,8 +79,7 @@ def _interpolate(position: Floats, values: Floats) -> Floats:
 
 def open_loop(scene: Scene, actions: Floats) -> Policy:
     """Return the policy that takes (N-1, 2) actions in order and observes only its position."""
-    placed = DominoChain(scene).observation_layout["placed"].start
-    pairs = scene.count - 1
+    placed, pairs = DominoChain(scene).observation_layout["placed"].start, scene.count - 1
     return lambda observation: np.asarray(
         actions[np.rint(observation[..., placed] * pairs).astype(np.int64)]
     )

@@ -217,8 +217,8 @@ class ScenesEvaluation:
     def _line(self, name: str) -> tuple[str, ...]:
         """Return the cells of a line; searches are the best known of normalised scores."""
         scores = self.scores[name]
-        gain = self.gains(name)
-        gain = gain[np.isfinite(gain)]
+        gains = self.gains(name)
+        gains = gains[np.isfinite(gains)]
         stops = int(np.sum(scores <= 0.0))
         normalised, times = ["", ""], ["", ""]
         if "search" in self.scores:
@@ -230,9 +230,9 @@ class ScenesEvaluation:
             seconds = 1e3 * self.seconds[name]
             times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
         return (
-            name, f"{np.mean(gain > SAME_GAIN):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
-            f"{np.quantile(gain, 0.1):+.2%}",
-            f"{stops} stop" if stops else f"{gain.min():+.2%}", *normalised, *times,
+            name, f"{np.mean(gains > SAME_GAIN):.1%} of {len(gains)}", f"{np.median(gains):+.2%}",
+            f"{np.quantile(gains, 0.1):+.2%}",
+            f"{stops} stop" if stops else f"{gains.min():+.2%}", *normalised, *times,
         )  # fmt: skip
 
     def gains(self, name: str = "policy") -> Floats:
@@ -249,13 +249,13 @@ class ScenesEvaluation:
 
 
 def choose_scenes(
-    name: str | Path | SceneDistribution, number: int | None = None, seed: int | None = None
+    distribution: str | Path | SceneDistribution, number: int | None = None, seed: int | None = None
 ) -> list[Scene]:
     """Return scenes for an evaluation, from a shipped test set or sampled.
 
     Parameters
     ----------
-    name
+    distribution
         A scene distribution, the name of a shipped one, or the path of its file.
     number
         Number of scenes; None for the whole test set. Required with a seed.
@@ -269,7 +269,8 @@ def choose_scenes(
         the reasons of `load_distribution`.
     """
     require("scenes", number, 1, whole=True, optional=seed is None)
-    distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
+    if not isinstance(distribution, SceneDistribution):
+        distribution = load_distribution(distribution)
     if seed is not None:
         require("seed", seed, 0, whole=True)
         rng = np.random.default_rng(seed)
