@@ -43,7 +43,7 @@ def find_violation(
 ) -> tuple[tuple[int, ...], str] | None:
     """Find a domino that cannot stand, or a contact that the model does not cover.
 
-    Without rise and tilt the ground is flat.
+    Without rise and tilt the ground is flat. Sizes are not checked.
 
     Returns
     -------

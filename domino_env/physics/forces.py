@@ -22,7 +22,7 @@ ROUNDING = 1e-9  # over the largest force or impulse: below it, signs are those 
 class Diagnosis:
     """Forces and losses of a wave, which show where the model's assumptions fail.
 
-    Values are nan where the wave did not get.
+    Values are nan for dominoes that the wave did not reach.
 
     Attributes
     ----------

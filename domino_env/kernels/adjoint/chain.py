@@ -1,4 +1,4 @@
-"""A whole chain in reverse, and batches."""
+"""Reverse mode of a whole chain, and of a batch."""
 
 import math
 
@@ -32,23 +32,24 @@ from domino_env.kernels.jit import borrow, entry_point, internal, keep_alive, no
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 
-AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # end of an interval
+AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # how an interval ends
 
 
 @internal
 def backward(tape, reverse, arrival_bar, table):
-    """Walk the tape back, adding bars to those of all parameters; return the bar of the first u.
+    """Process the tape from its end, adding to the bars of all parameters; return that of u_0.
 
-    The contacts of the ring are those at the end.  table: room for the stack that all falls of a
-    uniform layout share; empty for others.
+    The contacts of the ring are those at the end of the wave.  table: working array for the stack
+    that all falls of a uniform layout share; empty for other layouts.
     """
     ring, param_bars = reverse.ring, reverse.param_bars
     u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
     own_shared = np.empty(1, SHARED_STACK)
     shared = own_shared[0]
     reset_shared(shared)
+    # how the next interval to process ends, the bar of its last angle, the index of the event there
     edge, edge_bar, edge_event = AT_SPLIT, 0.0, 0
-    counted = len(arrival_bar)
+    counted = len(arrival_bar)  # t_bar is the sum of arrival_bar from here on
     last_hit = len(tape) - 1
     while last_hit >= 0 and tape[last_hit].kind != arrays.HIT:
         last_hit -= 1
@@ -56,7 +57,7 @@ def backward(tape, reverse, arrival_bar, table):
         event = tape[at]
         kind, n = event.kind, event.leader
         if edge == AT_HIT and at < last_hit and kind != arrays.INTERVAL:
-            # a change at the very instant of the hit: M there is that of the new contacts
+            # a change of contact at the time of the hit, for which M is that of the new contacts
             leader, low = tape[edge_event].leader, tape[edge_event].low
             b = fall_angle(ring[leader], True)
             x_bar = mass_back(reverse, leader, low, b, m_bar)
@@ -66,9 +67,9 @@ def backward(tape, reverse, arrival_bar, table):
         if kind == arrays.FLIP:
             ring[n].kind = arrays.TIP
         elif at > last_hit:
-            continue  # no arrival depends on it
+            continue  # no arrival time depends on it
         elif kind == arrays.HIT:
-            while counted > n + 1:  # the time of a fall is part of all later arrivals
+            while counted > n + 1:  # the time of a fall is part of all later arrival times
                 counted -= 1
                 t_bar += arrival_bar[counted]
             u_bar, m_bar = hit_back(reverse, event, u_bar)
@@ -106,7 +107,7 @@ def backward(tape, reverse, arrival_bar, table):
 
 @internal
 def tilt_back(layout, ring, param_bars, bar, tilt):
-    """Convert the bars of dominoes on slopes to those of the slopes and of upright dominoes."""
+    """Convert the bars of dominoes on slopes to those of the tilts and of upright dominoes."""
     if tilt is None:
         return
     count = len(tilt)
@@ -172,9 +173,9 @@ def layout_back(layout, ring, param_bars, bar):
 
 @noinline
 def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
-    """Write the derivatives of Σ arrival_bar · arrival times by the layout and the physics.
+    """Write the derivatives of Σ arrival_bar · arrival times with respect to layout and physics.
 
-    tape: of the simulation.  bar: `Arrays`.
+    tape: events of the simulation.  bar: `Arrays` of the layout's shapes.
     """
     layout, tape, arrival_bar, bar = borrow((layout, tape, arrival_bar, bar))
     count = len(layout.thickness)
@@ -184,7 +185,7 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
         place_domino(ring, arrays.ALL_KEPT, i, layout, i)
         if i + 1 < count:
             place_contact(ring, arrays.ALL_KEPT, i, layout, i, i + 1)
-    depth, count_lanes = 0, 0
+    depth, max_lanes = 0, 0  # of all events
     for at in range(len(tape)):
         event = tape[at]
         if event.kind == arrays.FLIP:
@@ -192,13 +193,14 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
         else:
             depth = max(depth, event.leader - event.low)
             if event.kind == arrays.INTERVAL:
-                count_lanes = max(count_lanes, ORDERS[event.rule] + 2)
+                max_lanes = max(max_lanes, ORDERS[event.rule] + 2)
     physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
-    if count > 3 and is_uniform(layout):
-        # three sums for every lane and a line for their total, PARAMS bars per domino and two more
-        table = np.empty((3 * count_lanes + 1, (depth + 2) * PARAMS))
-    saved = np.empty((depth + 2, 8 * arrays.STRIDE))
+    if count > 3 and is_uniform(layout):  # as in `solve`
+        # a line for each of three sums in each lane and one for their total; in it PARAMS bars for
+        # each domino of the stack, and two more
+        table = np.empty((3 * max_lanes + 1, (depth + 2) * PARAMS))
+    saved = np.empty((depth + 2, 8 * arrays.STRIDE))  # the lanes from SIN to SUM_D
     own = np.zeros(arrays.LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)
     reverse = Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
@@ -210,7 +212,7 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
 
 @internal
 def clear(bar, tilt):
-    """Set all bars of a layout to zero."""
+    """Set all bars of a layout to 0."""
     bar.spacing[:] = bar.thickness[:] = bar.height[:] = bar.density[:] = 0.0
     if tilt is not None:
         bar.rise[:] = 0.0
@@ -219,7 +221,7 @@ def clear(bar, tilt):
 
 @entry_point
 def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
-    """Write the derivatives of Σ arrival_bar · arrival times, from the tape of a simulation."""
+    """Write the derivatives of Σ arrival_bar · arrival times; see `chain_vjp`."""
     chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar)
 
 
@@ -227,17 +229,17 @@ def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
 def vjp_batch(
     first, last, layouts, mu, gravity, push, rtol, arrival_bars, summaries, bars, physics_bars
 ):
-    """Do what `solve_batch` does, with a gradient of arrival times; zeros if the wave stops.
+    """Simulate layouts first … last - 1 and write gradients of arrival times; 0 if a wave stops.
 
     arrival_bars: (B, N), or (1, N) for all layouts, as `arrival_bar` of `chain_vjp`.
-    bars: `Arrays` of (B, N-1) and thrice (B, N).  physics_bars: (B,).
+    bars: `Arrays` of the shapes of `layouts` for B layouts.  physics_bars: (B,).
     """
     count = layouts.thickness.shape[1]
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = borrow(own)
     state = states[0]
     configure(state, ring, mu, gravity, rtol, True)
-    tape = np.empty(4 * count + 16, arrays.EVENT)
+    tape = np.empty(4 * count + 16, arrays.EVENT)  # usually long enough
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
@@ -246,7 +248,7 @@ def vjp_batch(
             )
             if state.event_count <= len(tape):
                 break
-            # the same run writes as many
+            # long enough for this layout, and probably for the later ones
             tape = np.empty(int(1.5 * state.event_count), arrays.EVENT)
         summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
         if outcome == arrays.PROPAGATED:

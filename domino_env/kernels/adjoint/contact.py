@@ -1,4 +1,4 @@
-"""Working arrays of reverse mode; contacts, hits and changes of contact, in reverse."""
+"""Reverse mode of contacts, hits and changes of contact, and its working arrays."""
 
 import math
 from typing import Any, NamedTuple
@@ -18,8 +18,9 @@ from domino_env.kernels.arrays import (
 from domino_env.kernels.contact import contact_at, shape_of, sin_versine, tip
 from domino_env.kernels.jit import always_inline, internal, leaf
 
-# Lanes of bars: of the five numbers that go down the stack; seeds, the bars of the three sums; of
-# friction; and of the parameters of one domino and its contact, in the order of the next table.
+# Lanes of bars: those of the five numbers that are propagated down the stack; seeds, which are the
+# bars of the three sums; that of friction; those of the parameters of one domino and its contact,
+# in the order of PARAM_PITCH and so on.
 B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE, 4 * STRIDE
 SEED_M, SEED_G, SEED_D, B_MU = 5 * STRIDE, 6 * STRIDE, 7 * STRIDE, 8 * STRIDE
 B_PITCH, B_GAP, B_THICKNESS = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # of p, s, d
@@ -27,7 +28,7 @@ B_INERTIA, B_HALF, B_SLENDERNESS = 12 * STRIDE, 13 * STRIDE, 14 * STRIDE
 B_RISE, B_TURN = 15 * STRIDE, 16 * STRIDE  # of e and β, on uneven ground
 BARS = 17 * STRIDE
 
-# Parameters of each domino: p, s, d of its contact (in L_i), its inertia, half weight and
+# Parameters of each domino: p, s, d of its contact (in units of L_i), its inertia, half weight and
 # slenderness; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.
 PARAM_PITCH, PARAM_GAP, PARAM_THICKNESS, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDERNESS = range(6)
 PARAM_RISE, PARAM_TURN = 6, 7
@@ -50,7 +51,7 @@ FLUSHING = 3  # a contact in its face impact: tip contact before, corner contact
 
 
 class Reverse(NamedTuple):
-    """Arrays and settings of one pass in reverse, which the kernels pass on together."""
+    """Arrays and settings of reverse mode, which its functions pass on together."""
 
     ring: Any  # all dominoes of the chain
     mu: float
@@ -64,7 +65,7 @@ class Reverse(NamedTuple):
 
 @leaf
 def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """Return bars of s, v, the shape and μ from those of `tip`; and Ω, Ψ, B/A again."""
+    """Return bars of s, v, shape and μ from those of the results of `tip`; and Ω, Ψ, B/A again."""
     p_l, s_l, rest, d_l, e, turn_s, turn_v, _ = shape
     lost = p_l * v + e * s
     sd = s_l - lost
@@ -80,7 +81,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     ratio = (cd - p_l * s - e * c - mu * d_l) * inv_arm
     bracket, by_rise = c_0 + s * sd * omega, s_0 - c * sd * omega
     psi = -p_cd * inv_cd * bracket + rise * inv_cd * by_rise
-    # the turn
+    # rotation by the turn
     s_i = s_0 - (s_0 * turn_v + c_0 * turn_s)
     c_i = c_0 - c_0 * turn_v + s_0 * turn_s
     turn_bar = -c_i * s_bar - s_i * v_bar
@@ -126,7 +127,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @leaf
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """Return the same seven of `corner`."""
+    """Return the same seven values for `corner`."""
     p_l, s_l, _, d_l, e, turn_s, turn_v, _ = shape
     r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
     inv_r2 = 1.0 / r2
@@ -139,7 +140,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     far = s_l * (p_l + d_l) + e * e
     bend = p_l * d_l * s * s_l * (p_l + d_l) + e * d_l * (p_l * s * e + c * far)
     psi = bend * fourth
-    # the turn
+    # rotation by the turn
     s_0, c_0 = x * inv_r1, y * inv_r1
     s_i = s_0 - (s_0 * turn_v + c_0 * turn_s)
     c_i = c_0 - c_0 * turn_v + s_0 * turn_s
@@ -186,7 +187,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @internal
 def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """Return the same seven of a contact of either kind, at a single angle."""
+    """Return the same seven values for a contact of either kind, at a single angle."""
     if contact.kind == TIP:
         return tip_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
     return corner_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
@@ -204,14 +205,14 @@ def add_shape(param_bars, shape_bar):
 
 @always_inline
 def due_back(contact, flushed, due_bar, param_bars):
-    """Add the bars by the angle of a change of contact: s = p v + e sin θ, or √R = L."""
+    """Propagate the bar of the angle at which a contact changes: s = p v + e sin θ, or √R = L."""
     v = contact.v_flush if flushed else contact.v_separation
     p, e, d = contact.p_l, rise_of(contact), contact.d_l
     if e == 0.0:
-        if flushed:  # s / p
+        if flushed:  # v = s / p
             param_bars[PARAM_GAP] += due_bar / p
             param_bars[PARAM_PITCH] -= due_bar * contact.s_l / (p * p)
-        else:  # (1 - s²) / 2pd
+        else:  # v = (1 - s²) / 2pd
             param_bars[PARAM_GAP] -= due_bar * contact.s_l / (p * d)
             param_bars[PARAM_PITCH] -= due_bar * v / p
             param_bars[PARAM_THICKNESS] -= due_bar * v / d
@@ -236,14 +237,14 @@ def due_back(contact, flushed, due_bar, param_bars):
 
 @always_inline
 def hit_angle_back(cosine, x_bar, param_bars):
-    """Add the bars by the angle of a hit: sin(θ + β) = s, with its cosine."""
+    """Propagate the bar of the angle of a hit, sin(θ + β) = s; cosine: cos(θ + β)."""
     param_bars[PARAM_GAP] += x_bar / cosine
     param_bars[PARAM_TURN] -= x_bar
 
 
 @leaf
 def hit_back(reverse, event, u_bar):
-    """Return bars of u before a hit and of M."""
+    """Propagate the bar of u over a hit; return bars of u and M before it."""
     ring, mu, param_bars = reverse.ring, reverse.mu, reverse.param_bars
     n, u, m_end = event.leader, event.u, event.m
     leader, next_inertia = ring[n], ring[n + 1].inertia
@@ -270,7 +271,10 @@ def hit_back(reverse, event, u_bar):
 
 @internal
 def flush_back(reverse, event, u_bar):
-    """Return bars of u before a face impact and of its angle; its contacts are FLUSHING."""
+    """Propagate the bar of u over a face impact; return bars of u before it and of its angle.
+
+    The contacts whose faces meet are FLUSHING.
+    """
     ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
     n, low, u = event.leader, event.low, event.u
     s, v = sin_versine(event.angle)
@@ -292,7 +296,7 @@ def flush_back(reverse, event, u_bar):
     keep_bar = 2.0 * keep * u * u_bar
     m_before_bar, m_after_bar = keep_bar / m_after, -keep_bar * keep / m_after
     s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
-    sums = saved[n - low + 1, :PARAMS]  # of one contact; `saved` is one longer than the stack
+    sums = saved[n - low + 1, :PARAMS]  # of one contact; `saved` has one line more than the stack
     for i in range(low, n):
         contact, here, above = ring[i], saved[n - i], saved[n - i - 1]
         seed = m_before_bar + (m_after_bar if i >= first else 0.0)
@@ -324,7 +328,7 @@ def flush_back(reverse, event, u_bar):
 
 @internal
 def switch_back(reverse, event, x_bar):
-    """Add the bars by the angle of a change of contact, by the implicit function theorem."""
+    """Propagate the bar of the angle of a change of contact, by the implicit function theorem."""
     ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
     n, due_contact = event.leader, event.contact
     s, v = sin_versine(event.angle)
@@ -336,7 +340,7 @@ def switch_back(reverse, event, x_bar):
         jac *= omega
     rate = s * jac
     if abs(rate) < TINY:
-        return  # the contact is at rest: its angle is not determined
+        return  # the contact does not move, so the angle of its change is not determined
     due_bar = x_bar / rate
     due_back(ring[due_contact], event.is_flush, due_bar, param_bars[due_contact])
     s_bar, v_bar = 0.0, -due_bar

@@ -1,6 +1,6 @@
-"""One interval of a fall in reverse: its time, its map, and the stack.
+"""Reverse mode of one interval of a fall: its time, its map, and the stack.
 
-All falls of a uniform layout share one stack, cut at different depths.
+All falls of a uniform layout share one stack, which ends at different depths.
 """
 
 import math
@@ -42,9 +42,9 @@ from domino_env.kernels.stack import set_angles
 
 @internal
 def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
-    """Reverse the time and the map of an interval, which the lanes hold: seeds of M, G and D.
+    """Write the seeds of M, G and D from the bars of the time and the map of an interval.
 
-    Returns bars of u at its start and of its length.
+    The lanes hold the map.  Returns bars of u at the start of the interval and of its length.
     """
     lanes, bars, gravity = reverse.lanes, reverse.bars, reverse.gravity
     h, k, u0, x_low = event.length, event.rule, event.u, event.slowest_at
@@ -55,7 +55,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
         lanes[SPEED2 + j] = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
     # the time: bars of u at the lanes, in SLOWNESS
     time = 0.0
-    if x_low >= 0.0:
+    if x_low >= 0.0:  # else time was not integrated in panels
         series(lanes, SPEED2, k)
         moments = bars[B_MU : B_MU + STRIDE]
         moments[:] = 0.0
@@ -116,14 +116,14 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
 
 @internal
 def interval_stack_back(reverse, k, n, low, end_bar):
-    """Reverse the stack of an interval from its seeds; return bars of its first and last angle.
+    """Propagate the seeds of an interval through its stack.
 
-    end_bar: of the last angle, from the events after it.
+    end_bar: bar of the last angle from later events.  Returns bars of its first and last angle.
     """
     bars, first = reverse.bars, reverse.saved[0]
     count, first_bar = ORDERS[k] + 2, 0.0
     stack_back(reverse, count, n, low)
-    for j in range(count):  # the angles a + h x_j of the lanes
+    for j in range(count):  # the angle of lane j is a + h x_j
         x = angle_bar(bars, first, j)
         first_bar += x
         end_bar += POSITIONS[k, j] * x
@@ -134,9 +134,9 @@ def interval_stack_back(reverse, k, n, low, end_bar):
 
 @internal
 def interval_back(reverse, event, u_bar, t_bar, m_bar):
-    """Reverse one interval.
+    """Propagate bars over one interval.
 
-    u_bar, t_bar, m_bar: of u and M at its end, and of its time.
+    u_bar, t_bar, m_bar: bars of u at its end, of its time, and of M at its end.
     Returns bars of u at its start, of its first and of its last angle.
     """
     n, k, low = event.leader, event.rule, event.low
@@ -148,9 +148,9 @@ def interval_back(reverse, event, u_bar, t_bar, m_bar):
     return u0_bar, first_bar, end_bar
 
 
-SHARED_STACK = record_type(  # the stack that `saved`, the lanes and the table hold; -1 for none
+SHARED_STACK = record_type(  # the stack in `saved`, in the lanes and in the table; -1 for none
     rule=int,
-    depth=int,  # of `saved`, which serves all stacks that are not deeper
+    depth=int,  # of the stack in `saved`, which contains all shorter ones
     mapped=int,  # depth of the stack whose map the lanes hold
     tabled=int,  # depth of the stack in the table
 )
@@ -158,13 +158,13 @@ SHARED_STACK = record_type(  # the stack that `saved`, the lanes and the table h
 
 @internal
 def reset_shared(shared):
-    """Mark the shared stack as lost: the lanes have been used for another."""
+    """Mark the shared stack as absent, as the lanes are used for another."""
     shared.rule = shared.depth = shared.mapped = shared.tabled = -1
 
 
 @internal
 def fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar):
-    """Reverse a whole fall, upright to its hit; return bars of u at its start and of its end."""
+    """Propagate bars over a whole fall; return bars of u at its start and of its last angle."""
     lanes, n, k, low = reverse.lanes, event.leader, event.rule, event.low
     depth, count = n - low, ORDERS[k] + 2
     if k != shared.rule or depth > shared.depth:
@@ -176,7 +176,7 @@ def fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar):
         copy_sums(reverse.saved[depth], lanes, count)
         affine_map(lanes, k, event.length, reverse.mu, reverse.gravity)
         shared.mapped = depth
-    if low > 0 and depth != shared.tabled:  # many falls are cut there and use the table
+    if low > 0 and depth != shared.tabled:  # the stack of most falls ends at this depth
         tabulate_stack(reverse, k, n, low, table)
         shared.tabled = depth
     u_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)

@@ -1,4 +1,4 @@
-"""The stack in reverse: bars go up it, from the cut to the leader."""
+"""Reverse mode of the stack: bars are propagated from its lowest domino to the leader."""
 
 from domino_env.kernels.adjoint.contact import (
     B_DRV,
@@ -46,7 +46,7 @@ from domino_env.kernels.stack import add_domino, add_leader
 
 @always_inline
 def keep_shape(bars, j, contact, shape_bar):
-    """Write the bars of a shape into a lane."""
+    """Write the bars of a shape to lane j."""
     bars[B_PITCH + j] = shape_bar.pitch
     bars[B_GAP + j] = shape_bar.gap
     bars[B_THICKNESS + j] = shape_bar.thickness
@@ -57,7 +57,7 @@ def keep_shape(bars, j, contact, shape_bar):
 
 @always_inline
 def friction_back(bars, above, here, count, contact, mu, kind_back):
-    """Reverse `add_with_friction`; `above` and `here` are the lanes before and after it."""
+    """Propagate bars over `add_with_friction`; above, here: lanes before and after it."""
     shape, inertia = shape_of(contact), contact.inertia
     half, slenderness = contact.half_weight, contact.slenderness
     for j in range(count):
@@ -87,7 +87,7 @@ def friction_back(bars, above, here, count, contact, mu, kind_back):
 
 @always_inline
 def frictionless_back(bars, above, here, count, contact, kind_back):
-    """Reverse `add_without_friction`."""
+    """Propagate bars over `add_without_friction`; above, here: lanes before and after it."""
     shape, inertia = shape_of(contact), contact.inertia
     half, slenderness = contact.half_weight, contact.slenderness
     for j in range(count):
@@ -111,7 +111,7 @@ def frictionless_back(bars, above, here, count, contact, kind_back):
 @internal
 def gather(bars, count, domino, param_bars):
     """Add the bars of all lanes to those of one domino."""
-    for k in range(2):  # three sums at a time, each of which waits for its last addition
+    for k in range(2):  # three sums at a time, as each addition waits for the last one of its sum
         a, b, c = 0.0, 0.0, 0.0
         at = B_PITCH + 3 * k * STRIDE
         for j in range(count):
@@ -132,9 +132,9 @@ def gather(bars, count, domino, param_bars):
 
 @internal
 def retrace(reverse, count, n, low, with_sums):
-    """Advance the lanes down the stack again, saving them at every domino.
+    """Propagate the lanes down the stack again and save them at every domino.
 
-    with_sums: save the sums down to there too, for stacks that end at any of them.
+    with_sums: save the sums at every domino too, for shorter stacks that end there.
     """
     lanes, ring, mu, saved = reverse.lanes, reverse.ring, reverse.mu, reverse.saved
     add_leader(lanes, count, ring[n], mu)
@@ -167,7 +167,7 @@ def copy_sums(source, target, count):
 
 @internal
 def contact_back(bars, above, here, count, contact, mu):
-    """Advance all bars up over one contact of either kind."""
+    """Propagate all bars over one contact of either kind."""
     if mu > 0.0:
         if contact.kind == TIP:
             friction_back(bars, above, here, count, contact, mu, tip_back)
@@ -181,7 +181,7 @@ def contact_back(bars, above, here, count, contact, mu):
 
 @always_inline
 def add_leader_back(bars, first, count, leader, mu):
-    """Reverse `add_leader`; `first` are the lanes at the leader."""
+    """Propagate bars over `add_leader`; first: lanes at the leader."""
     half, slenderness = leader.half_weight, leader.slenderness
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
@@ -201,7 +201,7 @@ def add_leader_back(bars, first, count, leader, mu):
 
 @internal
 def clear_bars(bars, count):
-    """Set the bars of the numbers that go down the stack to zero."""
+    """Set the bars of friction and of the numbers that are propagated down the stack to 0."""
     for j in range(count):
         bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
         bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
@@ -216,7 +216,7 @@ def angle_bar(bars, first, j):
 
 @internal
 def stack_back(reverse, count, n, low):
-    """Propagate the seeds of the three sums back through the stack."""
+    """Propagate the seeds of the three sums through the stack, to the bars of all parameters."""
     ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
     clear_bars(bars, count)
     for i in range(low, n):
@@ -228,10 +228,10 @@ def stack_back(reverse, count, n, low):
 
 @internal
 def tabulate_stack(reverse, k, n, low, table):
-    """Tabulate the bars that one unit of each seed yields, for a stack that many falls share.
+    """Tabulate the bars for a seed of 1 of each sum and lane, for a stack that many falls share.
 
-    table[sum and lane, depth and parameter]; one depth more holds the bars of the last angle and
-    of friction.
+    table[q count + j, m PARAMS + c] is the bar of parameter c of the domino m behind the leader,
+    for sum q and lane j.  The bars of the last angle and of friction follow after all dominoes.
     """
     ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
     count, depth = ORDERS[k] + 2, n - low
@@ -257,8 +257,8 @@ def tabulate_stack(reverse, k, n, low, table):
 
 @internal
 def stack_back_from_table(reverse, count, n, low, table):
-    """Do what `stack_back` does by the table; return the bar of the last angle."""
-    depth, sums = n - low, table[len(table) - 1]
+    """Compute what `stack_back` does from the table; return the bar of the last angle."""
+    depth, sums = n - low, table[len(table) - 1]  # the last line is for the total
     size = (depth + 2) * PARAMS
     for x in range(size):
         sums[x] = 0.0
@@ -278,7 +278,7 @@ def stack_back_from_table(reverse, count, n, low, table):
 
 @internal
 def mass_back(reverse, n, low, angle, m_bar):
-    """Propagate the bar of M of the stack at one angle back; return the bar of the angle."""
+    """Propagate the bar of M of the stack at one angle; return the bar of the angle."""
     lanes, bars = reverse.lanes, reverse.bars
     lanes[SIN], lanes[VER] = sin_versine(angle)
     retrace(reverse, 1, n, low, False)

@@ -1,4 +1,4 @@
-"""Compilation of all functions in this folder.
+"""Compilation of the kernels.
 
 By default, Numba links the machine-independent code of every function into each of its callers and
 optimises the result again at every level, gives each function wrappers for Python and C and a cache
@@ -8,16 +8,16 @@ then takes three times as long.  Here a function is one of
     internal       translated once, optimised and turned into machine code only in its callers
     always_inline  an internal function that is always inlined
     noinline       compiled to machine code once, and called
-    leaf           an internal function of arithmetic only, in which constant zeros vanish
+    leaf           an internal function of arithmetic only, without terms that are constant zeros
     entry_point    a function that Python calls
 
 Flat ground is uneven ground whose rise and turn are zeros known at compile time: `optional_field`
 reads fields that its records do not have, and arrays that its layouts do not have are None.  So
 machine code for flat ground contains no terms of uneven ground.
 
-Only Python calls entry points, and it can call nothing else.
+Python calls entry points only, and kernels do not call them.
 
-This depends on parts of Numba that are not public (`internals`).  If Numba is newer than
+The compilation depends on parts of Numba that are not public (`internals`).  If Numba is newer than
 `NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).
 """
 
@@ -30,7 +30,7 @@ from numba.core import types
 from domino_env.core.progress import advise
 from domino_env.kernels.jit.plain import compile_plainly
 
-NEWEST_TESTED = (0, 68)  # version of Numba
+NEWEST_TESTED = (0, 68)  # newest version of Numba with which the tests pass
 
 
 def _internals() -> Any:
@@ -74,22 +74,22 @@ def always_inline(function: Callable[..., Any]) -> Any:
 def leaf(function: Callable[..., Any]) -> Any:
     """Compile a function of arithmetic only into its callers.
 
-    0.0 times x is 0.0, and x plus 0.0 is x, at compile time: it must not rely on NaN or on the sign
-    of zero.
+    The compiler replaces 0.0 times x by 0.0, and x plus 0.0 by x, so the function must not rely on
+    NaN or on the sign of zero.
     """
     return _compile(function, "Internal", fastmath={"nnan", "nsz"})
 
 
 def noinline(function: Callable[..., Any]) -> Any:
-    """Compile a function once, on its own.
+    """Compile a function once, on its own, for calls from compiled code.
 
-    Its first statement should `borrow` its arrays, which its callers keep alive.
+    Its first statement should `borrow` its arrays, which the callers keep alive.
     """
     return _compile(function, "NoInline")
 
 
 def compile_alone(function: Callable[..., Any]) -> Any:
-    """Compile a function that shares no code with the kernels, for Python."""
+    """Compile a function that Python calls and that shares no code with the kernels."""
     return compile_plainly(function, cache=True)
 
 
@@ -103,20 +103,21 @@ def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
 def borrow(_: Any, value: Any) -> Any:
     """Return an array or tuple of arrays without reference counts; the owners must outlive it.
 
-    Atomic counting takes an eighth of the time of a step, and 5 % of that of a simulation.
+    Atomic reference counting takes an eighth of the time of a step, and 5 % of that of a
+    simulation.
     """
 
-    def without_owner(context: Any, builder: Any, kind: Any, held: Any) -> Any:
+    def without_owner(context: Any, builder: Any, kind: Any, data: Any) -> Any:
         kinds: Any = kind
         if isinstance(kind, types.BaseTuple):
             parts = [
-                without_owner(context, builder, part, builder.extract_value(held, i))
+                without_owner(context, builder, part, builder.extract_value(data, i))
                 for i, part in enumerate(kinds)
             ]
             return context.make_tuple(builder, kind, parts)
         if not isinstance(kind, types.Array):
-            return held
-        view = context.make_array(kind)(context, builder, held)
+            return data
+        view = context.make_array(kind)(context, builder, data)
         view.meminfo = view.meminfo.type(None)
         return view._getvalue()
 
@@ -167,4 +168,4 @@ def _(array: Any, index: Any) -> Any:
 
 @always_inline
 def keep_alive(array: Any) -> None:
-    """Keep an array alive up to this call: borrowed views and its records are not counted."""
+    """Keep an array alive up to this call, as borrowed views and records do not own it."""

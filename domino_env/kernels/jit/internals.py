@@ -3,9 +3,9 @@
 This depends on `numba.core.codegen`, `compiler` and `caching`. With an untested version of Numba,
 `plain` compiles instead.
 
-Numba caches machine code under the state of the file that contains the function.  A kernel depends
-on functions and tables of other files, so kernels are cached under a stamp of all files of the
-folder: after an edit of any of them, all are compiled anew.
+Numba caches machine code with a stamp of the file that contains the function.  A kernel depends on
+functions and tables of other files, so kernels are cached with a stamp of all files of the folder
+`kernels`: after an edit of any of them, all are compiled anew.
 """
 
 import contextlib
@@ -21,12 +21,11 @@ from numba.core import caching, codegen, compiler, types
 from domino_env.core.progress import Advice, notice
 from domino_env.kernels.jit.plain import STAMP
 
-_BY_NAME: dict[str, Any] = {}  # functions that are not inlined
-_BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
-
+_DISPATCHERS: dict[str, Any] = {}  # functions that are not inlined, by name
+_SYMBOLS: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their symbols: name and argument types
 
 _WARNED_FOLDERS: list[str] = []  # folders that cannot be written, for a single warning
-_NOTICED_FOLDERS: list[str] = []
+_NOTICED_FOLDERS: list[str] = []  # folders without machine code, for a single notice
 
 
 def register_noinline(dispatcher: Any) -> None:
@@ -36,25 +35,25 @@ def register_noinline(dispatcher: Any) -> None:
 
     def add_overload(result: Any) -> None:
         add(result)
-        _BY_SYMBOL[result.fndesc.llvm_func_name] = name, tuple(result.signature.args)
+        _SYMBOLS[result.fndesc.llvm_func_name] = name, tuple(result.signature.args)
 
     dispatcher.add_overload = add_overload
-    _BY_NAME[name] = dispatcher
+    _DISPATCHERS[name] = dispatcher
 
 
 def _define_symbol(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
     """Define the symbol by which cached callers call a function that is not inlined.
 
-    The function has another symbol if it was compiled anew since.
+    The function has another symbol if it was compiled again after its caller was cached.
     """
-    if symbol in _BY_SYMBOL:
+    if symbol in _SYMBOLS:
         return
-    dispatcher = _BY_NAME[name]
+    dispatcher = _DISPATCHERS[name]
     dispatcher.compile(arguments)
     result = dispatcher.overloads[arguments]
     engine = result.library._codegen._engine
     llvm.add_symbol(symbol, engine.get_function_address(result.fndesc.llvm_func_name))
-    _BY_SYMBOL[symbol] = name, arguments
+    _SYMBOLS[symbol] = name, arguments
 
 
 class _FolderStamp:
@@ -71,9 +70,9 @@ _LOCATORS: Any = [
 
 
 class _ReadOnly(next(c for c in _LOCATORS if "InTree" in c.__name__)):  # type: ignore[misc]
-    """Locator of a read-only folder of the source, whose machine code is used.
+    """Locator of machine code in the folder of the source, for one that is read-only.
 
-    Such a folder is that of a container whose image another user built.
+    An example is a container whose image another user built.
     """
 
     @classmethod
@@ -82,15 +81,15 @@ class _ReadOnly(next(c for c in _LOCATORS if "InTree" in c.__name__)):  # type: 
 
 
 class _Implementation(caching.CompileResultCacheImpl):
-    """Implementation that stores the functions that machine code calls, and loads them first."""
+    """Storage of machine code with the functions that it calls, which are loaded first."""
 
     _locator_classes: Any = [*_LOCATORS, _ReadOnly]  # noqa: RUF012 - Numba's own attribute
 
     def reduce(self, data: Any) -> Any:
         callees = [
-            (function.name, *_BY_SYMBOL[function.name])
+            (function.name, *_SYMBOLS[function.name])
             for function in data.library._final_module.functions
-            if function.is_declaration and function.name in _BY_SYMBOL
+            if function.is_declaration and function.name in _SYMBOLS
         ]
         return callees, super().reduce(data)
 
@@ -111,7 +110,7 @@ class _Cache(caching.FunctionCache):
             result = super().load_overload(sig, target_context)
         except OSError:  # a file of another user, or a file in place of a folder
             result = None
-        except (AttributeError, ImportError):  # written by a version with other types
+        except (AttributeError, ImportError):  # a file of a version with other types
             result = None
             with contextlib.suppress(OSError):
                 self._cache_file.flush()
@@ -123,7 +122,7 @@ class _Cache(caching.FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
-        except OSError as error:  # this process uses its machine code in memory
+        except OSError as error:  # the machine code stays in the memory of this process
             self.disable()
             if not _WARNED_FOLDERS:
                 _WARNED_FOLDERS.append(self.cache_path)
@@ -136,13 +135,13 @@ class _Cache(caching.FunctionCache):
                 )
 
 
-# --- Libraries of translated code
+# --- Libraries of compiled code
 
 Library = codegen.JITCodeLibrary
 
 
 class Internal(Library):
-    """Code that is only linked into other libraries: neither optimised nor emitted."""
+    """Code that is only linked into other libraries: neither optimised nor made machine code."""
 
     def finalize(self) -> None:
         """Declare the variables of the code."""
@@ -178,7 +177,7 @@ class EntryPoint(Library):
                 self.add_linking_library(beneath)
 
     def finalize(self) -> None:
-        """Link, optimise and emit."""
+        """Link and optimise the code, and make machine code of it."""
         self._own = {f.name for f in self._final_module.functions if not f.is_declaration}
         super().finalize()
 
@@ -228,7 +227,7 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
     )(function)
     if library is not Internal:
         dispatcher._cache = _Cache(dispatcher.py_func)
-    template = dispatcher.get_call_template
+    template = dispatcher.get_call_template  # one compilation serves all literals of a type
     dispatcher.get_call_template = lambda arguments, names: template(
         tuple(types.unliteral(argument) for argument in arguments), names
     )
@@ -244,7 +243,7 @@ def _forbid_python(dispatcher: Any) -> None:
 
     def raise_error(*arguments: Any, **options: Any) -> None:
         raise TypeError(
-            f"{dispatcher.py_func.__qualname__} is called by compiled code only: call an entry "
+            f"{dispatcher.py_func.__qualname__} can be called by compiled code only: call an entry "
             "point of domino_env.kernels, or compile one around it"
         )
 

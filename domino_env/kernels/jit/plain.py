@@ -21,8 +21,8 @@ def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any
     function
         The Python function.
     cache
-        True to cache its machine code, in a folder named by the digest of all files of the
-        package: Numba checks only the file that contains the function.
+        True to cache its machine code in a folder whose name has the digest of all files of the
+        folder `kernels`, as Numba checks only the file that contains the function.
     **options
         Options of `numba.njit`.
 
@@ -40,7 +40,7 @@ def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any
         try:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
             dispatcher.enable_caching()
-        except (OSError, RuntimeError):  # not writable: every process compiles it
+        except (OSError, RuntimeError):  # the folder cannot be written: every process compiles
             pass
         finally:
             config.CACHE_DIR = cache_dir  # type: ignore[attr-defined]
