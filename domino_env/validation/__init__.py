@@ -1,1 +1,1 @@
-"""Accuracy, run times, the figures of the article, and measured chains."""
+"""Validation: accuracy, run times, Chapman's figures and tables, and measured chains."""

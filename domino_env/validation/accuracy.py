@@ -1,8 +1,8 @@
 """Error against run time of the simulator and of general ODE solvers on the same layouts.
 
-The error of a run is the largest |t_k / exact t_k - 1| over the arrival times, where the exact ones
-are those of the simulator at its tightest tolerance (tests compare them with thirty digits). Run
-times are the best of repeated calls on one core, after a first one.
+The error of a run is the largest |t_k / T_k - 1| over its arrival times t_k. The exact times T_k
+are those of the simulator at its tightest tolerance, which tests compare with thirty digits. A run
+time is the shortest processor time of repeated calls, after compilation.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import MIN_RTOL, Outcome, Wave, simulate
 from domino_env.rigid.simulation import largest_difference
-from domino_env.validation.edge_cases import RTOL, TIP, Answer, EdgeCase
+from domino_env.validation.edge_cases import RTOL, TIPPING_PUSH, CaseResult, EdgeCase
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
-SIMULATE = "simulate"
+SIMULATE = "simulate"  # name of the simulator among the solvers
 SOLVERS = (SIMULATE, *FIXED, *ADAPTIVE)
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)  # errors at which run times are compared
-MIN_MEASURED_TIME = 0.01  # [s] of repeated runs together
+MIN_MEASURED_TIME = 0.01  # [s] total of repeated calls
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Measurement:
     setting
         Step [s] or relative tolerance.
     error
-        Largest relative error of the arrival times; inf where the outcome is wrong.
+        Largest relative error of the arrival times; inf if the outcome is wrong.
     estimate
         Error estimate of the simulator; nan for ODE solvers, which have none.
     seconds
-        Run time of one call [s], the best of several.
+        Run time of one call [s], the shortest of several.
     """
 
     example: str
@@ -63,10 +63,10 @@ class Measurement:
 
 
 def standard_examples() -> list[EdgeCase]:
-    """Return a classic layout, a random one with face impacts, one near a stall, a stiff one."""
+    """Return four examples: classic, random with face impacts, near a stall, and stiff."""
     gaps = np.random.default_rng(3).uniform(0.002, 0.040, 39)
     tight = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
-    weak = Physics(push=TIP / math.sqrt(1.0 - 1e-3))
+    weak = Physics(push=TIPPING_PUSH / math.sqrt(1.0 - 1e-3))
     return [
         EdgeCase(
             "classic", "100 equal dominoes, pitch 16 mm", Layout.uniform(100, pitch=0.016),
@@ -87,16 +87,16 @@ def standard_examples() -> list[EdgeCase]:
 def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
     """Return the steps [s] or tolerances of a solver, from coarse to fine.
 
-    Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
-    others.
+    Steps are 0.1 ms times powers of two for a standard domino on Earth, and in proportion to √(L/g)
+    for others.
     """
     if solver == SIMULATE:
         return tuple(10.0**-p for p in ((3, 6, 9, 12) if quick else range(3, 13)))
     if solver in ADAPTIVE:
         return tuple(10.0**-p for p in ((4, 8) if quick else range(3, 14)))
-    swing = math.sqrt(float(example.layout.height.min()) / example.physics.gravity)
-    shortest = 1e-4 * swing / math.sqrt(0.048 / 9.81)
-    return tuple(shortest * 2.0**k for k in (range(4, 0, -1) if quick else range(6, -12, -1)))
+    time_scale = math.sqrt(float(example.layout.height.min()) / example.physics.gravity)
+    unit = 1e-4 * time_scale / math.sqrt(0.048 / 9.81)  # 0.048 m: height of the standard domino
+    return tuple(unit * 2.0**k for k in (range(4, 0, -1) if quick else range(6, -12, -1)))
 
 
 def measure(
@@ -112,11 +112,12 @@ def measure(
     examples
         Layouts, each with a short name as its group.
     seconds
-        Time limit of one solver on one example [s]; finer settings that exceed it are left out.
+        Time limit of one solver on one example [s]. Settings after the first that are expected to
+        exceed it are left out.
     quick
         Use few settings.
     progress
-        Function that is called with a line of text before every run.
+        Function that is called with a line of text before every run; the default has no effect.
 
     Yields
     ------
@@ -128,7 +129,7 @@ def measure(
         for solver in SOLVERS:
             if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
-            growth = 2.2 if solver in FIXED else 4.0  # largest ratio of the next run time
+            growth = 2.2 if solver in FIXED else 4.0  # most that a finer setting takes longer
             used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
@@ -140,29 +141,29 @@ def measure(
 
 
 def _measure_setting(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
-    """Return the best of as many runs of one setting as fit into `MIN_MEASURED_TIME`."""
+    """Measure one setting by repeated calls, for at least `MIN_MEASURED_TIME` in total."""
     seconds: list[float] = []
     estimate = math.nan
     while sum(seconds) < MIN_MEASURED_TIME:
-        began = time.process_time()  # excludes other processes
+        start = time.process_time()  # excludes other processes
         if solver == SIMULATE:
             wave = simulate(example.layout, example.physics, rtol=setting)
             outcome, times, estimate = wave.outcome, wave.arrival_times, wave.error_estimate
         else:
             outcome, times = integrate(example.layout, example.physics, solver, setting)
-        seconds.append(time.process_time() - began)
-    same = outcome == exact.outcome
-    error = largest_difference(times, exact.arrival_times) if same else math.inf
+        seconds.append(time.process_time() - start)
+    is_right = outcome == exact.outcome
+    error = largest_difference(times, exact.arrival_times) if is_right else math.inf
     return Measurement(example.group, solver, setting, error, estimate, min(seconds))
 
 
 def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
-    """Return the shortest run time [s] with an error of at most `level`; nan without one."""
+    """Return the shortest run time of runs with at most this error [s]; nan if there is none."""
     return min((m.seconds for m in runs if m.error <= level), default=math.nan)
 
 
 def compare(measurements: Sequence[Measurement]) -> list[str]:
-    """Return a table of run times to each error, with their ratios to that of `simulate`."""
+    """Return the lines of tables of run times by error, with their ratios to that of `simulate`."""
     lines, levels = [], [f"{level:.0e}" for level in LEVELS]
     for example in dict.fromkeys(m.example for m in measurements):
         table, simulated = [], _runs(measurements, example, SIMULATE)
@@ -174,7 +175,7 @@ def compare(measurements: Sequence[Measurement]) -> list[str]:
                 if math.isnan(seconds):
                     cells[-1] = f"at best {min((m.error for m in runs), default=math.inf):.0e}"
             table.append((solver, *cells))
-        lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
+        lines += ["", f"{example}: seconds to an error (over those of simulate)"]
         lines += text_table(("", *levels), table, right=levels)
     return lines
 
@@ -184,16 +185,16 @@ def _runs(measurements: Iterable[Measurement], example: str, solver: str) -> lis
 
 
 def as_csv(records: Sequence[Any]) -> str:
-    """Return measurements or answers as CSV in SI units, with empty cells for missing numbers."""
+    """Return measurements or case results as CSV in SI units; missing numbers are empty cells."""
     names = [field.name for field in fields(records[0])]
     return csv_table(names, (as_json(astuple(record)) for record in records))
 
 
 # Plots --------------------------------------------------------------------------------------------
 
-FLOOR = 1e-16  # smallest error that is drawn, as the others are below rounding
+LEAST_ERROR = 1e-16  # smaller errors are below rounding, and are drawn there
 
-# one colour per family: the simulator, fixed steps, SciPy
+# colour and label of each solver
 STYLES = {
     SIMULATE: (BLUE, "simulate"),
     "euler": (PALE, "Euler, events at step ends"),
@@ -204,7 +205,7 @@ STYLES = {
     "Radau": (GREEN, "SciPy Radau"),
     "LSODA": (AMBER, "SciPy LSODA"),
 }
-OUTCOMES = {
+OUTCOME_COLOURS = {
     "PROPAGATED": BLUE, "STALLED": AMBER, "JAMMED": RED, "OUT_OF_REACH": SOFT,
     "NO_RIGID_ANSWER": PINK,
 }  # fmt: skip
@@ -213,8 +214,8 @@ OUTCOMES = {
 def draw_accuracy(
     examples: Sequence[EdgeCase], measurements: Sequence[Measurement], path: Path
 ) -> None:
-    """Draw error against run time, one panel per example; best is the lower left corner."""
-    across = 2
+    """Draw error against run time into a PNG file, one panel per example."""
+    across = 2  # panels in a line
     figure, panels = new_panels(
         len(examples), across, (5.6, 4.1), (0.0, 0.4),
         "Error against run time of eight solvers of the same equations", "lower left is better",
@@ -224,10 +225,10 @@ def draw_accuracy(
         for solver, (colour, label) in STYLES.items():
             runs = _runs(measurements, example.group, solver)
             times = [m.seconds for m in runs]
-            errors = [min(max(m.error, FLOOR), 10.0) for m in runs]  # a wrong outcome at the top
+            errors = [min(max(m.error, LEAST_ERROR), 10.0) for m in runs]  # 10: a wrong outcome
             width = 2.4 if solver == SIMULATE else 1.3
             axes.loglog(times, errors, color=colour, label=label, marker="o", lw=width, ms=4)
-        axes.set_ylim(0.4 * FLOOR, 30.0)
+        axes.set_ylim(0.4 * LEAST_ERROR, 30.0)
         axes.xaxis.set_major_formatter(EngFormatter("s"))
         style(axes, example.name)
     for axes in panels[-across:]:
@@ -239,25 +240,25 @@ def draw_accuracy(
     write_png(figure, path)
 
 
-def draw_stability(answers: Sequence[Answer], path: Path) -> None:
+def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     """Draw every edge case as a column: a dot for the true error, a bar for its estimate."""
-    wrong = sum(bool(answer.faults) for answer in answers)
+    wrong = sum(bool(result.faults) for result in results)
     figure, (axes,) = new_panels(
         1, 1, (10.0, 6.0),
-        headline=f"{len(answers)} edge cases: {wrong or 'none'} with a fault",
+        headline=f"{len(results)} edge cases: {wrong or 'none'} with a fault",
         subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
     )  # fmt: skip
-    groups = list(dict.fromkeys(answer.group for answer in answers))
-    answers = sorted(answers, key=lambda answer: groups.index(answer.group))
-    numbers = np.array([groups.index(answer.group) for answer in answers])
-    places = np.arange(len(answers)) + 2.5 * numbers
+    groups = list(dict.fromkeys(result.group for result in results))
+    results = sorted(results, key=lambda result: groups.index(result.group))
+    numbers = np.array([groups.index(result.group) for result in results])
+    places = np.arange(len(results)) + 2.5 * numbers  # with space between groups
     columns = [places[numbers == k] for k in range(len(groups))]
     for group_places in columns[::2]:
         axes.axvspan(group_places[0] - 1.5, group_places[-1] + 1.5, color=SHADE, zorder=0)
-    outcomes = np.array([answer.outcome for answer in answers])
-    logged = np.maximum([(answer.error, answer.estimate) for answer in answers], FLOOR)
-    for outcome, colour in OUTCOMES.items():
-        x, (errors, estimates) = places[outcomes == outcome], logged[outcomes == outcome].T
+    outcomes = np.array([result.outcome for result in results])
+    drawn = np.maximum([(result.error, result.estimate) for result in results], LEAST_ERROR)
+    for outcome, colour in OUTCOME_COLOURS.items():
+        x, (errors, estimates) = places[outcomes == outcome], drawn[outcomes == outcome].T
         if not len(x):
             continue
         ending = "completes" if outcome == "PROPAGATED" else Outcome[outcome].label
@@ -268,7 +269,7 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     axes.axhline(RTOL, color=INK, linewidth=0.8, linestyle="--", label=f"tolerance {RTOL:g}")
     axes.set_xlim(-2.5, places[-1] + 3.5)
     axes.set_yscale("log")
-    axes.set_ylim(0.4 * FLOOR, 10.0)
+    axes.set_ylim(0.4 * LEAST_ERROR, 10.0)
     axes.set_xticks([places.mean() for places in columns], groups, rotation=60, ha="right")
     axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)

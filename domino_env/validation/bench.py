@@ -1,8 +1,8 @@
-"""Timings after a first call, with the error beside them: ``make bench``.
+"""Run times of simulations and environments, after a first call: ``make bench``.
 
-Each timing is the median of several calls, divided by the number of units of work in a call. A
-reference is timed in turns with it. Compare timings of one run only: machines differ, and so does
-their other work.
+Each run time is the median of several calls, divided by the number of units of work in a call.
+Calls that are compared take turns. Compare run times of one run of this program only: machines
+differ, and so does their other work.
 """
 
 from __future__ import annotations
@@ -25,32 +25,32 @@ import domino_env as de
 from domino_env.physics.wave import MIN_RTOL
 from domino_env.rigid.simulation import largest_difference
 
-Task = Callable[[], object]
-ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
+Call = Callable[[], object]
+ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (  # names, and arguments of `make`
     ("DominoChain-v1", {"scene": "sprint"}),
     ("DominoChain-v1", {"scene": "varied"}),
     ("CartPole-v1", {}),
 )
 
 
-def median_times(*tasks: Task, runs: int = 60) -> list[float]:
-    """Return the median seconds of tasks called in turns, after one call of each."""
-    times = np.empty((runs + 1, len(tasks)))
+def median_times(*calls: Call, runs: int = 60) -> list[float]:
+    """Return the median times of calls that take turns [s], after a first turn."""
+    times = np.empty((runs + 1, len(calls)))
     for turn in range(runs + 1):
-        for k, task in enumerate(tasks):
-            began = time.perf_counter()
-            task()
-            times[turn, k] = time.perf_counter() - began
+        for k, call in enumerate(calls):
+            start = time.perf_counter()
+            call()
+            times[turn, k] = time.perf_counter() - start
     return [float(seconds) for seconds in np.median(times[1:], axis=0)]
 
 
-def line(name: str, seconds: float, remark: str = "") -> str:
-    """Return a line of the table: task and unit of work, seconds per unit, remark."""
+def format_line(name: str, seconds: float, remark: str = "") -> str:
+    """Return a line of the table: call and unit of work, time per unit [µs], remark."""
     return f"{name:68}{1e6 * seconds:14.2f}   {remark}"
 
 
-def waves() -> Iterator[str]:
-    """Yield single waves with their errors, and gradients in plain simulations."""
+def time_waves() -> Iterator[str]:
+    """Yield lines on single waves, with their errors, and on their gradients."""
     rng = np.random.default_rng(2)
     layouts = {
         "100 uniform, pitch 16 mm": de.Layout.uniform(100, pitch=0.016),
@@ -62,63 +62,75 @@ def waves() -> Iterator[str]:
         exact = de.simulate(layout, physics, rtol=MIN_RTOL)
         for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
             plain = partial(de.simulate, layout, physics, rtol=rtol)
-            gradient = partial(_gradient, plain)
-            wave, (once, both) = plain(), median_times(plain, gradient)
+            wave, times = plain(), median_times(plain, partial(_gradient, plain))
             error = largest_difference(wave.arrival_times, exact.arrival_times)
             case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
             remark = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
-            yield line(f"wave: {case}", once, remark)
-            yield line(f"gradient: {case}", both, f"{both / once:.2f} waves")
+            yield format_line(f"wave: {case}", times[0], remark)
+            yield format_line(f"gradient: {case}", times[1], f"{times[1] / times[0]:.2f} waves")
 
 
 def _gradient(plain: Callable[..., de.Wave]) -> object:
+    """Simulate a wave with its gradient, and return the gradient."""
     return plain(gradient=True).gradient()
 
 
-def lengths_and_batches() -> Iterator[str]:
-    """Yield long layouts, whose cost is linear, and batches on all cores."""
+def time_long_layouts_and_batches() -> Iterator[str]:
+    """Yield lines on long layouts, and on batches, which all cores share."""
     rng = np.random.default_rng(3)
     for count in (1_000, 10_000, 100_000):
         random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
         for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
             (seconds,) = median_times(partial(de.simulate, layout, de.Physics()), runs=3)
-            yield line(f"{count} {name}, per domino", seconds / count)
+            yield format_line(f"{count} {name}, per domino", seconds / count)
     spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
     for rtol in (1e-4, 1e-6, 1e-8):
         batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
         each = median_times(batch, runs=7)[0] / len(spacing)
         name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
-        yield line(name, each, f"{1.0 / each:,.0f} layouts per second")
+        yield format_line(name, each, f"{1.0 / each:,.0f} layouts per second")
 
 
-def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
-    """Yield steps of environments, random actions and resets included, beside bare simulation."""
+def time_environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
+    """Yield lines on steps of environments by random actions, resets included.
+
+    Steps of vector environments are compared with the simulation of as many intervals between hits.
+
+    Parameters
+    ----------
+    num_envs
+        Number of environments of a vector environment.
+    steps
+        Steps of a vector environment in a call; single environments take ten times as many.
+    """
     scene = de.load_scene("sprint")
     spacing = np.random.default_rng(0).uniform(*scene.spacing, (num_envs, scene.count - 1))
     simulation = partial(de.simulate_batch, spacing, 0.0075, scene.physics, rtol=1e-6, record=False)
     intervals = int(np.sum(simulation().hit - 1))
     for name, options in ENVIRONMENTS:
-        words = " ".join([name, *options.values()])
+        title = " ".join([name, *options.values()])
         wrapped = gymnasium.make(name, **options)
         space: Any = wrapped.action_space
         space.seed(0)
         actions = [space.sample() for _ in range(1000)]
-        together = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
+        batches = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
-            (seconds,) = median_times(partial(_play, env, actions, 4000), runs=7)
-            yield line(f"step of one {words}, {kind}", seconds / 4000)
+            (seconds,) = median_times(partial(_play, env, actions, 10 * steps), runs=7)
+            yield format_line(f"step of one {title}, {kind}", seconds / (10 * steps))
         vector = gymnasium.make_vec(
             name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
         )
         vector.reset(seed=0)
-        play = partial(_play_together, vector, together, steps)
+        play = partial(_play_vector, vector, batches, steps)
         played, simulated = median_times(play, simulation, runs=7)
-        each, part = played / (steps * num_envs), simulated / intervals * steps * num_envs / played
-        remark = f"{1.0 / each:,.0f} steps per second, {part:.2f} of bare simulation"
-        yield line(f"step of {num_envs} {words}, per environment", each, remark)
+        each = played / (steps * num_envs)
+        speed = simulated / intervals / each  # over that of the simulation of one interval
+        remark = f"{1.0 / each:,.0f} steps per second, {speed:.2f} of bare simulation"
+        yield format_line(f"step of {num_envs} {title}, per environment", each, remark)
 
 
 def _play(env: Any, actions: Any, steps: int) -> None:
+    """Take steps in a single environment, which is reset after each episode."""
     env.reset(seed=0)
     over = False
     for _, action in zip(range(steps), cycle(actions), strict=False):
@@ -128,13 +140,14 @@ def _play(env: Any, actions: Any, steps: int) -> None:
         over = terminated or truncated
 
 
-def _play_together(env: Any, actions: Any, steps: int) -> None:
+def _play_vector(env: Any, actions: Any, steps: int) -> None:
+    """Take steps in a vector environment, which resets itself."""
     for _, action in zip(range(steps), cycle(actions), strict=False):
         env.step(action)
 
 
-def first_calls() -> dict[str, Task]:
-    """Return the calls that are timed in a new process, where nothing is compiled or loaded."""
+def first_calls() -> dict[str, Call]:
+    """Return the calls that are timed in a new process, which has loaded no compiled code."""
     spacing, physics = np.random.default_rng(0).uniform(0.01, 0.03, (4, 39)), de.Physics()
     random, uniform = de.Layout(spacing[0], 0.0075), de.Layout.uniform(40, pitch=0.02)
 
@@ -157,27 +170,33 @@ def first_calls() -> dict[str, Task]:
 
 
 def first_call_times(cache: str) -> dict[str, float]:
-    """Return the processor seconds of the first calls in a new process with this cache folder."""
+    """Return the processor times of `first_calls` in a new process, by name [s].
+
+    Parameters
+    ----------
+    cache
+        Folder of compiled code, which the process reads and writes.
+    """
     command = [sys.executable, "-m", "domino_env.validation.bench", "first-calls"]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    seconds: dict[str, float] = json.loads(done.stdout)
+    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    seconds: dict[str, float] = json.loads(process.stdout)
     return seconds
 
 
 def main() -> None:
-    """Print the table, or with the argument first-calls the times of this process as JSON."""
+    """Print the tables; with the argument first-calls, print the times of this process as JSON."""
     if sys.argv[1:] == ["first-calls"]:
         seconds = {}
         for name, call in first_calls().items():
-            began = time.process_time()
+            start = time.process_time()
             call()
-            seconds[name] = time.process_time() - began
+            seconds[name] = time.process_time() - start
         print(json.dumps(seconds))
         return
-    print(f"{'':68}{'µs per unit':>14}   beside it")
-    for result in chain(waves(), lengths_and_batches(), environments()):
-        print(result, flush=True)
+    print(f"{'':68}{'µs per unit':>14}   remark")
+    for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
+        print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = first_call_times(cache), first_call_times(cache)
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")

@@ -24,25 +24,30 @@ from domino_env.view.energy import energies
 GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's [m]
 FRICTION, PUSH = 0.25, 5.0 * np.pi
 PITCHES = (0.016, 0.024, 0.032)  # [m]
-UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # of speeds [m/s]
-OVER_PITCH = "thickness d over pitch λ"
-OVER_UNIT = "steady speed over √(3gL), L height"
-ESTIMATE = "--"  # line style of equation 13
+SPEED_UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # [m/s]
+PITCH_LABEL = "thickness d over pitch λ"
+SPEED_LABEL = "steady speed over √(3gL), L height"
+ESTIMATE_STYLE = "--"  # of lines of equation 13
 # as printed: after and before a hit, and "true" average [rad/s]; 17.80 is a misprint of 14.80
-PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
+PRINTED_VELOCITIES = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
 # hits per second: Chapman's simulation, LMGC90, experiment
-MEASURED = ((59.7, 59.1, 64.4), (37.2, 36.9, 42.3), (26.2, 26.1, 28.1))
+KNOWN_FREQUENCIES = ((59.7, 59.1, 64.4), (37.2, 36.9, 42.3), (26.2, 26.1, 28.1))
 
 
 def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -> steady.SteadyWave:
+    """Return the steady wave of equal dominoes, at a pitch and of a thickness [m]."""
     return steady.steady_wave(pitch, thickness, physics=Physics(friction, GRAVITY))
 
 
 def angular_velocities() -> list[tuple[float, ...]]:
-    """Return a line per pitch with the angular velocities without friction [rad/s].
+    """Compute the angular velocities of the leading domino without friction.
 
-    Pitch [m], after a hit, before it, average (angle over time), geometric and arithmetic mean of
-    the two, and the closed forms of both by the energy argument of the article.
+    Returns
+    -------
+    list of tuple
+        A line per pitch: pitch [m]; angular velocities [rad/s] after a hit, before it, average
+        (angle over time), geometric and arithmetic mean of the first two, and closed forms of these
+        two by the energy argument of the article.
     """
     lines: list[tuple[float, ...]] = []
     for pitch in PITCHES:
@@ -51,26 +56,26 @@ def angular_velocities() -> list[tuple[float, ...]]:
         average = math.asin((pitch - THICKNESS) / HEIGHT) * wave.frequency
         means = math.sqrt(after * before), 0.5 * (after + before)
         remaining = after / before  # of the leader's speed after a hit: (K-1)/K (eq. 9)
-        ratio, flat = THICKNESS / pitch, THICKNESS / HEIGHT
-        drop = 0.5 * HEIGHT * (1.0 - ratio - flat * math.sqrt(1.0 - ratio * ratio))  # eq. 12
+        per_pitch, per_height = THICKNESS / pitch, THICKNESS / HEIGHT
+        drop = 0.5 * HEIGHT * (1.0 - per_pitch - per_height * math.sqrt(1.0 - per_pitch**2))  # (12)
         square = 6.0 * GRAVITY * drop / (HEIGHT**2 + THICKNESS**2)
-        closed = math.sqrt(remaining * square), math.sqrt(square / remaining)
-        lines.append((pitch, after, before, average, *means, *closed))
+        closed_forms = math.sqrt(remaining * square), math.sqrt(square / remaining)
+        lines.append((pitch, after, before, average, *means, *closed_forms))
     return lines
 
 
 def frequencies() -> list[tuple[float, ...]]:
-    """Return a line per pitch: pitch [m], the simulator's hits per second, then `MEASURED`."""
+    """Return a line per pitch: pitch [m], hits per second of the simulator, and the known ones."""
     return [
-        (pitch, _steady(pitch, friction=FRICTION).frequency, *measured)
-        for pitch, measured in zip(PITCHES, MEASURED, strict=True)
+        (pitch, _steady(pitch, friction=FRICTION).frequency, *known)
+        for pitch, known in zip(PITCHES, KNOWN_FREQUENCIES, strict=True)
     ]
 
 
 def markdown() -> str:
-    """Return both tables, with the printed numbers."""
+    """Return the page with both tables, beside the printed numbers."""
     velocities = []
-    for line, printed in zip(angular_velocities(), PRINTED, strict=True):
+    for line, printed in zip(angular_velocities(), PRINTED_VELOCITIES, strict=True):
         pitch, average, low, high = line[0], line[3], line[6], line[7]
         cells = [
             f"{value:.3f} ({rounded:.2f}{'*' if abs(value - rounded) > 0.5 else ''})"
@@ -102,30 +107,30 @@ def markdown() -> str:
 # Figures ------------------------------------------------------------------------------------------
 
 
-def one_interval(axes: Axes) -> None:
-    """Draw the energies of the dominoes of a stack over one interval between hits."""
-    wave, shown = _wave(60), 16
+def draw_interval(axes: Axes) -> None:
+    """Draw the energies of the last 16 dominoes of a stack over one interval between hits."""
+    wave, behind = _wave(60), np.arange(16)
+    # a leader with a steady wave, and the step of its angle for rates of the others [rad]
     layout, n, step = wave.layout, wave.layout.count - 5, 1e-6
     ends = np.array([0.0, math.asin(layout.spacing[n] / HEIGHT)])
     angles = np.concatenate([ends, ends + step, ends + 2.0 * step])
     lean, before, after = np.split(stack_leans(layout, np.full(6, n), angles), 3)
     mass = layout.density * layout.height * layout.thickness * layout.width
-    lift = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))
-    released = (lift[0] - lift[1]) * mass * GRAVITY
+    centre = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))  # heights
+    released = (centre[0] - centre[1]) * mass * GRAVITY
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     speeds = np.array([[wave.release_velocity[n]], [wave.impact_velocity[n]]])
     kinetic = 0.5 * inertia * ((after - before) / step * speeds) ** 2
-    place = np.arange(shown)
-    # the two differ for each domino, because contacts transfer energy
+    # the two energies of a domino differ, because contacts transfer energy
     for offset, energy, colour, label in (
         (-0.2, released, BLUE, "potential, released"),
         (0.2, kinetic[1] - kinetic[0], RED, "kinetic, gained"),
     ):
-        axes.bar(place + offset, 1e3 * energy[n - place], 0.4, color=colour, label=label)
+        axes.bar(behind + offset, 1e3 * energy[n - behind], 0.4, color=colour, label=label)
     axes.set(xlabel="dominoes behind the leading one", ylabel="energy [mJ]")
 
 
-def kinetic_energy(axes: Axes) -> None:
+def draw_kinetic_energy(axes: Axes) -> None:
     """Draw the kinetic energy of a chain over time."""
     wave = _wave(30)
     energy = energies(Motion(wave.layout, wave.physics))
@@ -133,7 +138,7 @@ def kinetic_energy(axes: Axes) -> None:
     axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))
 
 
-def angular_velocity(axes: Axes) -> None:
+def draw_angular_velocity(axes: Axes) -> None:
     """Draw the angular velocity of the leading domino over time."""
     wave = _wave(30)
     times = np.repeat(wave.arrival_times, 2)[1:-1]
@@ -145,42 +150,44 @@ def angular_velocity(axes: Axes) -> None:
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
 
 
-def correction_factor(axes: Axes) -> None:
+def draw_correction_factor(axes: Axes) -> None:
     """Draw the speed over √(3gL) by d/λ for several d/L, by equation 13 and simulated."""
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thickness = ratio * HEIGHT
-        low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
+        low = max(ratio / (1.0 + ratio) * 1.05, 0.02)  # gaps that are just not out of reach
         ratios = np.linspace(low, steady.existence_limit(thickness), 60)[:-1]
         x, estimate, simulated = _speeds(ratios, thickness)
         axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
-        axes.plot(x, estimate, color=colour, linestyle=ESTIMATE)
+        axes.plot(x, estimate, color=colour, linestyle=ESTIMATE_STYLE)
     axes.plot([], [], color="0.4", label="simulated")
-    axes.plot([], [], color="0.4", linestyle=ESTIMATE, label="equation 13")
-    axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT, ylim=(0.5, 3.0))
+    axes.plot([], [], color="0.4", linestyle=ESTIMATE_STYLE, label="equation 13")
+    axes.set(xlabel=PITCH_LABEL, ylabel=SPEED_LABEL, ylim=(0.5, 3.0))
 
 
-def formula(axes: Axes) -> None:
-    """Draw the speed over √(3gL) by d/λ, by equation 13 and simulated."""
+def draw_formula(axes: Axes) -> None:
+    """Draw the speed over √(3gL) by d/λ for the standard domino, by equation 13 and simulated."""
     x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
     axes.plot(x, simulated, color=BLUE, label="simulated")
-    axes.plot(x, estimate, color=BLUE, linestyle=ESTIMATE, label="equation 13")
-    axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT)
+    axes.plot(x, estimate, color=BLUE, linestyle=ESTIMATE_STYLE, label="equation 13")
+    axes.set(xlabel=PITCH_LABEL, ylabel=SPEED_LABEL)
 
 
-def friction(axes: Axes) -> None:
-    """Draw the speed over that without friction by the friction.
+def draw_friction(axes: Axes) -> None:
+    """Draw the speed, over that without friction, by the friction.
+
+    The exponent in the legend makes a power of 1 + μ equal to the model at Chapman's friction.
 
     References
     ----------
     D. Cantor and K. Wojtacki, Effects of friction and spacing on the collaborative behavior of
     domino toppling, Physical Review Applied 17 (2022) 064021: (1+μ)^-0.4, which does not describe
-    this model; the legend has the exponent that would at the friction of the article.
+    this model.
     """
     mu = np.linspace(0.0, 0.6, 31)
     for colour, pitch in zip(COLOURS, PITCHES, strict=False):
         speed = np.array([_steady(pitch, friction=float(m)).speed for m in mu])
-        share = _steady(pitch, friction=FRICTION).speed / speed[0]
-        power = np.log(share) / np.log(1.0 + FRICTION)
+        ratio = _steady(pitch, friction=FRICTION).speed / speed[0]
+        power = np.log(ratio) / np.log(1.0 + FRICTION)
         label = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} equal to (1+μ)$^{{{power:.2f}}}$"
         axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=label)
     label = "Cantor & Wojtacki: (1+μ)$^{-0.4}$, not this model"
@@ -194,19 +201,19 @@ def friction(axes: Axes) -> None:
 
 FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
     "one-fall": (
-        "One interval between hits, domino by domino (pitch 16 mm, no friction)", one_interval
+        "One interval between hits, domino by domino (pitch 16 mm, no friction)", draw_interval
     ),
     "kinetic-energy": (
-        "Kinetic energy of thirty dominoes (pitch 16 mm, no friction)", kinetic_energy
+        "Kinetic energy of thirty dominoes (pitch 16 mm, no friction)", draw_kinetic_energy
     ),
     "angular-velocity": (
-        "Angular velocity of the leading domino (pitch 16 mm, no friction)", angular_velocity
+        "Angular velocity of the leading domino (pitch 16 mm, no friction)", draw_angular_velocity
     ),
     "correction-factor": (
-        "Steady speed by equation 13 and simulated, no friction", correction_factor
+        "Steady speed by equation 13 and simulated, no friction", draw_correction_factor
     ),
-    "formula": ("Equation 13 and simulation (d/L = 0.15625, no friction)", formula),
-    "friction": ("Steady speed lost to friction", friction),
+    "formula": ("Equation 13 and simulation (d/L = 0.15625, no friction)", draw_formula),
+    "friction": ("Steady speed lost to friction", draw_friction),
 }  # fmt: skip
 """Title and drawing function of each figure, by the name of its file."""
 
@@ -224,11 +231,12 @@ def draw(name: str, path: Path) -> None:
 
 
 def _wave(count: int) -> Wave:
+    """Return the wave of a uniform chain with the narrowest pitch and Chapman's push."""
     return simulate(Layout.uniform(count, pitch=PITCHES[0]), Physics(0.0, GRAVITY, PUSH))
 
 
 def _speeds(ratios: Floats, thickness: float) -> tuple[Floats, Floats, Floats]:
-    """Return d/λ where a chain of 100 completes, and speeds there: by eq. 13, and simulated."""
+    """Return d/λ where a chain of 100 completes, and speeds over √(3gL): by eq. 13, simulated."""
     smooth, lines = Physics(0.0, GRAVITY, PUSH), []
     for pitch in (thickness / ratios).tolist():
         if thickness < pitch < HEIGHT + thickness:
@@ -236,6 +244,6 @@ def _speeds(ratios: Floats, thickness: float) -> tuple[Floats, Floats, Floats]:
             if simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0:
                 estimate = steady.terminal_speed_estimate(pitch, thickness, gravity=GRAVITY)
                 speed = _steady(pitch, thickness).speed or math.nan
-                lines.append((thickness / pitch, estimate / UNIT, speed / UNIT))
+                lines.append((thickness / pitch, estimate / SPEED_UNIT, speed / SPEED_UNIT))
     x, estimates, speeds = np.array(lines).reshape(-1, 3).T
     return x, estimates, speeds

@@ -1,7 +1,7 @@
 """Edge cases: layouts at the limits of what can be simulated, and the errors of their waves.
 
-The error of each result has to be below its estimate and the tolerance, or its outcome has to give
-the reason why the wave ends.
+Each result must have an error below its estimate and below the tolerance, and the outcome of its
+reference.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.precise import reference_waves, write_reference
 
 H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
-TIP = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] just tips it
-RTOL = 1e-8  # at which the cases are examined
+TIPPING_PUSH = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] least
+RTOL = 1e-8  # tolerance of the examined waves
 UNDECIDED = 1e-9  # stall margin below which rounding decides whether a wave stalls
-RUNS, STALLS, JAMS = Outcome.PROPAGATED, Outcome.STALLED, Outcome.JAMMED
+COMPLETES, STALLS, JAMS = Outcome.PROPAGATED, Outcome.STALLED, Outcome.JAMMED
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class EdgeCase:
     group
         The extreme property.
     name
-        Its value.
+        Value of the property.
     layout, physics
         See `simulate`.
     expected
-        Right outcomes, where they are known in advance.
+        Accepted outcomes; empty if they are not known in advance.
     """
 
     group: str
@@ -52,7 +52,7 @@ class EdgeCase:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CaseResult:
     """Result of one edge case, compared with its reference.
 
     Attributes
@@ -62,15 +62,15 @@ class Answer:
     outcome
         Name of the wave's `Outcome`.
     error
-        True relative error of the arrival times.
+        Largest relative error of the arrival times, from the reference.
     estimate
         Error estimate of the wave.
     converged
-        As `Wave.converged`.
+        See `Wave.converged`.
     against
-        The reference: "many digits" or "tightest run".
+        Name of the reference: "many digits" or "tightest run".
     faults
-        Text on the differences from the reference; empty for a right result.
+        Sentences about what is wrong; empty for a right result.
     """
 
     group: str
@@ -84,7 +84,7 @@ class Answer:
 
 
 def edge_cases(longest: int = 1_000_000) -> Iterator[EdgeCase]:
-    """Yield all cases, group by group; `longest` is the largest number of dominoes."""
+    """Yield all cases, group by group, with at most `longest` dominoes."""
     yield from short_cases()
     for mu in (0.25, 0.0):
         for group, name, layout, push in _layouts():
@@ -97,7 +97,7 @@ def edge_cases(longest: int = 1_000_000) -> Iterator[EdgeCase]:
         scale = factor ** np.arange(16)
         layout = Layout(0.6 * H * scale[:-1], D * scale, height=H * scale)
         name, physics = f"factor {factor:.4g}", Physics(push=30.0)
-        yield EdgeCase("growing heights", name, layout, physics, (RUNS, STALLS))
+        yield EdgeCase("growing heights", name, layout, physics, (COMPLETES, STALLS))
     gaps = np.random.default_rng(1).uniform(0.010, 0.025, longest - 1)
     uniform = Layout.uniform(longest, pitch=0.016)
     yield EdgeCase("long", f"{longest} equal dominoes", uniform, Physics())
@@ -105,20 +105,20 @@ def edge_cases(longest: int = 1_000_000) -> Iterator[EdgeCase]:
 
 
 def short_cases() -> Iterator[EdgeCase]:
-    """Yield the layouts whose arrival times are stored to many digits."""
+    """Yield the cases whose arrival times are stored to many digits."""
     tight = Layout([0.02, 0.012, 0.004, 0.015], D)
     for mu in (0.25, 0.0):
         for power in (1, 3, 6, 9, 12, 14):
-            physics = Physics(mu, push=TIP / math.sqrt(1.0 - 10.0**-power))
-            expected = (RUNS,) if power < 13 else (RUNS, STALLS)
+            physics = Physics(mu, push=TIPPING_PUSH / math.sqrt(1.0 - 10.0**-power))
+            expected = (COMPLETES,) if power < 13 else (COMPLETES, STALLS)
             name = f"μ = {mu:g}, u dips to 1e-{power}"
             yield EdgeCase("near stall", name, tight, physics, expected)
         for sign in (1, -1):
             for power in (3, 6, 9, 12):
                 name = f"μ = {mu:g}, tipping push times 1 {'+-'[sign < 0]} 1e-{power}"
-                physics = Physics(mu, push=TIP * (1 + sign * 10.0**-power))
-                ends = RUNS if sign > 0 else STALLS
-                yield EdgeCase("smallest push", name, tight, physics, (ends,))
+                physics = Physics(mu, push=TIPPING_PUSH * (1 + sign * 10.0**-power))
+                outcome = COMPLETES if sign > 0 else STALLS
+                yield EdgeCase("smallest push", name, tight, physics, (outcome,))
         high = Layout([0.02, 0.012, 0.02], D, rise=[0.0199, 0.0119, -0.0035])
         extremes = {
             "nearly stairs": (high, 20.0),
@@ -137,11 +137,11 @@ def short_cases() -> Iterator[EdgeCase]:
     rng = np.random.default_rng(25)
     for k in range(15):
         mu, count = (0.0, 0.25, 0.6)[k % 3], 3 + k % 3
-        gaps, thick = rng.uniform(0.006, 0.035, count - 1), rng.uniform(0.004, 0.01, count)
+        gaps, thickness = rng.uniform(0.006, 0.035, count - 1), rng.uniform(0.004, 0.01, count)
         height, density = rng.uniform(0.0475, 0.0485, count), 10.0 ** rng.uniform(2.5, 3.5, count)
-        uneven = rng.uniform(-0.05, 0.05, count) * (k % 2)
-        rise = -(gaps + thick[1:]) * np.sin(0.5 * (uneven[1:] + uneven[:-1]))
-        layout = Layout(gaps, thick, height, density=density, rise=rise, tilt=uneven)
+        tilt = rng.uniform(-0.05, 0.05, count) * (k % 2)
+        rise = -(gaps + thickness[1:]) * np.sin(0.5 * (tilt[1:] + tilt[:-1]))
+        layout = Layout(gaps, thickness, height, density=density, rise=rise, tilt=tilt)
         ground = "uneven ground" if k % 2 else "flat"
         yield EdgeCase("short", f"random {k}, {ground}, μ = {mu:g}", layout, Physics(mu, push=15.0))
 
@@ -169,10 +169,10 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
         gaps[5] = gap
         yield group, f"s - L = {gap - H:.1e} m", Layout(gaps, D), 8.0
     # from thin sheets to cubes, and neighbours that differ a thousandfold
-    for a in (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.6, 1.0):
-        for share in (0.3, 0.8):
-            layout = Layout.uniform(20, spacing=share * H, thickness=a * H)
-            yield "slenderness", f"d/L = {a:g}, s/L = {share:g}", layout, 60.0
+    for d in (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.6, 1.0):
+        for s in (0.3, 0.8):
+            layout = Layout.uniform(20, spacing=s * H, thickness=d * H)
+            yield "slenderness", f"d/L = {d:g}, s/L = {s:g}", layout, 60.0
     gaps, group = np.full(19, 0.02), "unequal neighbours"
     for ratio in (10.0, 100.0, 1000.0):
         factors = np.where(np.arange(20) % 2, ratio, 1.0)
@@ -182,36 +182,36 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
         heavy = Layout(gaps, D, density=1040.0 * factors)
         yield group, f"1 : {ratio:g} in density", heavy, 50.0
     # ground that is nearly too steep, too curved or too stepped
-    steepest, waves = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
-    rise = -0.0275 * np.sin(0.5 * (waves[1:] + waves[:-1]))
-    turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # the first all but leans on the second
+    steepest, tilt = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
+    rise = -0.0275 * np.sin(0.5 * (tilt[1:] + tilt[:-1]))
+    turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # between dominoes 0 and 1, which nearly touch
     for name, layout in {
         "0.9999 of too steep down": Layout.uniform(20, spacing=0.015, slope=0.9999 * steepest),
         "0.9999 of too steep up": Layout.uniform(20, spacing=0.015, slope=-0.9999 * steepest),
-        "crest after hollow": Layout(np.full(19, 0.02), D, rise=rise, tilt=waves),
+        "crest after hollow": Layout(np.full(19, 0.02), D, rise=rise, tilt=tilt),
         "tops all but touch": Layout([0.01, 0.015], D, rise=0.0019, tilt=[turn / 2, -turn / 2, 0]),
     }.items():
         yield "uneven ground", name, layout, 20.0
-    for times in (1.0 + 1e-9, 1.001, 1.5, 10.0, 100.0, 1000.0):
-        name = f"{times:.10g} times the tipping push"
-        yield "push", name, Layout.uniform(30, spacing=0.016), TIP * times
+    for factor in (1.0 + 1e-9, 1.001, 1.5, 10.0, 100.0, 1000.0):
+        name = f"{factor:.10g} times the tipping push"
+        yield "push", name, Layout.uniform(30, spacing=0.016), TIPPING_PUSH * factor
 
 
 def _friction() -> Iterator[EdgeCase]:
-    """Yield friction up to the jam of the stack, and beyond."""
+    """Yield cases of friction up to the jam of the stack, and beyond."""
     layout = Layout.uniform(20, spacing=0.012)
     for mu in (0.5, 1.0, 2.0, 4.0, 6.0, 6.2, 6.19, 6.3, 8.0, 20.0, 1e3, 1e6):
         yield EdgeCase("friction", f"μ = {mu:g}, gap 12 mm", layout, Physics(mu, push=100.0))
-    # at the first hit domino 1 is driven by B = L cos Δ - μ d, which vanishes at this friction
-    edge, layout = math.sqrt(H * H - 0.012**2) / D, Layout.uniform(5, spacing=0.012)
+    # the friction μ* at which B = L cos Δ - μ d, the lever arm of the first hit, is 0
+    limit, layout = math.sqrt(H * H - 0.012**2) / D, Layout.uniform(5, spacing=0.012)
     for excess in (-1e-3, -1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-6):
-        name = f"jams at μ* = {edge:.4f}: {excess:g} off"
-        ends = (JAMS,) if excess > 0 else (JAMS, STALLS)
-        yield EdgeCase("friction", name, layout, Physics(edge * (1 + excess), push=100), ends)
+        name = f"jams at μ* = {limit:.4f}: {excess:g} off"
+        outcomes = (JAMS,) if excess > 0 else (JAMS, STALLS)
+        yield EdgeCase("friction", name, layout, Physics(limit * (1 + excess), push=100), outcomes)
 
 
 def _face_impacts() -> Iterator[EdgeCase]:
-    """Yield single face impacts, many at once, and many within a tiny interval."""
+    """Yield cases of single face impacts, many at once, and many within a tiny interval."""
     for name, gaps in {
         "at every contact": np.linspace(0.004, 0.036, 30),
         "twelve at once": np.concatenate([np.full(12, 0.005), np.full(8, 0.030)]),
@@ -229,13 +229,13 @@ def _face_impacts() -> Iterator[EdgeCase]:
 
 
 def _sizes() -> Iterator[EdgeCase]:
-    """Yield one random layout from micrometres to kilometres, at gravity 1e-6 to 1e3 m/s²."""
+    """Yield a random layout in sizes from 1 µm to 1 km, at gravity from 1e-6 to 1e3 m/s²."""
     rng = np.random.default_rng(5)
-    gaps, thick = rng.uniform(0.05, 0.8, 29), rng.uniform(0.1, 0.25, 30)
+    gaps, thickness = rng.uniform(0.05, 0.8, 29), rng.uniform(0.1, 0.25, 30)
     for mu in (0.25, 0.0):
         for size in (1.0, 1e-6, 1e-3, 0.048, 1e3):
             for gravity in (1.0, 1e-6, 9.81, 1e3):
-                layout = Layout(gaps * size, thick * size, size, 0.5 * size, 1.0 / size)
+                layout = Layout(gaps * size, thickness * size, size, 0.5 * size, 1.0 / size)
                 physics = Physics(mu, gravity, push=1.5 * math.sqrt(gravity / size))
                 name = f"μ = {mu:g}, L = {size:g} m, g = {gravity:g} m/s²"
                 yield EdgeCase("sizes and gravity", name, layout, physics)
@@ -244,8 +244,8 @@ def _sizes() -> Iterator[EdgeCase]:
 # Results of the cases ----------------------------------------------------------------------------
 
 
-def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
-    """Compare a wave with the stored solution to many digits, or with the tightest run.
+def examine(case: EdgeCase, rtol: float = RTOL) -> CaseResult:
+    """Simulate a case and compare its wave with the solution to many digits or the tightest run.
 
     Parameters
     ----------
@@ -256,47 +256,49 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
 
     Returns
     -------
-    Answer
-        Errors and faults.
+    CaseResult
+        Error and faults. An outcome that differs from the reference's is no fault if rounding
+        decides whether the wave stalls.
     """
     wave = simulate(case.layout, case.physics, rtol=rtol)
-    lowest = float(np.nanmin(wave.stall_margin))
-    if (true := reference_waves().get(str(case))) is not None:
-        error, right, slack = true.relative_error(wave.arrival_times), true.outcome, 4e-16
-        against, lowest = "many digits", min(lowest, true.lowest)
+    margin = float(np.nanmin(wave.stall_margin))
+    if (stored := reference_waves().get(str(case))) is not None:
+        error, right = stored.relative_error(wave.arrival_times), stored.outcome
+        against, margin = "many digits", min(margin, stored.lowest)
+        slack = 4e-16  # rounding of an arrival time
     else:
         tight = simulate(case.layout, case.physics, rtol=MIN_RTOL)
         error, right = largest_difference(wave.arrival_times, tight.arrival_times), tight.outcome
-        against, lowest = "tightest run", min(lowest, float(np.nanmin(tight.stall_margin)))
+        against, margin = "tightest run", min(margin, float(np.nanmin(tight.stall_margin)))
         slack = tight.error_estimate
     faults = inconsistencies(wave)
     if case.expected and wave.outcome not in case.expected:
         faults.append(f"expected {' or '.join(outcome.name for outcome in case.expected)}")
-    if wave.outcome == right or lowest >= UNDECIDED:
+    if wave.outcome == right or margin >= UNDECIDED:
         if wave.outcome != right:
-            faults.append(f"outcome {right.name} by {against}")
+            faults.append(f"outcome {wave.outcome.name}, {right.name} by the {against}")
         if error > wave.error_estimate + slack:
             faults.append(f"error {error:.1e} above its estimate")
         if wave.converged and error > rtol + slack:
             faults.append(f"error {error:.1e} above the tolerance {rtol:g}")
-    return Answer(
+    return CaseResult(
         case.group, case.name, wave.outcome.name, error, wave.error_estimate, wave.converged,
         against, "; ".join(faults),
     )  # fmt: skip
 
 
 def inconsistencies(wave: Wave) -> list[str]:
-    """Return the contradictions within a wave, in words."""
+    """Return the contradictions within a wave, one sentence each."""
     times, is_hit = wave.arrival_times, np.isfinite(wave.arrival_times)
-    moving = wave.release_velocity[is_hit][:-1]
+    velocities = wave.release_velocity[is_hit][:-1]
     checks = {
         "arrival times do not grow": np.all(np.diff(times[is_hit]) > 0.0)
         and not np.isnan(times).any(),
         f"hit is {wave.hit}, {is_hit.sum()} arrival times are finite": is_hit.sum() == wave.hit,
         f"error estimate {wave.error_estimate}": wave.error_estimate >= 0.0
         and (wave.error_estimate < math.inf or not wave.converged),
-        "a leading domino has no velocity": np.all(moving > 0.0),
-        f"reach {wave.reach} of a wave that {wave.outcome.name}": (wave.outcome == RUNS)
+        "a leading domino has no velocity": np.all(velocities > 0.0),
+        f"reach {wave.reach} with outcome {wave.outcome.name}": (wave.outcome == COMPLETES)
         == (wave.reach == 1.0),
     }
     return [fault for fault, right in checks.items() if not right]

@@ -1,7 +1,8 @@
 """Comparison of measured chains with the model: fitted friction, predictions, reason codes.
 
-A source is compared in its own setting, in the other readings that its file names, and with each
-effect that the model neglects, as large as in simulated layouts at the fitted friction.
+A source is compared in its own setting, in its other readings (interpretations of the experiment,
+see `source`), and with each of several effects that the model neglects. The size of an effect is
+that in simulated layouts at the fitted friction.
 """
 
 from __future__ import annotations
@@ -25,20 +26,22 @@ from domino_env.rigid.simulation import simulate_standing
 from domino_env.validation.source import TEMPLATE, Chain, Quantity, Setting, Source
 
 Effect = Callable[[Setting, float, float], float]
-"""Speed with the effect over speed without, of a setting at a pitch and a friction."""
+"""Function of setting, pitch [m] and friction: speed with an effect over speed without it."""
 
 RTOL = 1e-6  # of simulated times; measurements are known to a thousandth at best
-MAX_FRICTION = 1.5
-GRID = 61  # frictions evaluated before the best of them is refined
-FRICTION_TOLERANCE = 1e-7
-FRICTION_STEP = 1e-4  # for the derivative by the friction
-MAX_DEVIATION = 2.0  # standard uncertainties at which a chain still counts as explained
-TREND = 1.0  # standard uncertainties by which both ends of a trend have to deviate
+MAX_FRICTION = 1.5  # of fits
+GRID_POINTS = 61  # frictions that are tried before the best is refined
+FRICTION_TOLERANCE = 1e-7  # of the refined one
+FRICTION_STEP = 1e-4  # for the derivative with respect to the friction
+MAX_DEVIATION = 2.0  # [standard uncertainties] of an explained chain
+MIN_TREND = 1.0  # [standard uncertainties] deviations of opposite sign at the two ends of a trend
 HELPFUL_RATIO = 0.75  # largest deviation with a helpful effect, over that without
-STANDING, STEADY_ON_FLOOR = 24, 10  # dominoes on a floor, and the first with a steady wave
-STANDING_RTOL = 1e-2  # the coarsest steps give times within 0.1 % of the finest
-SAMPLES, SEED = 20, 18  # layouts with uneven gaps
-DOMINOES, STEADY_FROM = 60, 20  # of these layouts, and the first with a steady wave
+# simulations on a floor: number of dominoes, and the first from which the wave counts as steady
+COUNT_ON_FLOOR, STEADY_ON_FLOOR = 24, 10
+RTOL_ON_FLOOR = 1e-2  # the coarsest steps give times within 0.1 % of the finest
+# layouts with uneven gaps: their number and seed, and as for those on a floor
+SAMPLES, SEED = 20, 18
+COUNT_UNEVEN, STEADY_UNEVEN = 60, 20
 NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
 
@@ -53,20 +56,21 @@ class Comparison:
     setting
         Setting of the reading.
     chains
-        (K,) its chains.
+        (K,) measured chains on the floor of the reading.
     factors
         (K,) factors of an effect on the speeds of the model; 1 without an effect.
     friction, uncertainty
-        Friction between dominoes by least squares, and its standard error, which grows with the
-        scatter where chains scatter by more than their uncertainties.
+        Friction between dominoes by least squares, and its standard error. If the chains scatter by
+        more than their uncertainties, it is larger in proportion.
     sigmas
-        (K,) standard uncertainty of each value, that of x included.
+        (K,) standard uncertainty of each measured value, that of x included.
     model
         (K,) values of the model at the fitted friction.
     frictionless
         (K,) values of the model without friction.
     predicted
-        (K,) values at the friction fitted to the chains of all other spacings; nan without others.
+        (K,) values of the model at the friction fitted to the chains of all other spacings; nan if
+        there are none.
     """
 
     label: str
@@ -82,12 +86,12 @@ class Comparison:
 
     @property
     def deviations(self) -> Floats:
-        """(K,) model less measured value, in standard uncertainties."""
+        """(K,) model minus measured value, in standard uncertainties."""
         return (self.model - [chain.value for chain in self.chains]) / self.sigmas
 
     @property
     def chi_square(self) -> float:
-        """Sum of squared deviations; around K - 1 for K chains where the model is right."""
+        """Sum of squared deviations; around K - 1 for K chains if the model is right."""
         return float(np.sum(self.deviations**2))
 
     @property
@@ -116,7 +120,7 @@ class Validation:
     effects
         Comparisons in its own setting, each with one effect that the model neglects.
     reasons
-        Codes of the evidence against the model, or for an explanation; docs/measured.md has them.
+        Codes of the evidence against the model, or for an explanation; docs/measured.md lists them.
     """
 
     source: Source
@@ -133,7 +137,7 @@ class Validation:
 
 @cache
 def hit_frequency(setting: Setting, pitch: float, friction: float) -> float:
-    """Return the hits per second of the model [1/s]; 0 where friction is too high for a wave."""
+    """Return the hits per second of the model at a pitch [m]; 0 if friction stops the wave."""
     if setting.measured == "steady":
         physics = Physics(friction, setting.gravity)
         wave = steady_wave(pitch, setting.thickness, setting.height, physics, rtol=RTOL)
@@ -149,8 +153,8 @@ def model_value(
 ) -> float:
     """Return the model's frequency [1/s], speed [m/s] or time [s] of a chain.
 
-    The factor is on the speed. Where friction is too high for a wave, frequency and speed are 0 and
-    the time is infinite.
+    The factor multiplies the speed. If friction stops the wave, frequency and speed are 0 and the
+    time is infinite.
     """
     pitch = setting.pitch(x)
     frequency = factor * hit_frequency(setting, pitch, friction)
@@ -162,18 +166,18 @@ def model_value(
 def compare(
     source: Source, setting: Setting, label: str = "", factors: Sequence[float] | None = None
 ) -> Comparison:
-    """Compare a source with the model in one reading.
+    """Compare a source with the model in one reading, at the friction that fits best.
 
     Parameters
     ----------
     source
         The measurements.
     setting
-        The reading.
+        Setting of the reading.
     label
-        Description of the reading.
+        Description of the reading; empty for the source's own.
     factors
-        (K,) factors on the speeds of the model, such as the effect of a floor; none by default.
+        (K,) factors on the speeds of the model, such as the effect of a floor; None for no effect.
 
     Returns
     -------
@@ -190,21 +194,21 @@ def compare(
             for xk, factor in zip(x + shift, scale, strict=True)
         ])  # fmt: skip
 
-    friction, error = fit(model, values, sigmas)
+    friction, uncertainty = fit(model, values, sigmas)
     if setting.x_uncertainty:
         low, high = (model(friction, sign * setting.x_uncertainty) for sign in (-1, 1))
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore"):  # infinite times of waves that stop
             sigmas = np.hypot(sigmas, np.nan_to_num(0.5 * (high - low), posinf=0.0, neginf=0.0))
-        friction, error = fit(model, values, sigmas)
+        friction, uncertainty = fit(model, values, sigmas)
     predicted = np.full(len(chains), np.nan)
-    for k, elsewhere in enumerate(x != x[:, None]):  # chains of other spacings
-        if elsewhere.any():
-            predicted[k] = model(fit(model, values, sigmas, elsewhere)[0])[k]
+    for k, others in enumerate(x != x[:, None]):  # chains of other spacings
+        if others.any():
+            predicted[k] = model(fit(model, values, sigmas, others)[0])[k]
     deviations = (model(friction) - values) / sigmas
     if len(chains) > 1:
-        error *= max(1.0, float(np.linalg.norm(deviations)) / math.sqrt(len(chains) - 1))
+        uncertainty *= max(1.0, float(np.linalg.norm(deviations)) / math.sqrt(len(chains) - 1))
     return Comparison(
-        label, setting, chains, scale, friction, error, sigmas, model(friction), model(0.0),
+        label, setting, chains, scale, friction, uncertainty, sigmas, model(friction), model(0.0),
         predicted,
     )  # fmt: skip
 
@@ -212,12 +216,12 @@ def compare(
 def fit(
     model: Callable[[float], Floats], values: Floats, sigmas: Floats, chosen: Any = slice(None)
 ) -> tuple[float, float]:
-    """Return the friction of least squares, 0 to `MAX_FRICTION`, and its standard error.
+    """Fit the friction by least squares, from 0 to `MAX_FRICTION`.
 
     Parameters
     ----------
     model
-        (K,) values at a friction.
+        Function of the friction that returns the values of the model, (K,).
     values, sigmas
         (K,) measured values and their standard uncertainties.
     chosen
@@ -226,24 +230,24 @@ def fit(
     Returns
     -------
     tuple
-        Friction, and its standard error as the `sigmas` imply it: infinite where the wave of a
-        chain stops there, or no chain depends on the friction.
+        Friction, and the standard error that follows from `sigmas`: infinite if the wave of a chain
+        stops at this friction, or if no chain depends on it.
     """
     from scipy.optimize import minimize_scalar
 
     def misfit(friction: float) -> float:
         return float(np.sum((((model(friction) - values) / sigmas)[chosen]) ** 2))
 
-    grid = np.linspace(0.0, MAX_FRICTION, GRID)
+    grid = np.linspace(0.0, MAX_FRICTION, GRID_POINTS)
     k = int(np.argmin([misfit(float(x)) for x in grid]))
-    bounds = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, GRID - 1)])
+    bounds = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, GRID_POINTS - 1)])
     refined = minimize_scalar(
         misfit, bounds=bounds, method="bounded", options={"xatol": FRICTION_TOLERANCE}
     )
-    # the refinement does not evaluate its bounds
+    # the refinement does not evaluate its bounds, of which 0 may be the best
     best = 0.0 if misfit(0.0) <= refined.fun else float(refined.x)
     low, high = max(best - FRICTION_STEP, 0.0), best + FRICTION_STEP
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # infinite times of waves that stop
         rates = ((model(high) - model(low)) / (high - low) / sigmas)[chosen]
     steepness = float(np.linalg.norm(rates))
     return best, 1.0 / steepness if 0.0 < steepness < math.inf else math.inf
@@ -256,7 +260,7 @@ def fit_friction(
     height: float = HEIGHT,
     gravity: float = 9.81,
 ) -> Comparison:
-    """Find the friction that explains measured hit frequencies of long uniform chains.
+    """Fit the friction between dominoes to measured hit frequencies of long uniform chains.
 
     Parameters
     ----------
@@ -277,7 +281,8 @@ def fit_friction(
     Raises
     ------
     ValueError
-        For pitches that no chain can have, frequencies that are not positive, or no pairs of them.
+        For pitches that no chain can have, frequencies that are not positive, and different numbers
+        of them.
 
     Examples
     --------
@@ -292,51 +297,54 @@ def fit_friction(
 # Effects that the model neglects ------------------------------------------------------------------
 
 
-def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of gaps with a standard deviation, in heights."""
-    gap = pitch - setting.thickness
-    noise = np.random.default_rng(SEED).standard_normal((SAMPLES, DOMINOES - 1))
-    gaps = gap + deviation * setting.height * np.vstack([np.zeros(DOMINOES - 1), noise])
+def uneven_gap_factor(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
+    """Return the factor on the speed of random gaps with a standard deviation, in heights.
+
+    It is 1 if the wave stops in the uniform layout or in all of the random ones.
+    """
+    gap, count, first = pitch - setting.thickness, COUNT_UNEVEN, STEADY_UNEVEN
+    noise = np.random.default_rng(SEED).standard_normal((SAMPLES, count - 1))
+    gaps = gap + deviation * setting.height * np.vstack([np.zeros(count - 1), noise])
     gaps = np.clip(gaps, NARROWEST * gap, WIDEST * setting.height)
-    thickness = np.full(DOMINOES, setting.thickness)
+    thickness = np.full(count, setting.thickness)
     waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
-    length = gaps[:, STEADY_FROM:].sum(axis=1) + (DOMINOES - 1 - STEADY_FROM) * setting.thickness
-    speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, STEADY_FROM])
+    length = gaps[:, first:].sum(axis=1) + (count - 1 - first) * setting.thickness
+    speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, first])
     completes = np.isfinite(speed) & (speed > 0.0)
     if not completes[0] or not completes[1:].any():
         return 1.0
     return float(speed[1:][completes[1:]].mean() / speed[0])
 
 
-def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of a floor of this friction; 0 if the wave stops."""
+def floor_factor(floor: float, setting: Setting, pitch: float, friction: float) -> float:
+    """Return the factor on the speed of a floor of this friction; 0 if a wave stops."""
     sizes = {"thickness": setting.thickness, "height": setting.height}
-    layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
-    free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times
+    layout = Layout.uniform(COUNT_ON_FLOOR, pitch=pitch, **sizes)
+    physics = _firm_push(setting, friction)
+    free = simulate_standing(layout, physics, floor, RTOL_ON_FLOOR).arrival_times
     fixed = simulate(layout, physics).arrival_times
     on_floor, on_pivots = (times[-1] - times[STEADY_ON_FLOOR] for times in (free, fixed))
     return float(on_pivots / on_floor) if np.isfinite([on_floor, on_pivots]).all() else 0.0
 
 
 def _firm_push(setting: Setting, friction: float) -> Physics:
-    """Return physics with a firm push for dominoes of any size."""
+    """Return physics with a push of √(g/L), firm for dominoes of any size."""
     return Physics(friction, setting.gravity, math.sqrt(setting.gravity / setting.height))
 
 
 EFFECTS: Mapping[str, Effect] = {
-    "gaps uneven by 1 % of the height": partial(uneven_gaps, 0.01),
-    "gaps uneven by 2 % of the height": partial(uneven_gaps, 0.02),
-} | {f"a floor of friction {floor:g}": partial(sliding_feet, floor) for floor in (1.0, 0.5, 0.3)}
+    "gaps uneven by 1 % of the height": partial(uneven_gap_factor, 0.01),
+    "gaps uneven by 2 % of the height": partial(uneven_gap_factor, 0.02),
+} | {f"a floor of friction {floor:g}": partial(floor_factor, floor) for floor in (1.0, 0.5, 0.3)}
 
 
 # All readings of a source -------------------------------------------------------------------------
 
 
 def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validation:
-    """Compare a source with the model in its own setting, in other readings, with each effect.
+    """Compare a source with the model in its own setting, in other readings and with each effect.
 
-    If the source takes its spacings as exact, one more reading gives them the uncertainty of a
-    template.
+    If the source gives its spacings no uncertainty, one more reading has that of a template.
 
     Parameters
     ----------
@@ -369,12 +377,13 @@ def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validat
 def _reasons(
     source: Source, main: Comparison, readings: Sequence[Comparison], effects: Sequence[Comparison]
 ) -> tuple[str, ...]:
-    """Return reason codes; those of a pattern only where friction does not explain every chain."""
-    sign = -1.0 if source.quantity == "time" else 1.0  # a time falls where a speed rises
+    """Return the reason codes; those of patterns only if friction does not explain every chain."""
+    sign = -1.0 if source.quantity == "time" else 1.0  # of a change of the value if speed rises
     order = np.argsort([chain.x for chain in main.chains], kind="stable")
+    # deviations at the ends, positive if the measured wave is faster; one chain is both ends
     narrow, *_, wide = np.repeat(-sign * main.deviations[order], 2)
     measured = np.array([chain.value for chain in main.chains])
-    # a single spacing always has a friction that explains it
+    # a single spacing is explained by some friction, whatever the reading
     explaining = [r.label for r in readings if r.holds and len({c.x for c in r.chains}) > 1]
     best = min(effects, key=lambda comparison: comparison.worst, default=main)
     patterns = {
@@ -382,16 +391,16 @@ def _reasons(
         "faster-than-frictionless": np.any(
             sign * (measured - main.frictionless) > MAX_DEVIATION * main.sigmas
         ),
-        "friction-grows-with-gap": narrow > TREND and wide < -TREND,
-        "friction-falls-with-gap": narrow < -TREND and wide > TREND,
+        "friction-grows-with-gap": narrow > MIN_TREND and wide < -MIN_TREND,
+        "friction-falls-with-gap": narrow < -MIN_TREND and wide > MIN_TREND,
         "floors-differ": len({chain.floor for chain in main.chains}) > 1,
         f"explained-in-another-reading: {''.join(explaining[:1])}": explaining,
         f"helped-by: {best.label}": best.worst < HELPFUL_RATIO * main.worst,
     }
     codes = [code for code, applies in patterns.items() if applies and not main.holds]
     codes += ["single-chain"] * (len(main.chains) == 1)
-    if (own := source.friction) is not None and math.isfinite(main.uncertainty):
-        difference = abs(main.friction - own.value)
-        if difference > MAX_DEVIATION * math.hypot(own.uncertainty, main.uncertainty):
+    if (independent := source.friction) is not None and math.isfinite(main.uncertainty):
+        difference = abs(main.friction - independent.value)
+        if difference > MAX_DEVIATION * math.hypot(independent.uncertainty, main.uncertainty):
             codes.append("friction-disagrees")
     return tuple(codes)

@@ -17,39 +17,40 @@ from domino_env.validation.measured import Comparison, Validation, model_value
 from domino_env.validation.source import UNITS
 
 PLOT, PAGE = "measured.png", "measured-sources.md"
-COLUMNS = "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted"
-READINGS = "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained"
-POINTS = 60  # of a line
-WIDEST = 0.97  # [heights] gap that is drawn
+CHAIN_HEAD = "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted"
+READING_HEAD = "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained"
+POINTS = 60  # of a curve
+WIDEST = 0.97  # [heights] largest gap of a curve
 
 
 def text(validation: Validation) -> list[str]:
-    """Return the lines of a source for a terminal."""
+    """Return the lines about a source for a terminal."""
     source, main = validation.source, validation.main
-    spread = main.setting.x_uncertainty
-    spacings = f"known to {main.setting.format_x(spread)}" if spread else "taken as exact"
+    sigma = main.setting.x_uncertainty
+    spacings = f"known to {main.setting.format_x(sigma)}" if sigma else "taken as exact"
     verdict = "explained" if validation.explained else "not explained"
     if validation.reasons:
         verdict += f": {', '.join(validation.reasons)}"
     return [
         f"{source.name}: {source.title} [{source.unit}]",
-        *text_table(COLUMNS, _chains(main), right=COLUMNS[1:]),
-        f"friction {_friction(main)}, spacings {spacings}, {verdict}",
+        *text_table(CHAIN_HEAD, _chain_lines(main), right=CHAIN_HEAD[1:]),
+        f"friction {_format_friction(main)}, spacings {spacings}, {verdict}",
     ]
 
 
 def markdown(validations: Sequence[Validation]) -> list[str]:
-    """Return the lines of the page: all sources in a table, then each."""
+    """Return the lines of the page: all sources in a table, then a section for each."""
     explained = [f"`{v.source.name}`" for v in validations if v.explained]
-    names = ("source", "chains", "friction", "largest deviation", "explained", "reasons")
+    columns = ("source", "chains", "friction", "largest deviation", "explained", "reasons")
     counts = f"{len(explained)} of {len(validations)} sources are explained."
     lines = [
         f"**{counts}** {', '.join(explained)}".rstrip(),
         "",
-        *markdown_table(names, [
+        *markdown_table(columns, [
             (
-                f"[{v.source.title}](#{v.source.name})", len(v.main.chains), _friction(v.main),
-                f"{v.main.worst:.1f}", "yes" if v.explained else "no", ", ".join(v.reasons),
+                f"[{v.source.title}](#{v.source.name})", len(v.main.chains),
+                _format_friction(v.main), f"{v.main.worst:.1f}", "yes" if v.explained else "no",
+                ", ".join(v.reasons),
             )
             for v in validations
         ]),
@@ -61,14 +62,14 @@ def markdown(validations: Sequence[Validation]) -> list[str]:
             f"**{source.title}.** {source.reference}. Read: {source.read}.", "",
             f"How: {source.method}. Uncertainties: {source.errors}.", "",
             f"Not known: {'; '.join(source.unknown)}.", "",
-            *markdown_table(COLUMNS, _chains(v.main)), "",
-            *markdown_table(READINGS, map(_reading, (v.main, *v.readings, *v.effects))),
+            *markdown_table(CHAIN_HEAD, _chain_lines(v.main)), "",
+            *markdown_table(READING_HEAD, map(_reading_line, (v.main, *v.readings, *v.effects))),
         ]  # fmt: skip
     return lines
 
 
-def _chains(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Return the cells of `COLUMNS`, a line for each chain."""
+def _chain_lines(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return the cells of `CHAIN_HEAD`, one line per chain."""
     lines: list[tuple[str, ...]] = []
     numbers = comparison.model, comparison.sigmas, comparison.deviations, comparison.predicted
     for chain, model, sigma, deviation, predicted in zip(comparison.chains, *numbers, strict=True):
@@ -84,28 +85,27 @@ def _chains(comparison: Comparison) -> list[tuple[str, ...]]:
     return lines
 
 
-def _reading(reading: Comparison) -> tuple[str, ...]:
-    """Return the cells of `READINGS`."""
+def _reading_line(reading: Comparison) -> tuple[str, ...]:
+    """Return the cells of `READING_HEAD` of a reading or effect."""
     low, high = min(reading.factors) - 1.0, max(reading.factors) - 1.0
     finite = math.isfinite(reading.worst)
     return (
         reading.label or "as above", f"{low:+.1%} to {high:+.1%}" if low or high else "",
-        _friction(reading), f"{reading.worst:.1f}" if finite else "no wave",
+        _format_friction(reading), f"{reading.worst:.1f}" if finite else "no wave",
         f"{reading.chi_square:.1f}" if finite else "", "yes" if reading.holds else "no",
     )  # fmt: skip
 
 
-def _friction(comparison: Comparison) -> str:
-    """Return the fitted friction and its uncertainty, if it is finite."""
-    uncertainty = comparison.uncertainty
-    spread = f" ± {uncertainty:.3f}" if math.isfinite(uncertainty) else ""
-    return f"{comparison.friction:.3f}{spread}"
+def _format_friction(comparison: Comparison) -> str:
+    """Return the fitted friction, with its uncertainty if that is finite."""
+    finite = math.isfinite(comparison.uncertainty)
+    return f"{comparison.friction:.3f}" + f" ± {comparison.uncertainty:.3f}" * finite
 
 
 def draw(validations: Sequence[Validation], path: Path) -> None:
-    """Draw speeds with two standard uncertainties, and the model at the fitted friction.
+    """Draw speeds with two standard uncertainties, and the model, into a PNG file.
 
-    Frequencies and times are converted to speeds.
+    Frequencies and times are converted to speeds. There is one panel for each source.
     """
     figure, panels = new_panels(len(validations), 2, (4.6, 3.0), (0.0, 0.7))
     for axes, validation in zip(panels, validations, strict=True):
@@ -118,25 +118,26 @@ def draw(validations: Sequence[Validation], path: Path) -> None:
 
 
 def _draw_panel(axes: Axes, validation: Validation) -> None:
-    """Draw one source."""
+    """Draw the chains of one source, with the model at the fitted friction and without friction."""
     source, main = validation.source, validation.main
     setting, friction = main.setting, main.friction
-    scale = 1e3 if setting.x_unit == "m" else 1.0
+    scale = 1e3 if setting.x_unit == "m" else 1.0  # metres are shown in millimetres
     x = np.array([chain.x for chain in main.chains])
     touching = setting.thickness / setting.x_length if setting.x_is == "pitch" else 0.0
     gap, widest = x - touching, WIDEST * setting.height / setting.x_length
+    # slightly beyond the measured gaps on both sides
     dense = touching + np.linspace(0.8 * gap.min(), min(1.1 * gap.max(), widest), POINTS)
     band = main.uncertainty if math.isfinite(main.uncertainty) else 0.0
 
     def speeds(friction: float) -> Floats:
-        of_model = np.array([model_value("speed", setting, x, friction) for x in dense.tolist()])
-        return np.where(of_model > 0.0, of_model, np.nan)
+        values = np.array([model_value("speed", setting, x, friction) for x in dense.tolist()])
+        return np.where(values > 0.0, values, np.nan)
 
     axes.fill_between(
         scale * dense, speeds(max(friction - band, 0.0)), speeds(friction + band), color=BLUE,
         alpha=0.15, linewidth=0,
     )  # fmt: skip
-    label = f"model, friction {_friction(main)}"
+    label = f"model, friction {_format_friction(main)}"
     axes.plot(scale * dense, speeds(friction), color=BLUE, label=label)
     axes.plot(scale * dense, speeds(0.0), color=PALE, linestyle="--", label="model, no friction")
     floors = dict.fromkeys(chain.floor for chain in main.chains)

@@ -1,10 +1,10 @@
 """General ODE solvers on the equations of motion, with fixed and adaptive steps in time.
 
-All solve the equation of `kernels/stepping.py`, with every state of contact, face impacts, friction
+All solve the equation of `kernels/stepping.py`, with all kinds of contact, face impacts, friction
 and unequal dominoes. They differ in their steps:
 
     euler      explicit Euler, events at the end of the step that passes them: order one
-    rk4-step   classic Runge-Kutta, likewise: order one
+    rk4-step   classic Runge-Kutta, events likewise: order one
     rk4        classic Runge-Kutta with located events: order four
     RK45, DOP853, Radau, LSODA   SciPy's solve_ivp with events
 """
@@ -25,9 +25,10 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome
 
+# methods with fixed steps, and their codes in the kernels
 FIXED = {"euler": stepping.EULER, "rk4-step": stepping.RK4, "rk4": stepping.LOCATED}
 ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
-OVERSHOOT = 1e-12  # of 1 - cos θ, past a change of contact: where SciPy locates the change
+OVERSHOOT = 1e-12  # of 1 - cos θ: SciPy locates a change of contact so far past it that it is due
 
 
 def integrate(
@@ -47,7 +48,7 @@ def integrate(
     Returns
     -------
     tuple
-        Outcome, and arrival times (N,) [s]: inf for dominoes that are not hit.
+        Outcome, and arrival times (N,) [s], inf for dominoes that are not hit.
     """
     arrays = arrays_from(layout)
     chain = stepping.push_chain(arrays, physics.friction, physics.gravity, physics.push)
@@ -65,12 +66,12 @@ def _adaptive(
 ) -> int:
     """Simulate by solve_ivp, one call from event to event; return the outcome.
 
-    Events end a call: the leader reaches the next domino (or tips), a contact changes, the leader
-    stops.
+    An event is a root of a function: the leader reaches the end of its fall (the next domino or its
+    tipping angle), a contact changes, or the leader stops.
     """
-    n, angle, speed, now = 0, 0.0, physics.push, 0.0
+    n, angle, speed, time = 0, 0.0, physics.push, 0.0
 
-    def rate(_: float, y: Floats) -> tuple[float, float]:
+    def derivatives(_: float, y: Floats) -> tuple[float, float]:
         return y[1], stepping.right_side(*chain, n, y[0], y[1])[0]
 
     def arrives(_: float, y: Floats) -> float:
@@ -78,7 +79,7 @@ def _adaptive(
 
     def changes(_: float, y: Floats) -> float:
         left = stepping.right_side(*chain, n, y[0], y[1])[1]
-        return min(float(left), 1.0) + OVERSHOOT
+        return min(float(left), 1.0) + OVERSHOOT  # left: inf if no contact can change
 
     def stops(_: float, y: Floats) -> float:
         return float(y[1])
@@ -87,22 +88,23 @@ def _adaptive(
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
     while True:
-        result = stepping.apply_events(arrays, *chain, n, angle, speed, now, arrivals)
+        result = stepping.apply_events(arrays, *chain, n, angle, speed, time, arrivals)
         outcome, n, angle, speed, end = result
         if outcome != stepping.UNFINISHED:
             return int(outcome)
-        if math.isnan(rate(now, np.array([angle, speed]))[1]):
+        if math.isnan(derivatives(time, np.array([angle, speed]))[1]):
             return Outcome.NO_RIGID_ANSWER
-        swing = math.sqrt(arrays.height[n] / physics.gravity)
+        time_scale = math.sqrt(arrays.height[n] / physics.gravity)
+        # SciPy accepts no rtol below 100 eps = 2.2e-14
         solution = solve_ivp(
-            rate, (now, now + 1e4 * swing), (angle, speed), method=method, rtol=max(rtol, 2.3e-14),
-            atol=(rtol * end, rtol / swing), events=events,
+            derivatives, (time, time + 1e4 * time_scale), (angle, speed), method=method,
+            rtol=max(rtol, 2.3e-14), atol=(rtol * end, rtol / time_scale), events=events,
         )  # fmt: skip
         if solution.status == -1:  # the step size is below rounding
             return Outcome.NO_RIGID_ANSWER
         if solution.status == 0 or len(solution.t_events[2]) > 0:  # out of time, or it stops
             return Outcome.STALLED
-        now = float(solution.t[-1])
+        time = float(solution.t[-1])
         angle, speed = float(solution.y[0, -1]), float(solution.y[1, -1])
         if len(solution.t_events[0]) > 0:
             angle = end

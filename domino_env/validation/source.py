@@ -1,6 +1,7 @@
-"""Measured chains: publication, method of measurement, and facts that are not published.
+"""Sources of measured chains: values, publication, method, and facts that are not published.
 
-Every TOML file in `sources/` is a source.
+Every TOML file in `sources/` is a source. A source may have several readings: interpretations of
+the experiment that differ in what is not known about it.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ from domino_env.core.models import Number, Size, Table, read_model
 from domino_env.physics.standard import HEIGHT, WIDTH
 
 Quantity = Literal["frequency", "speed", "time"]
-UNITS = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}  # shown
+# units of x as they are shown
+UNITS = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}
+FREQUENCY_UNCERTAINTY = 0.02  # relative, of a frequency without a stated one
 TEMPLATE = 0.0002  # [m] standard uncertainty of the spacings that a template gives
 
 
 class Setting(Table, frozen=True):  # type: ignore[misc]
-    """Setting that the comparison assumes for an experiment.
+    """Conditions of an experiment in one reading.
 
     Attributes
     ----------
@@ -35,17 +38,17 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
     gravity
         Acceleration of gravity [m/s²].
     measured
-        The wave far down the chain (`steady`), or from the push to the last hit (`row`).
+        Part of the wave: far from the push (`steady`), or from the push to the last hit (`row`).
     count
         Number of dominoes.
     push
-        Angular velocity of the first domino [rad/s]; it matters for a whole chain only.
+        Angular velocity of the first domino [rad/s]; it has no influence on a steady wave.
     x_is, x_unit
-        Meaning of x of the chains, gap or pitch, and its unit.
+        Meaning of the x of a chain, gap or pitch, and its unit: 1 m or a size of the dominoes.
     x_uncertainty, x_shift
         Standard uncertainty of x, and a shift that is added to every x [x_unit].
     floor
-        Floor of the chains that are compared; None for all.
+        Floor of the chains that are compared; None for those on all floors.
     """
 
     thickness: Size
@@ -63,11 +66,11 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
 
     @property
     def x_length(self) -> float:
-        """The unit of x [m]."""
+        """Length of the unit of x [m]."""
         return 1.0 if self.x_unit == "m" else float(getattr(self, self.x_unit))
 
     def format_x(self, x: float) -> str:
-        """Return an x with its unit."""
+        """Return an x with its unit; one in metres is shown in millimetres."""
         return f"{1e3 * x if self.x_unit == 'm' else x:.4g} {UNITS[self.x_unit]}"
 
     def pitch(self, x: float) -> float:
@@ -76,14 +79,24 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
         return length if self.x_is == "pitch" else length + self.thickness
 
     def speed(self, quantity: Quantity, x: float, value: float) -> float:
-        """Convert a measured value at an x to a speed [m/s]."""
+        """Convert a measured frequency [1/s], speed [m/s] or time [s] at an x to a speed [m/s]."""
         if quantity == "time":
             value = (self.count - 1) / value
         return value if quantity == "speed" else value * self.pitch(x)
 
 
 class Chain(Table):
-    """One spacing: its measured value, with one standard uncertainty."""
+    """Chains of one spacing on one floor, and their measured value.
+
+    Attributes
+    ----------
+    x
+        Gap or pitch, as the setting says, in its unit.
+    value, uncertainty
+        Measured frequency [1/s], speed [m/s] or time [s], and its standard uncertainty.
+    floor
+        Name of the floor; None if all chains have the same one.
+    """
 
     x: Size
     value: Size
@@ -92,7 +105,13 @@ class Chain(Table):
 
 
 class Friction(Table):
-    """Friction between dominoes, from an independent measurement."""
+    """Friction between dominoes, from an independent measurement.
+
+    Attributes
+    ----------
+    value, uncertainty
+        Coulomb coefficient, and its standard uncertainty.
+    """
 
     value: Annotated[float, Meta(ge=0.0)]
     uncertainty: Size
@@ -108,7 +127,7 @@ class Source(Table):
     setting
         Setting of the experiment.
     chains
-        The measurements (`rows` in a file).
+        The measurements (`rows` in a file), in the order of the file.
     title, reference
         Subject, and where it is published: page, table or figure.
     read
@@ -118,7 +137,7 @@ class Source(Table):
     unknown
         Facts that are not published and have to be assumed.
     instead
-        Tables of other readings: `what` in words, and the keys of `setting` that differ.
+        Tables of other readings: a label (`what`), and the keys of `setting` that differ.
     friction
         Friction between dominoes, where it was measured independently.
     name
@@ -140,10 +159,10 @@ class Source(Table):
     name: str = ""
 
     def __post_init__(self) -> None:
-        """Check that every chain can stand and be hit, in every reading."""
+        """Check that in every reading there are chains, and that each can stand and be hit."""
         if not all(isinstance(reading.get("what"), str) for reading in self.instead):
             raise ValueError(
-                "instead: 'what' is missing: describe the difference of the reading in words"
+                "instead: 'what' is missing or no text: describe how the reading differs"
             )
         for setting in (self.setting, *self.readings.values()):
             if not self.chains_of(setting):
@@ -195,7 +214,7 @@ class Source(Table):
         if len(x) != len(values):
             raise ValueError(f"{len(x)} pitches and {len(values)} frequencies: give pairs")
         chains = [
-            {"x": pitch, "value": value, "uncertainty": 0.02 * value}
+            {"x": pitch, "value": value, "uncertainty": FREQUENCY_UNCERTAINTY * value}
             for pitch, value in zip(x, values, strict=True)
         ]
         setting = {
@@ -210,15 +229,14 @@ class Source(Table):
     @property
     def readings(self) -> dict[str, Setting]:
         """Settings of the other readings, by their labels."""
-        own = msgspec.to_builtins(self.setting)
-        readings = {}
+        own, readings = msgspec.to_builtins(self.setting), {}
         for reading in self.instead:
             changes = {key: value for key, value in reading.items() if key != "what"}
             readings[str(reading["what"])] = read_model(Setting, own | changes, "instead")
         return readings
 
     def chains_of(self, setting: Setting) -> tuple[Chain, ...]:
-        """Return the chains on the floor of a setting."""
+        """Return the chains on the floor of a setting; all chains if it has none."""
         return tuple(chain for chain in self.chains if setting.floor in (None, chain.floor))
 
 
@@ -238,9 +256,10 @@ def read_source(path: Path) -> Source:
     Raises
     ------
     ValueError
-        With the file, the key, its value and the accepted range.
+        If the file is not valid; the message has the file, the key, its value and the accepted
+        range.
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     """
     with errors_with_path(path):
         document = tomllib.loads(decode(read_bytes(path)))

@@ -85,12 +85,12 @@ def _verify(
     """Verify layouts and print a table; return 1 if a simulator contradicts the model."""
     from domino_env.rigid.engine import engine_name
     from domino_env.rigid.known import known_table, read_verified, write_verified
-    from optimize.experiments.verification import verify_records
+    from optimize.experiments.verification import verify_best_known
 
     if arguments.engine:
         engine_name()  # raises at once if the engine is not installed
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    verifications = verify_records(records, scenes, arguments.floor, arguments.engine, report)
+    verifications = verify_best_known(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
         write_json({name: asdict(checks) for name, checks in verifications.items()}, arguments.json)
     if arguments.update:

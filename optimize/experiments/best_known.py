@@ -1,7 +1,7 @@
 """Best known layouts of the shipped scenes, and the searches that found them.
 
-`best_known.json` beside this file has, under the name of each scene, the layout, its score, and
-method, seed, seconds and version that found it.
+`best_known.json` beside this file has, under the name of each scene, the layout, its score, and the
+method, seed, time and version of the search.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.result import SearchResult
 
-GROUND_PARTS = ("rise", "tilt")  # arrays of a layout that only uneven ground changes
+GROUND_PARTS = ("rise", "tilt")  # attributes of a layout that are stored for uneven ground only
 PATH = Path(__file__).with_name("best_known.json")
-RTOL = 1e-12  # relative error of the arrival times of a record
-MIN_GAIN = 1e-9  # relative gain that makes a new record
+RTOL = 1e-12  # relative error allowed in the arrival times of a stored score
+MIN_GAIN = 1e-9  # relative gain with which a layout replaces the best known
 
 
 class BestKnown(LayoutTable, kw_only=True):
@@ -36,9 +36,11 @@ class BestKnown(LayoutTable, kw_only=True):
     layout
         The layout.
     score
-        Its score, simulated to a relative error of 1e-12.
-    method, seed, seconds, version
-        Method, seed, time [s] and version of the search.
+        Its score, from arrival times with a relative error of 1e-12.
+    method, seed, seconds
+        Method, seed and time [s] of the search.
+    version
+        Version of the package that searched.
     """
 
     score: Annotated[Number, Meta(description="score of the layout")]
@@ -59,31 +61,38 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     Parameters
     ----------
     path
-        JSON file; None for the shipped one. A missing file has no records.
+        JSON file; None for the shipped one.
+
+    Returns
+    -------
+    dict
+        Best known layouts, by name; empty if the file does not exist.
 
     Raises
     ------
     ValueError
         If the file is damaged; the message has the place and the reason.
+    TypeError
+        For anything but a path.
 
     Examples
     --------
     >>> best_known()["sprint"].layout.count
     40
     """
-    expected = "a pathlib.Path, or None; best_known()['sprint'] is the record of a scene"
+    expected = "a pathlib.Path, or None; best_known()['sprint'] is the best known of a scene"
     require_type("path", path, Path | None, expected)
     path = path or PATH
     if not path.exists():
         return {}
     document = read_json(path)
     with errors_with_path(path):
-        records = read_model(dict[str, Any], document)
-        return {name: read_model(BestKnown, record, name) for name, record in records.items()}
+        entries = read_model(dict[str, Any], document)
+        return {name: read_model(BestKnown, entry, name) for name, entry in entries.items()}
 
 
 def store_best(result: SearchResult, path: Path | None = None) -> bool:
-    """Store the layout of a search as the best known of its scene, if it is better.
+    """Store the layout of a search as the best known of its scene, if it scores more.
 
     Parameters
     ----------
@@ -95,14 +104,14 @@ def store_best(result: SearchResult, path: Path | None = None) -> bool:
     Returns
     -------
     bool
-        True if the layout was stored as a new record.
+        True if the layout was stored.
     """
     path = path or PATH
     scene, layout = result.scene, result.layout
-    old, score = best_known(path).get(scene.name), accurate_score(scene, layout)
-    if old is not None and score <= old.score + MIN_GAIN * abs(old.score):
+    best, score = best_known(path).get(scene.name), accurate_score(scene, layout)
+    if best is not None and score <= best.score + MIN_GAIN * abs(best.score):
         return False
-    record = {
+    entry = {
         "score": score, "method": result.method, "seed": result.seed,
         "seconds": round(result.seconds, 1), "version": __version__,
         "spacing": layout.spacing.tolist(), "width": layout.width,
@@ -110,12 +119,12 @@ def store_best(result: SearchResult, path: Path | None = None) -> bool:
     for part in ("thickness", "height", "density", *([] if layout.is_flat else GROUND_PARTS)):
         values = getattr(layout, part)
         equal = np.all(values == values[0])
-        record[part] = float(values[0]) if equal else values.tolist()
-    document = (read_json(path) if path.exists() else {}) | {scene.name: record}
+        entry[part] = float(values[0]) if equal else values.tolist()
+    document = (read_json(path) if path.exists() else {}) | {scene.name: entry}
     write_text(path, json.dumps(dict(sorted(document.items())), indent=1) + "\n")
     return True
 
 
 def accurate_score(scene: Scene, layout: Layout) -> float:
-    """Return the score of a layout that is simulated to a relative error of 1e-12."""
+    """Return the score of a layout from arrival times with a relative error of 1e-12."""
     return scene.score(scene.simulate(layout, rtol=RTOL))

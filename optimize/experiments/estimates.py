@@ -1,7 +1,7 @@
 """Estimates over runs and problems, with 95 % intervals by a stratified bootstrap.
 
 Every problem has the same weight, whatever its number of runs. With equal numbers of runs, the
-estimates are those that rliable defines.
+estimates are those of the package rliable (see the reference).
 
 References
 ----------
@@ -19,25 +19,25 @@ import numpy as np
 
 from domino_env.core.types import Floats
 
-TRIM = 0.25  # part of the weight at either end that an interquartile mean leaves out
-LEAST_RUNS = 5  # of each problem, for an interval: with fewer runs it is too narrow
-RESAMPLES, EXCLUDED = 2000, 50  # number, and how many of either end are outside 95 %
+TRIM = 0.25  # fraction of the weight at either end that an interquartile mean leaves out
+LEAST_RUNS = 5  # runs on each problem for an interval; with fewer runs it is too narrow
+RESAMPLES, EXCLUDED = 2000, 50  # number, and how many at either end are outside 95 %
 CHUNK = 50  # resamples at a time, so that curves of hundreds of points fit into memory
 
 Statistic = Callable[[Sequence[Floats]], Floats]
-"""Maps the runs (..., R) of each problem to a number (...)."""
+"""Function that maps the results (..., R) of the runs on each problem to a statistic (...)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A statistic, or an array of them, with its interval.
+    """A statistic (...), or an array of statistics, with its 95 % interval.
 
     Attributes
     ----------
     value
         Statistic of the runs.
     interval
-        Ends of the 95 % interval; None if a problem has fewer than `LEAST_RUNS` runs.
+        Lower and upper end of the interval; None if a problem has fewer than `LEAST_RUNS` runs.
     """
 
     value: Floats
@@ -50,32 +50,32 @@ def interquartile_mean(problems: Sequence[Floats]) -> Estimate:
     Parameters
     ----------
     problems
-        (..., R) results of the runs on each problem, whose numbers of runs may differ.
+        Results (..., R) of the runs on each problem, whose numbers R may differ.
 
     Returns
     -------
     Estimate
-        (...) with an interval for which runs are resampled within each problem.
+        Mean (...); for its interval, runs are resampled within each problem.
     """
     return estimate(middle_mean, problems)
 
 
 def middle_mean(problems: Sequence[Floats]) -> Floats:
-    """Return the mean (...) of the middle half of runs (..., R), each problem of equal weight."""
+    """Return the mean (...) of the middle half of results (..., R), problems of equal weight."""
     runs = np.concatenate(problems, axis=-1)
     weights = np.concatenate([np.full(p.shape[-1], 1.0 / p.shape[-1]) for p in problems])
     order = np.argsort(runs, axis=-1, kind="stable")
     runs, weights = np.take_along_axis(runs, order, axis=-1), weights[order] / len(problems)
     cumulative = np.cumsum(weights, axis=-1)
-    edge = TRIM + 1e-9  # runs that lie beyond it with all of their weight are left out
+    edge = TRIM + 1e-9  # runs with all of their weight beyond it are left out; 1e-9: rounding
     weights = np.where((cumulative > edge) & (1.0 - cumulative + weights > edge), weights, 0.0)
-    values = np.where(weights > 0.0, runs, 0.0)  # -inf at no weight
+    values = np.where(weights > 0.0, runs, 0.0)  # as -inf times 0 is nan
     mean: Floats = (weights * values).sum(axis=-1) / weights.sum(axis=-1)
     return mean
 
 
 def median_of_problems(problems: Sequence[Floats]) -> Floats:
-    """Return the median (...) over the problems of the mean over the runs (..., R)."""
+    """Return the median (...) over the problems of the mean over the results (..., R)."""
     return np.asarray(np.median([p.mean(axis=-1) for p in problems], axis=0))
 
 
@@ -85,12 +85,12 @@ def optimality_gap(problems: Sequence[Floats]) -> Floats:
 
 
 def improvement(first: Sequence[Floats], second: Sequence[Floats]) -> Estimate:
-    """Estimate the probability that a run of one method is better than one of another.
+    """Estimate the probability that a run of the first method is better than one of the second.
 
     Parameters
     ----------
     first, second
-        (R,) results of the runs of each method, on the same problems.
+        Results (R,) of the runs of each method, on the same problems.
 
     Returns
     -------
@@ -99,46 +99,47 @@ def improvement(first: Sequence[Floats], second: Sequence[Floats]) -> Estimate:
     """
 
     def probability(problems: Sequence[Floats]) -> Floats:
-        parts = []
+        probabilities = []
         for x, y in zip(problems[: len(first)], problems[len(first) :], strict=True):
             difference = np.sign(x[..., :, None] - y[..., None, :])
-            parts.append(0.5 + 0.5 * difference.mean(axis=(-1, -2)))
-        return np.asarray(np.mean(parts, axis=0))
+            probabilities.append(0.5 + 0.5 * difference.mean(axis=(-1, -2)))
+        return np.asarray(np.mean(probabilities, axis=0))
 
     return estimate(probability, [*first, *second])
 
 
 def performance_profile(problems: Sequence[Floats], targets: Floats) -> Estimate:
-    """Estimate the part (T,) of all runs that come beyond each target (T,)."""
-    beyond = [(np.asarray(runs) > targets[:, None]).astype(np.float64) for runs in problems]
-    return estimate(lambda parts: np.mean([p.mean(axis=-1) for p in parts], axis=0), beyond)
+    """Estimate the fraction (T,) of the runs whose results (R,) exceed each target (T,)."""
+    exceeds = [(np.asarray(runs) > targets[:, None]).astype(np.float64) for runs in problems]
+    return estimate(lambda parts: np.mean([p.mean(axis=-1) for p in parts], axis=0), exceeds)
 
 
 def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:
-    """Estimate a statistic of the runs (..., R) of each problem.
+    """Estimate a statistic of the runs on some problems.
 
     Parameters
     ----------
     statistic
-        See `Statistic`; leading dimensions are kept.
+        See `Statistic`; it is also called with a further dimension before the last, of resamples.
     problems
-        Results of the runs on each problem.
+        Results (..., R) of the runs on each problem.
 
     Returns
     -------
     Estimate
-        The statistic, with the interval of the percentiles of stratified resamples.
+        Statistic (...); its interval is that of the percentiles of resamples, in which the runs on
+        each problem are drawn from these with replacement.
     """
     rng = np.random.default_rng(0)
     runs = [np.asarray(problem, dtype=np.float64) for problem in problems]
     value = np.asarray(statistic(runs))
-    if min(group.shape[-1] for group in runs) < LEAST_RUNS:
+    if min(results.shape[-1] for results in runs) < LEAST_RUNS:
         return Estimate(value, None)
     statistics = []
     for _ in range(RESAMPLES // CHUNK):
-        indices = [rng.integers(g.shape[-1], size=(CHUNK, g.shape[-1])) for g in runs]
-        samples = [group[..., index] for group, index in zip(runs, indices, strict=True)]
+        indices = [rng.integers(r.shape[-1], size=(CHUNK, r.shape[-1])) for r in runs]
+        samples = [results[..., index] for results, index in zip(runs, indices, strict=True)]
         statistics.append(statistic(samples))
-    spread = np.concatenate(statistics, axis=-1)
-    spread.sort(axis=-1)  # no interpolation: before the first layout a score is -inf
-    return Estimate(value, (spread[..., EXCLUDED], spread[..., -1 - EXCLUDED]))
+    resampled = np.concatenate(statistics, axis=-1)
+    resampled.sort(axis=-1)  # not np.percentile, which interpolates: scores may be -inf
+    return Estimate(value, (resampled[..., EXCLUDED], resampled[..., -1 - EXCLUDED]))

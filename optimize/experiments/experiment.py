@@ -1,4 +1,4 @@
-"""Experiment: the results of many tasks as one table, beside the best known scores."""
+"""Experiment: results of many tasks, compared with each other and with the best known scores."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from optimize.experiments.estimates import Estimate, improvement, interquartile_
 from optimize.experiments.task import Task, TaskResult
 
 SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
-CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
+CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace that measure time
 CURVE_POINTS, SHORTFALL_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
-EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # first time of the curves of shortfalls
+EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # least time of the curves of shortfalls
 KnownScore = Callable[[TaskResult], float]
 """Function that returns the best score known beforehand of a result's problem; -inf for none."""
 
@@ -45,11 +45,11 @@ class Experiment:
     results
         Results that are available, in the order of the tasks.
     best
-        Best known score by problem, with which scores are normalised and compared.
+        Best known score of each problem, by which scores are normalised and compared.
     failures
         Tasks that failed.
     interrupted
-        True after Ctrl-C.
+        True if Ctrl-C ended the experiment.
     """
 
     tasks: tuple[Task, ...]
@@ -67,7 +67,7 @@ class Experiment:
 
     @property
     def methods(self) -> list[str]:
-        """Names of the methods, in the order of the tasks."""
+        """Names of the methods that have results, in the order of the tasks."""
         return list(dict.fromkeys(r.method for r in self.results))
 
     @property
@@ -79,16 +79,16 @@ class Experiment:
 
     @property
     def keys(self) -> list[str]:
-        """Names of the labels: the settings that a sweep varies."""
+        """Names of the settings that a sweep varies; empty for other experiments."""
         return list(self.results[0].labels)
 
     @property
     def clock(self) -> str:
-        """Measure of the limit of a run: "seconds", or the repeatable "evaluations"."""
+        """Key of `CLOCKS` by which runs are limited; with "evaluations" they are reproducible."""
         return "seconds" if self.tasks[0].budget is None else "evaluations"
 
     def describe_seeds(self, statistic: str) -> str:
-        """Return the number of seeds in words, after the name of a statistic over them."""
+        """Return the number of seeds in words, after a statistic such as "medians over"."""
         number = len({r.seed for r in self.results})
         return "one seed" if number == 1 else f"{statistic} {number} seeds"
 
@@ -97,9 +97,17 @@ class Experiment:
         return [r for r in self.results if r.method == method and problem in (None, r.problem)]
 
     def best_steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:
-        """Return times (K,) and best scores (K,) of a run, at every improvement and at the end."""
+        """Return times (K,) and best scores (K,) of a run, at every improvement and at the end.
+
+        Parameters
+        ----------
+        result
+            Result of the run.
+        clock
+            Key of `CLOCKS` for the times; None for that of the limit.
+        """
         trace = np.array(result.trace, dtype=np.float64)
-        return trace[:, CLOCKS[clock or self.clock]], trace[:, 3]
+        return trace[:, CLOCKS[clock or self.clock]], trace[:, -1]
 
     def best_scores(self, result: TaskResult, times: Floats, clock: str | None = None) -> Floats:
         """Return the best scores (T,) of a run at each time; -inf before its first layout.
@@ -109,7 +117,7 @@ class Experiment:
         result
             Result of the run.
         times
-            (T,) times.
+            (T,) times on the clock.
         clock
             Key of `CLOCKS`; None for that of the limit.
         """
@@ -120,7 +128,7 @@ class Experiment:
     # shortfalls from the best known -------------------------------------------------------------
 
     def shortfall(self, result: TaskResult) -> float | None:
-        """Return the relative shortfall of a result; None if the best known score is zero."""
+        """Return the shortfall of a result, relative to the best known score; None if that is 0."""
         best = self.best[result.problem]
         return None if best == 0.0 else (best - result.score) / abs(best)
 
@@ -130,13 +138,13 @@ class Experiment:
         return np.maximum((best - self.best_scores(result, times)) / abs(best), SMALLEST_SHORTFALL)
 
     def time_to(self, result: TaskResult, shortfall: float) -> float:
-        """Return the time when a run first had at most a relative shortfall; inf if never."""
+        """Return the first time at which a run had at most a relative shortfall; inf if never."""
         best = self.best[result.problem]
         times, scores = self.best_steps(result)
         return first_time(times, scores >= best - shortfall * abs(best))
 
     def curve_times(self) -> Floats:
-        """Return times, evenly spread over the logarithm of the clock up to the limit of a run."""
+        """Return times (T,) up to the limit of a run, evenly spaced in the logarithm."""
         first = max(EARLIEST[self.clock], min(self.best_steps(r)[0][0] for r in self.results))
         limit = self.tasks[0].budget or self.tasks[0].seconds or 0.0
         return np.geomspace(first, max(limit, 2.0 * first), SHORTFALL_POINTS)
@@ -144,23 +152,31 @@ class Experiment:
     # normalised scores --------------------------------------------------------------------------
 
     def normalise(self, result: TaskResult, scores: Floats | float) -> Floats:
-        """Normalise scores on the problem of a result; 0 if no gain is possible."""
+        """Return normalised scores on the problem of a result; 0 if the best known is no better.
+
+        Parameters
+        ----------
+        result
+            Result of a run on the problem.
+        scores
+            Scores of any shape.
+        """
         scores = np.asarray(scores, dtype=np.float64)
-        possible = self.best[result.problem] - result.uniform_score
-        if not possible > 0.0:
+        largest = self.best[result.problem] - result.uniform_score
+        if not largest > 0.0:
             return np.zeros_like(scores)
-        return (scores - result.uniform_score) / possible
+        return (scores - result.uniform_score) / largest
 
     def final_scores(self, method: str, problem: str | None = None) -> list[Floats]:
-        """Return the normalised scores (R,) of the final layouts, by problem."""
+        """Return the normalised scores (R,) of the final layouts on each problem, or on one."""
         return _by_problem(self.runs(method, problem), lambda r: self.normalise(r, r.score))
 
     def mean_score(self, method: str, problem: str | None = None) -> Estimate:
-        """Estimate the interquartile mean of the normalised scores of the final layouts."""
+        """Estimate the interquartile mean of the normalised scores, on all problems or on one."""
         return interquartile_mean(self.final_scores(method, problem))
 
     def improvement(self, first: str, second: str) -> Estimate | None:
-        """Estimate the probability that a run of one method is better than one of another.
+        """Estimate the probability that a run of the first method is better than one of the second.
 
         It is the mean over the problems on which both have runs; None if there is none.
         """
@@ -171,7 +187,7 @@ class Experiment:
         return improvement(*scores)
 
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
-        """Return the interquartile mean of the normalised scores after a time.
+        """Return the interquartile mean of the normalised best scores after a time.
 
         Parameters
         ----------
@@ -185,7 +201,7 @@ class Experiment:
         Returns
         -------
         float
-            -inf if some runs have no layout yet.
+            The mean; -inf if runs that count in it have no layout yet.
         """
         times = np.array([seconds])
 
@@ -208,12 +224,13 @@ class Experiment:
         problem
             Name of a problem; None for all.
         earliest
-            Least time of the curve.
+            Least time of the curve, on the clock.
 
         Returns
         -------
         times : ndarray
-            (T,) from the time when all runs have scored a layout to the end of the last run.
+            (T,) from the time when all runs have scored a layout to the end of the last run, evenly
+            spaced in the logarithm.
         mean : Estimate
             (T,) interquartile means.
         """
@@ -225,12 +242,20 @@ class Experiment:
         return times, interquartile_mean([group.T for group in scores])
 
     def seconds_past_uniform(self, result: TaskResult) -> float:
-        """Return the time when a run passed the uniform baseline [s]; inf if never."""
+        """Return the time at which a run exceeded the uniform baseline [s]; inf if never."""
         times, scores = self.best_steps(result, "seconds")
         return first_time(times, self.normalise(result, scores) > 0.0)
 
     def rank(self, first: Collection[str], problem: str | None = None) -> list[str]:
-        """Return the methods by score, the best first, those in `first` before all others."""
+        """Return the methods in the order of their mean scores, the best first.
+
+        Parameters
+        ----------
+        first
+            Methods that come before all others.
+        problem
+            Name of a problem; None for all.
+        """
         methods = [m for m in self.methods if self.runs(m, problem)]
         return sorted(
             methods, key=lambda m: (m not in first, -float(self.mean_score(m, problem).value))
@@ -238,7 +263,7 @@ class Experiment:
 
 
 def first_time(times: Floats, condition: np.ndarray) -> float:
-    """Return the first time at which a condition holds; inf if it never does."""
+    """Return the first of times (K,) at which a condition (K,) holds; inf if it never does."""
     return float(times[condition.argmax()]) if condition.any() else np.inf
 
 
@@ -248,16 +273,16 @@ def best_of_problems(
     *,
     fixed: bool = False,
 ) -> dict[str, float]:
-    """Return the best known score of each problem.
+    """Return the best known score of each problem, by its name.
 
     Parameters
     ----------
     results
         Results of all runs.
     known_score
-        Function that returns the best score known beforehand; see `KnownScore`.
+        See `KnownScore`.
     fixed
-        True to keep a known score even if a result is better.
+        True to keep the score known beforehand, if there is one, even if a result is better.
     """
     best: dict[str, float] = {}
     for problem, runs in group_runs(results, "problem").items():
@@ -268,13 +293,13 @@ def best_of_problems(
 
 
 def _by_problem(runs: Iterable[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:
-    """Return the values of runs as an array for each problem."""
+    """Return the values of the runs on each problem, as an array."""
     groups = group_runs(runs, "problem").values()
     return [np.array([value(run) for run in group]) for group in groups]
 
 
 def group_runs(runs: Iterable[TaskResult], *names: str) -> dict[Any, list[TaskResult]]:
-    """Return runs by one or several of their attributes."""
+    """Group runs by the value of an attribute, or by the tuple of the values of several."""
     groups: dict[Any, list[TaskResult]] = {}
     for run in runs:
         groups.setdefault(attrgetter(*names)(run), []).append(run)

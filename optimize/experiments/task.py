@@ -24,19 +24,19 @@ from optimize.searching import compile_simulations, find_baseline, search
 Label = float | int | str
 Sizes = tuple[float, ...]
 
-CACHED_SCENES = 32  # in each process, with their uniform baselines: several tasks share a scene
+CACHED_SCENES = 32  # of each process, with their uniform baselines: several tasks share a scene
 
 
 class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of a task: plain numbers, which JSON restores bitwise.
+    """Result of a task: plain data, which JSON restores bitwise.
 
-    It is reproducible under a budget of evaluations, except `seconds`, those in `trace`, and
-    `versions`.
+    It is bitwise reproducible under a budget of evaluations, except `seconds`, those in `trace`,
+    and `versions`.
 
     Attributes
     ----------
     key, scene_name, method, seed, labels
-        Those of the task.
+        See `Task`.
     score, uniform_score
         Scores of the best layout, and of the uniform baseline.
     gain
@@ -46,16 +46,18 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     mean_speed
         Speed of that wave [m/s]; 0 if it stops.
     spacing, thickness, height
-        (N-1,), (N,), (N,): the best layout [m].
+        Gaps (N-1,), thicknesses (N,) and heights (N,) of the best layout [m]; empty if there is
+        none.
     evaluations, falls, seconds
-        Number of simulated layouts, number of simulated intervals between hits, and time [s].
+        Number of scored layouts (in the benchmark of `agents`: of placed dominoes), number of
+        simulated intervals between hits, and time [s].
     trace
-        (evaluations, intervals, seconds, best score) at every improvement and at the end.
+        (evaluations, falls, seconds, best score) at every improvement and at the end.
     simulations, gradients, updates
         Number of simulated layouts, of those that were simulated with their gradient, and of
         updates of a policy.
     versions
-        Versions of all software that the result may depend on.
+        Version of each software that the result may depend on, by name.
     scene
         Scene of the task as TOML text, with which the layout can be simulated again.
     """
@@ -85,7 +87,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def problem(self) -> str:
-        """Name of the problem: the labels of a point of a sweep, else the name of the scene."""
+        """Name of the problem: the labels if there are any, else the name of the scene."""
         return describe_labels(self.labels) or self.scene_name
 
     @property
@@ -110,7 +112,7 @@ class Task:
     method, seed, budget, seconds
         See `optimize.search`; under a limit of seconds the result is not bitwise reproducible.
     labels
-        Values that identify the task among others, such as {"physics.friction": 0.1}.
+        Settings of a point of a sweep, such as {"physics.friction": 0.1}; empty otherwise.
     """
 
     scene: str
@@ -122,12 +124,12 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Digest of everything that determines the result; the labels do not."""
+        """Digest of everything that determines the result, so not of the labels."""
         return digest([self.scene, self.method, self.seed, self.budget, self.seconds])
 
     @property
     def name(self) -> str:
-        """Labels or scene, method and seed in words."""
+        """Name of the task: labels or scene, method and seed."""
         problem = describe_labels(self.labels) or self.scene_name
         return f"{problem}, {self.method}, seed {self.seed}"
 
@@ -149,18 +151,23 @@ class Task:
         clock
             See `optimize.search`.
 
+        Returns
+        -------
+        TaskResult
+            Result of the complete search.
+
         Raises
         ------
         ValueError
             See `optimize.search`.
         KeyboardInterrupt
-            If the search was interrupted: its result is not that of the task.
+            If the search was interrupted, as its result is not that of the task.
         """
         scene, seconds_before = scene_with_baseline(self.scene, self.seconds, clock)
         gradients = 0
 
         def count(evaluator: Evaluator) -> None:
-            nonlocal gradients
+            nonlocal gradients  # of which each counts GRADIENT_COST in the effort
             gradients = (evaluator.effort - evaluator.evaluations) // (GRADIENT_COST - 1)
 
         result = search(
@@ -175,7 +182,7 @@ class Task:
         )  # fmt: skip
 
     def software_versions(self) -> dict[str, str]:
-        """Return the versions of all software that a result may depend on."""
+        """Return the version of each software that a result may depend on, by name."""
         return versions()
 
     def make_result(
@@ -192,36 +199,36 @@ class Task:
         Parameters
         ----------
         trace
-            See `TaskResult`; its last entry has the effort of the run.
+            See `TaskResult`; its last entry has the totals of the run.
         score, uniform_score, gain
             See `TaskResult`.
         wave
             Wave of the best layout; None if there is no layout.
         work
-            Numbers of simulations, gradients and updates.
+            `simulations`, `gradients` and `updates`, see `TaskResult`.
         """
         values: dict[str, Any] = dict(work)
         if wave is not None:
             values |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
             for part in ("spacing", "thickness", "height"):
                 values[part] = tuple(getattr(wave.layout, part).tolist())
-        steps = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
+        entries = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
         return TaskResult(
             key=self.key, scene_name=self.scene_name, method=self.method, seed=self.seed,
             score=float(score), uniform_score=float(uniform_score),
             gain=None if gain is None else float(gain),
-            evaluations=steps[-1][0], falls=steps[-1][1], seconds=steps[-1][2], trace=steps,
+            evaluations=entries[-1][0], falls=entries[-1][1], seconds=entries[-1][2], trace=entries,
             labels=self.labels, versions=self.software_versions(), scene=self.scene, **values,
         )  # fmt: skip
 
 
 def describe_labels(labels: Mapping[str, Label]) -> str:
-    """Return labels in words."""
+    """Return labels as text, "key = value" each; empty without labels."""
     return ", ".join(f"{key} = {value}" for key, value in labels.items())
 
 
 def digest(values: list[object]) -> str:
-    """Return a short digest of plain data."""
+    """Return 32 hexadecimal digits that identify plain data."""
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:32]
 
 
@@ -231,8 +238,8 @@ def scene_with_baseline(
 ) -> tuple[Scene, float]:
     """Return a scene with its uniform baseline, and the time that the baseline took [s].
 
-    The baseline is computed once for all runs in this process, and its time counts into the limit
-    of each.
+    The baseline is computed once for all runs in this process, and its time counts towards the
+    limit of each.
 
     Parameters
     ----------
@@ -250,5 +257,5 @@ def scene_with_baseline(
 
 @lru_cache(CACHED_SCENES)
 def read_scene(text: str) -> Scene:
-    """Return the scene of a TOML text."""
+    """Return the scene of a TOML text, without its uniform baseline."""
     return parse_scene(text, "scene", "scene")

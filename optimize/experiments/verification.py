@@ -19,31 +19,31 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_uniform_on, gain
 from optimize.experiments.best_known import BestKnown
 
-MAX_COUNT = 100  # dominoes of a long layout that are simulated, from the first
+MAX_COUNT = 100  # only so many dominoes of a long layout are simulated, from the first
 RTOL = 2e-4  # relative tolerance of the arrival times
 
 
-def verify_records(
-    records: dict[str, BestKnown],
+def verify_best_known(
+    entries: dict[str, BestKnown],
     scenes: dict[str, Scene],
     floors: Sequence[float],
     engine: bool = False,
     report: Callable[[str], object] = print,
 ) -> dict[str, Verified]:
-    """Simulate every layout on fixed pivots and on every floor, on all cores.
+    """Simulate best known layouts and uniform baselines on fixed pivots and floors, on all cores.
 
     Parameters
     ----------
-    records
+    entries
         Best known layouts, by the names of their scenes.
     scenes
-        These scenes.
+        These scenes, by name.
     floors
-        Friction of each floor.
+        Coulomb coefficient of each floor.
     engine
         True to simulate the best known layouts with the third-party engine too.
     report
-        Function that is called with a line for each finished layout.
+        Function that is called with a line of text for each finished scene.
 
     Returns
     -------
@@ -54,17 +54,17 @@ def verify_records(
     pool = ThreadPoolExecutor(allowed_threads())
     try:
         jobs = {
-            (name, floor): pool.submit(_waves, scenes[name], record.layout, floor, engine)
-            for name, record in records.items()
+            (name, floor): pool.submit(_simulate, scenes[name], entry.layout, floor, engine)
+            for name, entry in entries.items()
             for floor in all_floors
         }
         verifications = {}
-        for name, record in records.items():
+        for name, entry in entries.items():
             scene, waves = scenes[name], [jobs[name, floor].result() for floor in all_floors]
             fixed = waves[0][0]
             verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
             verifications[name] = Verified(
-                digest=digest(record.layout, scene.physics), count=record.layout.count,
+                digest=digest(entry.layout, scene.physics), count=entry.layout.count,
                 first=fixed.layout.count, verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),
             )  # fmt: skip
@@ -75,7 +75,7 @@ def verify_records(
 
 
 def _shorten(layout: Layout) -> Layout:
-    """Return the first dominoes of a layout."""
+    """Return the first `MAX_COUNT` dominoes of a layout."""
     dominoes, pairs = slice(MAX_COUNT), slice(MAX_COUNT - 1)
     return Layout(
         layout.spacing[pairs], layout.thickness[dominoes], layout.height[dominoes], layout.width,
@@ -83,11 +83,15 @@ def _shorten(layout: Layout) -> Layout:
     )  # fmt: skip
 
 
-def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> list[RigidWave]:
-    """Simulate the best known and the uniform baseline on a floor, the engine the best known."""
+def _simulate(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> list[RigidWave]:
+    """Return the waves of the best known layout and of the uniform baseline on a floor.
+
+    floor: Coulomb coefficient; None for fixed pivots. engine: if True, a third wave is that of the
+    best known layout in the third-party engine.
+    """
     physics, best = scene.physics, _shorten(layout)
     baseline = _shorten(scene.uniform().layout)
-    # the baseline of fixed pivots may be the better one: the search is less accurate
+    # the baseline of fixed pivots may be faster, as the search on the floor is less accurate
     layouts = {id(layout): layout for layout in (best_uniform_on(scene, baseline, floor), baseline)}
     waves = [simulate_standing(layout, physics, floor, RTOL) for layout in layouts.values()]
     fastest = min(waves, key=lambda wave: wave.arrival_times[-1] / wave.layout.length)
@@ -96,7 +100,7 @@ def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> l
 
 
 def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
-    """Return the checks of the waves on a floor, in the order of `_waves`."""
+    """Return the checks of the waves of `_simulate`, in their order."""
     checks = []
     for k, rigid in enumerate(waves):
         wave = simulate(rigid.layout, scene.physics)
@@ -104,13 +108,13 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         in_speed = scene.unit == "m/s"
         if not rigid.mean_speed:
             score = f"stops after {rigid.hit} dominoes"
-        elif in_speed:  # also where the score is a mean over placement errors
+        elif in_speed:  # also if the score is a mean over placement errors
             score = f"{rigid.mean_speed:.4f} m/s"
         else:
             rigid_wave = replace(wave, arrival_times=rigid.arrival_times)
             placed = scene.as_placed  # the layout as simulated, without further placement errors
             score = placed.format_score(placed.score(rigid_wave), rigid_wave)
-        # a layout of which a domino does not topple has no gain
+        # a layout has a gain only if all of its dominoes topple
         is_compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if is_compared else None
         checks.append(Check(

@@ -8,7 +8,7 @@ import domino_env as de
 from domino_env.core.tables import fill_tables
 from domino_env.rigid import known
 from optimize.experiments.best_known import best_known
-from optimize.experiments.verification import verify_records
+from optimize.experiments.verification import verify_best_known
 
 STORED = known.read_verified()
 AGAIN = "run: domino best-known --verify --update && python docs/verified.py --stored"
@@ -45,7 +45,7 @@ def test_a_layout_is_known_under_its_own_physics_only():
 def test_a_verification_repeated_agrees_with_the_stored_one(tmp_path):
     name, lines = "tempo", []  # needs no uniform layouts on floors
     record, scene = best_known()[name], de.load_scene(name)
-    verified = verify_records({name: record}, {name: scene}, [0.5], report=lines.append)[name]
+    verified = verify_best_known({name: record}, {name: scene}, [0.5], report=lines.append)[name]
     for check, stored in zip(verified.floors, STORED[name].floors[::2], strict=True):
         assert check.floor == stored.floor
         assert check.last == pytest.approx(stored.last, abs=4e-4)  # of both uncertainties

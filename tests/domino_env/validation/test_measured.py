@@ -105,14 +105,14 @@ def test_the_reasons_name_the_evidence():
 
 def test_effects_are_as_large_as_simulated_layouts_have_them():
     setting = SOURCES["toronto"].setting
-    assert measured.uneven_gaps(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
-    narrow = [measured.uneven_gaps(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
+    assert measured.uneven_gap_factor(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
+    narrow = [measured.uneven_gap_factor(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
     assert 1.0 > narrow[0] > narrow[1] > 0.9
-    assert narrow[1] < measured.uneven_gaps(0.02, setting, 0.03, 0.2) < 1.001
+    assert narrow[1] < measured.uneven_gap_factor(0.02, setting, 0.03, 0.2) < 1.001
     setting = SOURCES["camera"].setting
-    assert measured.sliding_feet(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
-    assert measured.sliding_feet(0.3, setting, 0.017, 0.05) > 1.02
-    assert measured.sliding_feet(1.0, setting, 0.0508, 0.05) < 0.9
+    assert measured.floor_factor(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
+    assert measured.floor_factor(0.3, setting, 0.017, 0.05) > 1.02
+    assert measured.floor_factor(1.0, setting, 0.0508, 0.05) < 0.9
 
 
 def test_the_page_shows_the_results_of_the_command():
