@@ -31,11 +31,11 @@ class DominoChain(DominoEnv):
 
     ## Description
     A scene fixes the number of dominoes in the chain and what may be chosen: the gaps between
-    them, their thickness, or both. The scene also gives the first domino, which is pushed at time
-    0. Each step places the next domino and simulates the fall of the leading domino until it hits
-    this domino. Dominoes placed later do not change earlier motion, so the environment is an exact
-    Markov decision process. The layout is simulated to the given tolerance, and a step takes
-    microseconds.
+    them, their thicknesses, their growth in height, or several of these. The scene also gives the
+    first domino, which is pushed at time 0. Each step places the next domino and simulates the fall
+    of the leading domino until it hits this domino. Dominoes placed later do not change earlier
+    motion, so the environment is an exact Markov decision process. The layout is simulated to the
+    given tolerance, and a step takes microseconds.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`, with the entries of this table that the scene leaves free, in this
@@ -50,7 +50,7 @@ class DominoChain(DominoEnv):
     The scene's rules narrow the bounds, so every layout that can be built satisfies them.
 
     - A total length: with a length R left and m dominoes to place after this one, the pitch (gap
-      and thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
+      plus thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
       smallest thickness). The thickness is bounded so that a gap exists for such a pitch, and the
       gap is bounded for the chosen thickness; the last pitch is the remaining length.
       `bounds_ahead()` returns these bounds.
@@ -63,14 +63,15 @@ class DominoChain(DominoEnv):
 
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
-    number of dominoes, k the number placed after the first, W the window. `observation_layout` maps
-    each part to its slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
+    number of dominoes, k the number placed after the first, W the window, K the number of different
+    thicknesses in the stock, F that of the features. `observation_layout` maps each part to its
+    slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
 
     | part        | size | meaning                                                  | range     |
     |-------------|------|----------------------------------------------------------|-----------|
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
     | lead        | 1    | lead over a wave at the reference speed, over 10 h       | -100, 100 |
-    | speed       | 1    | mean speed over the reference speed, - 1; 0 at first     | -1, 20    |
+    | speed       | 1    | mean speed over the reference speed, minus 1; 0 at first | -1, 20    |
     | lateness    | 1    | delay of the last hit from the schedule, over three      | -1, 1     |
     |             |      | tolerances                                               |           |
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
@@ -136,8 +137,8 @@ class DominoChain(DominoEnv):
     return 100 times its gain over the uniform baseline on this floor. `score` and `gain` in the
     info are those of the free-standing layout, `outcome` and `wave` those of the analytic wave. If
     the analytic wave stops, the episode ends. With forty dominoes (`table`) an episode takes some
-    130 ms of one core instead of 0.4; layouts that end on the same step of a batch are distributed
-    over all threads.
+    130 ms of one core instead of 0.4 ms; layouts that end on the same step of a batch are
+    distributed over all threads.
 
     ## Starting state
     Only the first domino is placed. `reset(options={"layout": layout})` starts from a layout of

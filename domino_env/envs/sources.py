@@ -197,7 +197,7 @@ class SceneSource:
         self.uniform_left[i, : scene.count] = np.transpose(left)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=8)  # distributions
 def shared_pool(distribution: SceneDistribution) -> ScenePool:
     """Return the pool of a distribution, which all environments of this process share."""
     return ScenePool(distribution)
