@@ -33,10 +33,10 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (  # names, and arguments
 )
 
 
-def median_times(*calls: Call, runs: int = 60) -> list[float]:
+def median_times(*calls: Call, turns: int = 60) -> list[float]:
     """Return the median times of calls that take turns [s], after a first turn."""
-    times = np.empty((runs + 1, len(calls)))
-    for turn in range(runs + 1):
+    times = np.empty((turns + 1, len(calls)))
+    for turn in range(turns + 1):
         for k, call in enumerate(calls):
             start = time.perf_counter()
             call()
@@ -81,12 +81,12 @@ def time_long_layouts_and_batches() -> Iterator[str]:
     for count in (1_000, 10_000, 100_000):
         random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
         for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
-            (seconds,) = median_times(partial(de.simulate, layout, de.Physics()), runs=3)
+            (seconds,) = median_times(partial(de.simulate, layout, de.Physics()), turns=3)
             yield format_line(f"{count} {name}, per domino", seconds / count)
     spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
     for rtol in (1e-4, 1e-6, 1e-8):
         batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
-        each = median_times(batch, runs=7)[0] / len(spacing)
+        each = median_times(batch, turns=7)[0] / len(spacing)
         name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
         yield format_line(name, each, f"{1.0 / each:,.0f} layouts per second")
 
@@ -115,17 +115,17 @@ def time_environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
         actions = [space.sample() for _ in range(1000)]
         batches = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
-            (seconds,) = median_times(partial(_play, env, actions, 10 * steps), runs=7)
+            (seconds,) = median_times(partial(_play, env, actions, 10 * steps), turns=7)
             yield format_line(f"step of one {title}, {kind}", seconds / (10 * steps))
         vector = gymnasium.make_vec(
             name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
         )
         vector.reset(seed=0)
         play = partial(_play_vector, vector, batches, steps)
-        played, simulated = median_times(play, simulation, runs=7)
+        played, simulated = median_times(play, simulation, turns=7)
         each = played / (steps * num_envs)
-        speed = simulated / intervals / each  # over that of the simulation of one interval
-        remark = f"{1.0 / each:,.0f} steps per second, {speed:.2f} of bare simulation"
+        ratio = simulated / intervals / each  # time of an interval over that of a step
+        remark = f"{1.0 / each:,.0f} steps per second, {ratio:.2f} of bare simulation"
         yield format_line(f"step of {num_envs} {title}, per environment", each, remark)
 
 

@@ -22,7 +22,7 @@ from domino_env.physics.wave import Wave, simulate
 from domino_env.view.energy import energies
 
 GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's [m]
-FRICTION, PUSH = 0.25, 5.0 * np.pi
+FRICTION, PUSH = 0.25, 5.0 * np.pi  # Chapman's, the push in rad/s
 PITCHES = (0.016, 0.024, 0.032)  # [m]
 SPEED_UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # [m/s]
 PITCH_LABEL = "thickness d over pitch λ"
@@ -55,9 +55,10 @@ def angular_velocities() -> list[tuple[float, ...]]:
         after, before = float(wave.omega_release), float(wave.omega_impact)
         average = math.asin((pitch - THICKNESS) / HEIGHT) * wave.frequency
         means = math.sqrt(after * before), 0.5 * (after + before)
-        remaining = after / before  # of the leader's speed after a hit: (K-1)/K (eq. 9)
+        remaining = after / before  # fraction of the angular velocity: (K-1)/K (eq. 9)
         per_pitch, per_height = THICKNESS / pitch, THICKNESS / HEIGHT
-        drop = 0.5 * HEIGHT * (1.0 - per_pitch - per_height * math.sqrt(1.0 - per_pitch**2))  # (12)
+        # drop of the centre of mass of a domino between standing and its last lean (eq. 12)
+        drop = 0.5 * HEIGHT * (1.0 - per_pitch - per_height * math.sqrt(1.0 - per_pitch**2))
         square = 6.0 * GRAVITY * drop / (HEIGHT**2 + THICKNESS**2)
         closed_forms = math.sqrt(remaining * square), math.sqrt(square / remaining)
         lines.append((pitch, after, before, average, *means, *closed_forms))
@@ -108,15 +109,15 @@ def markdown() -> str:
 
 
 def draw_interval(axes: Axes) -> None:
-    """Draw the energies of the last 16 dominoes of a stack over one interval between hits."""
+    """Draw the energies of the leading domino and the 15 behind it over one interval."""
     wave, behind = _wave(60), np.arange(16)
-    # a leader with a steady wave, and the step of its angle for rates of the others [rad]
+    # a leader in the steady wave, and the step of its angle from which all rates follow [rad]
     layout, n, step = wave.layout, wave.layout.count - 5, 1e-6
     ends = np.array([0.0, math.asin(layout.spacing[n] / HEIGHT)])
     angles = np.concatenate([ends, ends + step, ends + 2.0 * step])
     lean, before, after = np.split(stack_leans(layout, np.full(6, n), angles), 3)
     mass = layout.density * layout.height * layout.thickness * layout.width
-    centre = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))  # heights
+    centre = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))  # of mass [m]
     released = (centre[0] - centre[1]) * mass * GRAVITY
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     speeds = np.array([[wave.release_velocity[n]], [wave.impact_velocity[n]]])

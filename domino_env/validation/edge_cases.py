@@ -276,7 +276,7 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> CaseResult:
         faults.append(f"expected {' or '.join(outcome.name for outcome in case.expected)}")
     if wave.outcome == right or margin >= UNDECIDED:
         if wave.outcome != right:
-            faults.append(f"outcome {wave.outcome.name}, {right.name} by the {against}")
+            faults.append(f"outcome {wave.outcome.name}, {right.name} in the reference")
         if error > wave.error_estimate + slack:
             faults.append(f"error {error:.1e} above its estimate")
         if wave.converged and error > rtol + slack:

@@ -131,7 +131,7 @@ class Validation:
 
     @property
     def explained(self) -> bool:
-        """True if friction alone explains every chain, and agrees with its own measurement."""
+        """True if friction alone explains every chain, and agrees with a measurement of it."""
         return self.main.holds and "friction-disagrees" not in self.reasons
 
 
@@ -304,6 +304,7 @@ def uneven_gap_factor(deviation: float, setting: Setting, pitch: float, friction
     """
     gap, count, first = pitch - setting.thickness, COUNT_UNEVEN, STEADY_UNEVEN
     noise = np.random.default_rng(SEED).standard_normal((SAMPLES, count - 1))
+    # the first layout is uniform
     gaps = gap + deviation * setting.height * np.vstack([np.zeros(count - 1), noise])
     gaps = np.clip(gaps, NARROWEST * gap, WIDEST * setting.height)
     thickness = np.full(count, setting.thickness)
