@@ -231,7 +231,7 @@ class _Chain:
     def interval(
         self, n: int, a: Number, b: Number, u: Number, whole: Panel | None = None, depth: int = 0
     ) -> tuple[Number, Number]:
-        """Return u at b and the time from a to b; halve panels until they agree with the whole.
+        """Return u at b and the time from a to b; halve panels until the halves agree.
 
         whole: the panel from a to b, if it has been computed. depth: number of halvings so far.
         """
