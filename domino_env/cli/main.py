@@ -132,7 +132,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if not interruption.signal:
             raise
-        # as above
+        # a library raised this for the interruption, while it handled another error
         print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
         return interruption.code
     finally:

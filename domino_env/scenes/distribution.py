@@ -160,8 +160,7 @@ class SceneDistribution:
             if _some_uniform_completes(scene):
                 return numbers
         raise ValueError(
-            f"{self.file}: none of {MAX_SAMPLES:,} sampled scenes can be used: {reason}; change "
-            "the ranges"
+            f"{self.file}: none of {MAX_SAMPLES:,} scenes can be used ({reason}): change the ranges"
         )
 
     def _sample_once(self, rng: np.random.Generator) -> Floats:
@@ -174,7 +173,7 @@ class SceneDistribution:
             if sampled.min_ratio is not None:
                 least = numbers.get((place[0], "min"), self.document[place[0]]["min"])
                 low = max(low, sampled.min_ratio * least)
-            # a whole number is rounded down, so that all of them are equally likely
+            # a count is rounded down, so that the largest is as likely as the others
             end = high + 1 if place == COUNT else high
             if sampled.spread == "log":
                 value = float(np.exp(rng.uniform(*np.log((low, end)))))
@@ -237,6 +236,8 @@ class SceneDistribution:
 
         Raises
         ------
+        TypeError
+            For anything but a scene.
         ValueError
             For a scene that differs from the sampled ones in more than the sampled numbers.
         """

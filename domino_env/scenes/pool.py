@@ -114,11 +114,10 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
         require_choice("beyond", beyond, distribution.features)
         first = BEYOND_TESTS * distribution.features.index(beyond)
         table, label = table[first : first + BEYOND_TESTS], f"beyond-{beyond.replace(' ', '-')}"
-    prefix = f"{distribution.name}-{label}"
     # the last two columns are the point
     return [
-        distribution.scene(numbers[:-2], f"{prefix}-{i}").with_uniform(numbers[-2:])
-        for i, numbers in enumerate(table)
+        distribution.scene(line[:-2], f"{distribution.name}-{label}-{i}").with_uniform(line[-2:])
+        for i, line in enumerate(table)
     ]
 
 

@@ -223,6 +223,7 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
         return bool(evaluated) and time.perf_counter() > start + seconds
 
     def score(points: Floats, _: float) -> Floats:
+        # one layout for each thread at a time
         for piece in np.array_split(points, -(-len(points) // allowed_threads())):
             scores = layouts.scores(piece, FREE_STANDING.rtol, is_late)
             evaluated.extend(zip(scores.tolist(), piece, strict=True))
@@ -234,11 +235,11 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
     chosen = _separate_points(points, analytic.scores(points, FULL.rtol), cell, FREE_STANDING.line)
     try:
         point = _search(layouts, FREE_STANDING, score, points[chosen])
-        return point, next(value for value, at in evaluated if np.array_equal(at, point))
+        return point, next(value for value, other in evaluated if np.array_equal(other, point))
     except StoppedError:
         notice(f"the uniform baseline is approximate: its search on a floor took {seconds:g} s")
-        best, point = max(evaluated, key=lambda entry: entry[0])
-        return point, best
+        best_score, point = max(evaluated, key=lambda entry: entry[0])
+        return point, best_score
 
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:

@@ -53,7 +53,7 @@ def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[Waves, NDAr
     window = n // WINDOW
     velocities = batch.release_velocity[:, -window:]
     is_steady = np.ptp(velocities, axis=1) <= change * velocities[:, -1]
-    # the last domino of a prefix hits no other: how its fall ends shows in a longer prefix only
+    # whether the last domino of a prefix hits the next one shows only in a longer prefix
     is_final = np.where(waves.propagated, is_steady, waves.reach * n < n - 1)
     times = np.where(waves.propagated[:, None], batch.arrival_times, 0.0)
     interval = (times[:, -1] - times[:, -1 - window]) / window
