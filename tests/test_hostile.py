@@ -48,7 +48,7 @@ EXPECTED: dict[str, str | None] = {
     "sounds/constant.wav": "the recording has no sound that begins or ends",
     "sounds/head_only.wav": "it ends early or is broken",
     "sounds/torn_frame.wav": "cut off amid a sample",
-    "runs/trace_not_finite.csv": "line 2, best_score: give a finite number",
+    "runs/trace_not_finite.csv": "line 2, best_score = nan: give a finite number",
     "runs/trace_without_scores.csv": "best_score",
     "runs/verification_number.json": "engine = 1: give a line of text",
     "runs/verification_script.json": None,
@@ -184,7 +184,7 @@ LONG, FAR = de.Layout([0.02] * 5000, 0.0075), de.Layout([3e5], 1e5, height=1e6, 
     (lambda: listen(np.zeros(1000), 44100), "the recording is silent"),
     (lambda: strips(FAR), "a layout of .* m takes .* sheets of paper"),
     (lambda: strips(FAR, "b5"), "paper = 'b5': choose one of a4, letter"),
-    (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "a4 paper takes at most"),
+    (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "width = 0.5 m: give at most"),
 ])  # fmt: skip
 def test_what_cannot_be_drawn_or_heard_is_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=words):

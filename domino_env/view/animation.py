@@ -1,4 +1,4 @@
-"""Animation: chains that topple side by side, as frames at equal steps of time."""
+"""Animations of chains that topple one below the other, and pictures of several moments."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
 from domino_env.view.comparison import ComparedLayout, require_compared
-from domino_env.view.drawing import AHEAD, Scale, draw_strip, draw_title, palette, stack_strips
+from domino_env.view.drawing import MAX_PLACE, Scale, draw_strip, draw_title, palette, stack_strips
 from domino_env.view.ground import relief
 
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
 MAX_WIDTH = 10_000  # [px]
-MAX_PIXELS = 500_000_000  # pixels of all images, one byte each in few colours
+MAX_PIXELS = 500_000_000  # of all images of a file; a GIF keeps one byte per pixel in memory
 STRIP_HEIGHT, POSE_HEIGHT = 150, 100  # [px] on flat ground, in an animation and in poses
-MAX_LEADER_PLACE = 0.97  # of the width of a picture of poses
-LAST_DURATION = 2000.0  # [ms] duration of the last image of an animation
-REST = 0.08  # [s] before the push and after the end, in the time of the wave
+MAX_POSE_PLACE = 0.97  # largest place of the leader in poses, as a fraction of the width
+LAST_DURATION = 2000.0  # [ms] duration of the last image of a GIF
+REST = 0.08  # [s] shown before the push and after the end, in the time of the wave
 
 
 def frames(
@@ -35,9 +35,9 @@ def frames(
     width: int = 1000,
     heading: str = "",
 ) -> Iterator[Image.Image]:
-    """Draw chains that topple at once, one below the other, until all lie.
+    """Draw chains that topple at once, one below the other, until the last wave has ended.
 
-    All chains have one scale and one camera, and a finish line at their last pivots.
+    All chains have one scale and one camera. A dashed line marks the last pivot of each.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ def frames(
     rate
         Images per second.
     slow
-        Time in the film over time in nature.
+        Time in the film over time of the wave, the time factor.
     width
-        Width of an image [px], even.
+        Width of an image [px], even, from 200 to 10 000.
     heading
-        Text above all chains, followed by the time factor; empty for none.
+        Text above all chains, with the time factor at its right; empty for neither.
 
     Yields
     ------
@@ -60,20 +60,20 @@ def frames(
     Raises
     ------
     ValueError
-        For a rate, time factor or width out of range, for a chain of more than 5 000 dominoes, and
-        for more than 500 million pixels.
+        For no chain, a rate, time factor or width out of range, a chain of more than 5 000
+        dominoes, and more than 500 million pixels.
     """
-    require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
-    require("slow", slow, above=0.0, hint="5 times slower than real time")
+    require("rate", rate, above=0.0, unit="1/s", hint="films have 25")
+    require("slow", slow, above=0.0, hint="5 is five times slower than real time")
     motions, scale = _motions_and_scale(compared, width, STRIP_HEIGHT)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
-    above = [draw_title(heading, pace, width)] if heading else []
+    title = [draw_title(heading, pace, width)] if heading else []
     for t in times:
-        yield stack_strips([*above, *_strips(compared, motions, float(t), scale, AHEAD)])
+        yield stack_strips([*title, *_strips(compared, motions, float(t), scale, MAX_PLACE)])
 
 
 def poses(
@@ -86,9 +86,9 @@ def poses(
     compared
         The chains.
     moments
-        Number of moments, at equal intervals while the waves run.
+        Number of moments, at equal intervals up to the last hit of all chains.
     width
-        Width of the picture [px], even.
+        Width of the picture [px], even, from 200 to 10 000.
     heading
         Text above all chains; empty for none.
 
@@ -100,7 +100,8 @@ def poses(
     Raises
     ------
     ValueError
-        For less than one moment, and as of `frames`.
+        For no chain, less than one moment, a width out of range, a chain of more than 5 000
+        dominoes, and more than 500 million pixels.
     """
     require("moments", moments, 1, whole=True)
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
@@ -109,24 +110,52 @@ def poses(
     strips = [draw_title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
-        strips += _strips(compared, motions, t, scale, MAX_LEADER_PLACE)
+        strips += _strips(compared, motions, t, scale, MAX_POSE_PLACE)
     return stack_strips(strips)
 
 
 def require_drawable(name: str, count: int) -> None:
-    """Raise ValueError for a chain with too many dominoes to draw each."""
+    """Raise an error for a chain with too many dominoes to draw.
+
+    Parameters
+    ----------
+    name
+        Name of the chain, the first word of the message.
+    count
+        Number of its dominoes.
+
+    Raises
+    ------
+    ValueError
+        For more than 5 000 dominoes.
+    """
     if count > MAX_DOMINOES:
         raise ValueError(f"{name}: {count:,} dominoes: give at most {MAX_DOMINOES:,} to draw")
 
 
 def write_png(image: Image.Image, path: Path) -> None:
-    """Write a picture in few colours as a PNG file."""
-    write_bytes(path, lambda file: _in_few_colours(image).save(file, "PNG", optimize=True))
+    """Write a picture as a PNG file with the colours of `palette`."""
+    write_bytes(path, lambda file: _with_palette(image).save(file, "PNG", optimize=True))
 
 
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write an animated GIF, and return its number of images."""
-    first, *rest = map(_in_few_colours, images)
+    """Write an animated GIF with the colours of `palette`.
+
+    Parameters
+    ----------
+    images
+        Images of one size, at least one.
+    path
+        Output file.
+    rate
+        Images per second; the last one is shown for two seconds.
+
+    Returns
+    -------
+    int
+        Number of images.
+    """
+    first, *rest = map(_with_palette, images)
     durations = [1000.0 / rate] * len(rest) + [LAST_DURATION]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     options |= {"save_all": True, "append_images": rest}
@@ -135,12 +164,26 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
 
 
 def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write a film, and return its number of images.
+    """Write an MP4 film.
+
+    Parameters
+    ----------
+    images
+        Images of one size, at least one; width and height are even.
+    path
+        Output file.
+    rate
+        Images per second.
+
+    Returns
+    -------
+    int
+        Number of images.
 
     Raises
     ------
     ImportError
-        Without imageio-ffmpeg; the message names what to install.
+        Without imageio-ffmpeg; the message has the command that installs it.
     """
     require_extra("a film", "render", "imageio_ffmpeg")
     import imageio_ffmpeg
@@ -152,7 +195,7 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
             str(film), first.size, fps=rate, macro_block_size=2, quality=8
         )
         with closing(writer):
-            writer.send(None)
+            writer.send(None)  # the generator of imageio-ffmpeg starts with it
             for image in chain([first], images):
                 writer.send(image.tobytes())
                 number += 1
@@ -160,17 +203,18 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     return number
 
 
-def _in_few_colours(image: Image.Image) -> Image.Image:
+def _with_palette(image: Image.Image) -> Image.Image:
+    """Return an image with the colours of `palette`, one byte per pixel."""
     return image.quantize(palette=palette(), dither=Image.Dither.NONE)
 
 
 def _motions_and_scale(
     compared: Sequence[ComparedLayout], width: int, height: int
 ) -> tuple[list[Motion], Scale]:
-    """Return the motions of chains, and a scale at which all of them fit the width."""
+    """Return the motions of chains, and their common scale in strips of a width and height [px]."""
     require("width", width, 200, MAX_WIDTH, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
-        raise ValueError(f"width = {width} px: give an even number, as films need one")
+        raise ValueError(f"width = {width} px: give an even number, which films need")
     require_compared(compared)
     for entry in compared:
         require_drawable(entry.name, entry.wave.layout.count)
@@ -182,7 +226,7 @@ def _motions_and_scale(
 
 
 def _require_pixels(strips: int, scale: Scale, options: str) -> None:
-    """Raise ValueError for images that take too much memory."""
+    """Raise ValueError for images that take too much memory; options: which make them smaller."""
     pixels = strips * scale.width * scale.height
     if pixels > MAX_PIXELS:
         raise ValueError(
@@ -196,28 +240,29 @@ def _strips(
     motions: Sequence[Motion],
     t: float,
     scale: Scale,
-    ahead: float,
+    max_place: float,
 ) -> list[Image.Image]:
-    """Draw all chains at one instant, at the same places of the picture."""
+    """Draw all chains at an instant [s], with one camera."""
     leaders = [int(motion.leader([t])[0][0]) for motion in motions]
-    # the picture moves only if the longest chain does not fit, with the foremost leader
     longest = max(float(motion.layout.pivots[-1, 0]) for motion in motions)
     tallest = max(float(motion.layout.height.max()) for motion in motions)
     camera = 0.0
+    # The camera follows the foremost leader if the longest chain does not fit the width, as in
+    # `Scale.fitting`, whose margins of 40 px are one more than here against rounding.
     if (longest + 2.0 * tallest) * scale.pixels > scale.width - 39:
-        places = zip(motions, leaders, strict=True)
-        camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in places)
+        leading = zip(motions, leaders, strict=True)
+        camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in leading)
     strips = []
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
         finish = float(motion.layout.pivots[-1, 0])
-        leans, line = motion.angles([t])[0], _status_line(entry, t)
+        leans, text = motion.angles([t])[0], _status_line(entry, t)
         chain = motion.layout, leans, leader, scale
-        strips.append(draw_strip(*chain, line, ahead, camera=camera, finish=finish))
+        strips.append(draw_strip(*chain, text, max_place, camera=camera, finish=finish))
     return strips
 
 
 def _status_line(entry: ComparedLayout, t: float) -> str:
-    """Return the text above a chain: the time up to the last hit, and the speed after it."""
+    """Return the text above a chain at an instant [s]; after the last hit it has the result."""
     wave = entry.wave
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
     end = float(wave.arrival_times[wave.hit - 1])

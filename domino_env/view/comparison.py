@@ -18,8 +18,8 @@ from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
 
-STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
-MARGIN = 1e-5  # part of an interval left out at its ends
+STEPS = 32  # of time in an interval between hits; linear interpolation is within 1e-4 rad
+MARGIN = 1e-5  # fraction of an interval left out at each of its ends
 SIZES = "spacing", "thickness", "height", "positions"  # of a layout
 RUN_FIELDS = "trace", "learning", "verification", "score_text"  # of a compared layout
 
@@ -31,19 +31,20 @@ class ComparedLayout:
     Attributes
     ----------
     name
-        Label.
+        Label on the page.
     wave
-        The wave.
+        Wave of the layout.
     trace
-        (seconds, best score) of the search that found the layout, if there was one.
+        (seconds, best score) of the search that found the layout; None without a search.
     learning
-        (dominoes placed, score of the policy) of the training that made it, if there was one.
+        (dominoes placed, score of the policy) of the training; None without one.
     verification
-        Summary of its `verification.json`, if it was verified.
+        Simulator, verdict and (floor, difference of the last hit) of a verification; None without
+        one.
     score
         Score in the scene; None without a scene, and for a layout that breaks its rules.
     score_text
-        The score as text with its unit.
+        The score as text with its unit; None without a score.
     unit
         Unit of the score.
     """
@@ -59,7 +60,20 @@ class ComparedLayout:
 
 
 def require_compared(compared: Sequence[ComparedLayout]) -> None:
-    """Raise an error without layouts, and for anything but compared layouts."""
+    """Raise an error for an argument that is not a sequence of compared layouts, at least one.
+
+    Parameters
+    ----------
+    compared
+        The argument.
+
+    Raises
+    ------
+    TypeError
+        For another type of sequence or entry.
+    ValueError
+        For an empty sequence.
+    """
     require_type("compared", compared, Sequence, "a list of ComparedLayout")
     if not compared:
         raise ValueError("nothing to show: give at least one layout")
@@ -70,10 +84,23 @@ def require_compared(compared: Sequence[ComparedLayout]) -> None:
 def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     """Return the data of the page.
 
+    Parameters
+    ----------
+    compared
+        Layouts with their waves.
+
+    Returns
+    -------
+    dict
+        `headline`: texts, see `headline`; `best`: index of the best layout, None if there is no
+        choice; `compared`: data of each layout in SI units.
+
     Raises
     ------
+    TypeError
+        For anything else than a sequence of compared layouts.
     ValueError
-        Without a layout, and for a layout of less than two dominoes.
+        Without a layout, and for a layout of one domino.
     """
     require_compared(compared)
     for entry in compared:
@@ -89,9 +116,19 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
 
 
 def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
-    """Return a sentence on the best layout ("winner"), and the results of all ("results").
+    """Return a sentence on the best layout, and the results of all.
 
-    The best layout is that of the best score if every layout has one, else of the best mean speed.
+    The best layout has the best score if every layout has a score, else the best mean speed.
+
+    Parameters
+    ----------
+    compared
+        Layouts with their waves.
+
+    Returns
+    -------
+    dict
+        `winner`: the sentence; `results`: the results from the best layout to the worst.
     """
     scored = all(entry.score is not None for entry in compared)
     by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
@@ -120,7 +157,7 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
 
 
 def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
-    """Return the numbers to rank by: the scores if all layouts have one, else the speeds [m/s]."""
+    """Return the scores if all layouts have one, else the mean speeds [m/s]; more is better."""
     scores = [entry.score for entry in compared if entry.score is not None]
     return scores if len(scores) == len(compared) else [entry.wave.mean_speed for entry in compared]
 
@@ -130,12 +167,13 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
-    # not at the two hits, whose times in the motion differ by rounding
-    part = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
-    times = ends[:-1, None] + part * np.maximum(np.diff(ends), 0.0)[:, None]
+    # Not at the hits themselves: wave and motion give their times with different rounding, so that
+    # another domino could lead.
+    fraction = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
+    times = ends[:-1, None] + fraction * np.maximum(np.diff(ends), 0.0)[:, None]
     leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
-    led = leader == np.arange(wave.hit)[:, None]
-    falls = np.where(led, angle, angle.min(axis=1, keepdims=True))
+    is_leader = leader == np.arange(wave.hit)[:, None]
+    falls = np.where(is_leader, angle, angle.min(axis=1, keepdims=True))
     energy = energies(motion)
     return {
         "name": entry.name,
@@ -156,7 +194,7 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
         "flush_loss": wave.largest_flush_loss,
         "unit": entry.unit,
         "kinetic": [_round_values(values) for values in _kinetic_of_falls(energy)],
-        "energy": {
+        "energy": {  # every fourth sample, for a small page
             name: _round_values(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name in ("time", "released", "kinetic", "hits", "flushes", "friction")
         },
@@ -165,7 +203,7 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
 
 
 def _ground(layout: Layout) -> dict[str, list[Any]]:
-    """Return the pivots, the tilt and the line of the ground."""
+    """Return pivots, tilts, rises of the contacts (`steps`) and the line of the ground."""
     steps = footing.normal_rises(layout.spacing, layout.thickness, layout.rise, layout.tilt)
     return {
         "x": _round_values(layout.pivots[:, 0]),
@@ -179,16 +217,16 @@ def _ground(layout: Layout) -> dict[str, list[Any]]:
 def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     """Return the middle [s] and the mean kinetic energy [J] of each interval between hits.
 
-    Every hit dissipates half of the energy, so curves with all samples would hide each other.
+    The energy drops at every hit, and curves with all samples would hide each other.
     """
     time, kinetic = (x.reshape(-1, PIECES + 1) for x in (energy.time, energy.kinetic))
     begins, ends = time[:, 0], time[:, -1]
-    moves = ends > begins
-    sums = np.trapezoid(kinetic[moves], time[moves], axis=1)
-    return 0.5 * (begins + ends)[moves], sums / (ends - begins)[moves]
+    lasts = ends > begins  # the interval of a leader that stalls at once has no length
+    integrals = np.trapezoid(kinetic[lasts], time[lasts], axis=1)
+    return 0.5 * (begins + ends)[lasts], integrals / (ends - begins)[lasts]
 
 
 def _round_values(values: ArrayLike) -> list[Any]:
-    """Return values with seven digits, enough for a page; None if they are not finite."""
+    """Return values with seven digits, enough for the page; None for one that is not finite."""
     numbers = np.asarray(values, dtype=np.float64)
     return [float(f"{x:.7g}") if np.isfinite(x) else None for x in numbers]

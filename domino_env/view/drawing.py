@@ -1,4 +1,4 @@
-"""Drawing: a falling chain as an image, with Pillow."""
+"""Images of a falling chain, drawn with Pillow. Lengths in the code are in pixels unless marked."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ INK, PALE, SOFT, FALLEN_COLOUR, LEADER_COLOUR = map(
     ImageColor.getrgb, (colours.INK, colours.PALE, colours.SOFT, colours.BLUE, colours.RED)
 )
 TITLE_HEIGHT = 40  # height of the line above all strips [px]
-AHEAD = 0.72  # of the width of a moving picture: largest place of the leader
-ZOOM = 2  # factor by which strips are drawn larger before they are scaled down
-MAX_RELIEF = 2.0  # [strip heights] added for uneven ground; on higher ground the strip follows
+MAX_PLACE = 0.72  # largest place of the leader in a moving picture, as a fraction of its width
+ZOOM = 2  # strips are drawn larger by this factor and scaled down, which smooths their edges
+MAX_RELIEF = 2.0  # [strip heights] added for uneven ground; above it the picture follows the leader
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Scale:
     pixels
         Pixels per metre.
     floor
-        Place of the lowest ground, from the top [px].
+        Distance of the lowest ground from the top of the strip [px].
     room
-        Height of the ground above it [px].
+        Height added to the strip for uneven ground, even [px].
     """
 
     width: int
@@ -64,12 +64,19 @@ class Scale:
         width, height
             Size of the strip on flat ground [px].
         relief
-            Height of the ground above its lowest place [m], which makes the strip higher.
+            Height of the highest ground above the lowest [m], which makes the strip higher.
+
+        Returns
+        -------
+        Scale
+            Scale of the strip.
         """
         margin = 2.0 * tallest
+        # 20 px at both sides, `margin` for the last domino when it lies; the tallest one
+        # takes at most 62 % of the height
         pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
-        room = 2 * round(0.5 * min(relief * pixels, MAX_RELIEF * height))  # even, for films
+        room = 2 * round(0.5 * min(relief * pixels, MAX_RELIEF * height))  # films need even heights
         return cls(width, height + room, pixels, int(0.80 * height) + room, room)
 
 
@@ -78,8 +85,8 @@ def draw_strip(
     leans: Floats,
     leader: int,
     scale: Scale,
-    line: str,
-    ahead: float = AHEAD,
+    text: str,
+    max_place: float = MAX_PLACE,
     ground: Ground | None = None,
     camera: float | None = None,
     finish: float | None = None,
@@ -93,13 +100,13 @@ def draw_strip(
     leans
         Angles from the vertical (N,) [rad].
     leader
-        Number of the leading domino, which has its own colour.
+        Index of the leading domino, which has its own colour.
     scale
         Scale of the layout in the picture.
-    line
+    text
         Text above the chain.
-    ahead
-        Fraction of the width beyond which the picture follows the camera.
+    max_place
+        Largest place of the camera, as a fraction of the width; the picture moves to keep it.
     ground
         Ground ahead of the layout; None if it is unknown.
     camera
@@ -110,25 +117,26 @@ def draw_strip(
     Returns
     -------
     Image
-        Image of the size of the scale.
+        Image of `scale.width` by `scale.height` pixels.
     """
+    # enlarged: width and height [px], pixels per metre k; left, base: pixels of x = 0 and z = 0
     w, h, k = scale.width * ZOOM, scale.height * ZOOM, scale.pixels * ZOOM
     image = Image.new("RGB", (w, h), BACKGROUND)
     draw = ImageDraw.Draw(image)
     pivots = layout.pivots
-    front, high = map(float, pivots[leader])
+    leader_x, leader_z = map(float, pivots[leader])
     left = 20 * ZOOM + 1.2 * float(layout.thickness[0]) * k
-    left -= max(0.0, left + (front if camera is None else camera) * k - ahead * w)
-    # the lowest ground at the floor; where the relief is too high, the leader in the middle
-    under = ground_line(layout, max(left / k, 0.0), w / k, ground)
-    shown = pivots if ground is None else under[under[:, 0] < (w - left) / k]
+    left -= max(0.0, left + (leader_x if camera is None else camera) * k - max_place * w)
+    # The lowest ground is at the floor; if the relief is too high, the leader is in the middle.
+    surface = ground_line(layout, max(left / k, 0.0), w / k, ground)
+    shown = pivots if ground is None else surface[surface[:, 0] < (w - left) / k]
     lowest, highest = float(shown[:, 1].min()), float(shown[:, 1].max())
     room = scale.room / scale.pixels
     base = float(scale.floor * ZOOM)
-    base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
-    points = [(left + x * k, base - z * k) for x, z in under]
+    base += min(max(leader_z - 0.5 * room, lowest), max(highest - room, lowest)) * k
+    points = [(left + x * k, base - z * k) for x, z in surface]
     draw.line(points, fill=PALE if layout.is_flat else SOFT, width=ZOOM, joint="curve")
-    if finish is not None:  # dashed, from above the chain to below the ground
+    if finish is not None:  # dashed, from below the text to below the ground
         end, dash = left + finish * k, 6 * ZOOM
         for y in range(34 * ZOOM, round(base - float(pivots[-1, 1]) * k) + 2 * dash, 2 * dash):
             draw.line([(end, y), (end, y + dash)], fill=INK, width=ZOOM)
@@ -137,50 +145,66 @@ def draw_strip(
     for i in np.flatnonzero((across.max(axis=1) > 0.0) & (across.min(axis=1) < w)):
         colour = LEADER_COLOUR if i == leader else FALLEN_COLOUR if i < leader else STANDING_COLOUR
         draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=BACKGROUND)
-    x, below, r = left + front * k, base - high * k, 5 * ZOOM  # a triangle points at the leader
-    triangle = [(x, below + ZOOM), (x - r, below + 2 * r), (x + r, below + 2 * r)]
+    # a triangle under the leader's pivot points at it
+    x, y, r = left + leader_x * k, base - leader_z * k, 5 * ZOOM
+    triangle = [(x, y + ZOOM), (x - r, y + 2 * r), (x + r, y + 2 * r)]
     draw.polygon(triangle, fill=LEADER_COLOUR)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
-    ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
+    ImageDraw.Draw(image).text((20, 10), text, fill=INK, font=font(15))
     return image
 
 
 def draw_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale) -> None:
-    """Draw the pieces in hand at the top right of a strip, upright and to scale.
+    """Draw the pieces in hand at the top right of a strip, upright and to its scale.
 
     Parameters
     ----------
     image
-        The strip.
+        Image of the strip, to which the pieces are added.
     thickness
         Thicknesses of the pieces [m].
     height
-        Their height [m].
+        Height of each piece [m].
     scale
         Scale of the strip.
     """
     draw, k = ImageDraw.Draw(image), scale.pixels
     top, right = 34.0, scale.width - 20.0
-    for size in thickness[::-1]:
-        box = right - size * k, top, right, top + height * k
+    for d in thickness[::-1]:
+        box = right - d * k, top, right, top + height * k
         draw.rectangle(box, fill=STANDING_COLOUR, outline=INK)
         right = box[0] - 8.0
     draw.text((scale.width - 20, 10), "in hand", fill=INK, font=font(15), anchor="ra")
 
 
-def draw_title(text: str, right: str, width: int) -> Image.Image:
-    """Draw the line above all strips, with a second text at its right end."""
+def draw_title(title: str, note: str, width: int) -> Image.Image:
+    """Draw the line above all strips.
+
+    Parameters
+    ----------
+    title
+        Text at the left end, in the largest size that fits.
+    note
+        Text at the right end.
+    width
+        Width of the strips [px].
+
+    Returns
+    -------
+    Image
+        Image of `width` by 40 pixels.
+    """
     image = Image.new("RGB", (width, TITLE_HEIGHT), BACKGROUND)
     draw = ImageDraw.Draw(image)
-    room = width - 60 - draw.textlength(right, font(14))
-    size = next((s for s in range(19, 9, -1) if draw.textlength(text, font(s)) <= room), 9)
-    draw.text((20, TITLE_HEIGHT - 6), text, fill=INK, font=font(size), anchor="lb")
-    draw.text((width - 20, TITLE_HEIGHT - 6), right, fill=SOFT, font=font(14), anchor="rb")
+    room = width - 60 - draw.textlength(note, font(14))
+    size = next((s for s in range(19, 9, -1) if draw.textlength(title, font(s)) <= room), 9)
+    draw.text((20, TITLE_HEIGHT - 6), title, fill=INK, font=font(size), anchor="lb")
+    draw.text((width - 20, TITLE_HEIGHT - 6), note, fill=SOFT, font=font(14), anchor="rb")
     return image
 
 
 def stack_strips(strips: list[Image.Image]) -> Image.Image:
-    """Stack strips below each other."""
+    """Join images of equal width into one, the first at the top."""
     image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), BACKGROUND)
     y = 0
     for strip in strips:
@@ -191,13 +215,16 @@ def stack_strips(strips: list[Image.Image]) -> Image.Image:
 
 @cache
 def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Load Pillow's own font."""
+    """Return Pillow's own font in a size [px]."""
     return ImageFont.load_default(size)
 
 
 @cache
 def palette() -> Image.Image:
-    """Return a palette of the colours of a picture and their blends with the background."""
+    """Return an image whose palette has the colours of a strip and blends with the background.
+
+    Each of five colours has eight blends, which are enough for smoothed edges.
+    """
     shades = []
     for colour in (INK, PALE, STANDING_COLOUR, FALLEN_COLOUR, LEADER_COLOUR):
         for part in np.linspace(1.0, 0.0, 9)[:-1]:

@@ -12,14 +12,15 @@ from domino_env.kernels.arrays import FLIP, SWITCH
 from domino_env.physics.motion import PIECES, Motion, stack_sums
 from domino_env.physics.wave import simulate
 
-STEP = 1e-6  # [rad] step of the leader's angle for the differences that are the rates of all others
+STEP = 1e-6  # [rad] step of the leader's angle in the finite differences of all other leans
 
 
 @dataclass(frozen=True, eq=False)
 class Energy:
-    """Energy over time, arrays (T,) [J], from the standing chain.
+    """Energy balance of a wave over time, arrays (T,).
 
-    At any instant pushed + released = kinetic + hits + flushes + friction.
+    At any instant pushed + released = kinetic + hits + flushes + friction. A wave that completes is
+    followed to its last hit.
 
     Attributes
     ----------
@@ -28,20 +29,17 @@ class Energy:
     pushed
         Energy of the push, one number [J].
     released
-        Potential energy released so far.
+        Potential energy released so far [J].
     kinetic
-        Kinetic energy of all dominoes.
+        Kinetic energy of all dominoes [J].
     hits
-        Energy lost in hits so far.
+        Energy lost in hits so far [J].
     flushes
-        Energy lost in face impacts so far.
+        Energy lost in face impacts so far [J].
     friction
-        Energy lost to friction so far. It includes that of dominoes behind a separated contact,
-        whose motion is not computed, and of face impacts after the last hit of a wave that stops.
-
-    Notes
-    -----
-    A wave that completes is followed to its last hit.
+        Energy lost to friction so far [J]. It includes the kinetic energy of dominoes behind a
+        separated contact, whose motion is not computed, and losses in face impacts after the last
+        hit of a wave that stops.
     """
 
     time: Floats
@@ -59,7 +57,7 @@ def energies(motion: Motion) -> Energy:
     Parameters
     ----------
     motion
-        Motion of the wave.
+        Motion of all dominoes in the wave.
 
     Returns
     -------
@@ -68,10 +66,10 @@ def energies(motion: Motion) -> Energy:
 
     Notes
     -----
-    Only the leader moves freely: the kinetic energy is that of its angular velocity, as simulated,
-    times the rates at which all others follow. Hits and face impacts are instantaneous, and the
-    kinetic energy drops across them. The rest is lost to friction; without friction, in face
-    impacts.
+    The kinetic energy is ½ I ω²: ω is the simulated angular velocity of the leader, and the inertia
+    I contains the rates at which all other dominoes follow it. Hits and face impacts are
+    instantaneous, and the kinetic energy drops across them. The difference that is left in the
+    balance is the loss to friction; without friction it is the loss in face impacts.
     """
     layout, physics = motion.layout, motion.physics
     samples = motion.samples[: layout.count - 1]
@@ -93,17 +91,17 @@ def energies(motion: Motion) -> Energy:
 def _face_impact_losses(motion: Motion) -> Floats:
     """Return the energy lost in face impacts so far [J], at every sample of the motion."""
     tape: Any = simulate(motion.layout, motion.physics, gradient=True).tape
-    tape = tape[tape["kind"] != FLIP]
+    tape = tape[tape["kind"] != FLIP]  # the event after a SWITCH then has the u after it
     samples = motion.samples[: motion.layout.count - 1]
     is_flush = (tape["kind"][:-1] == SWITCH) & tape["is_flush"][:-1]
     impact = np.flatnonzero(is_flush & (tape["leader"][:-1] < len(samples)))
     leader, angle = tape["leader"][impact], tape["angle"][impact]
-    # the angle is known to some 1e-12; an impact is a jump of the rates
+    # Rates jump at an impact, whose angle is known to some 1e-12 rad: no difference contains it.
     near, far = 0.5 * STEP, 2.0 * STEP
     _, inertia_before = stack_sums(motion.layout, leader, angle, far, -near)
     _, inertia_after = stack_sums(motion.layout, leader, angle, -near, far)
     losses = 0.5 * (inertia_before * tape["u"][impact] - inertia_after * tape["u"][impact + 1])
     lost = np.zeros(samples.shape)
-    later = np.minimum((samples["angle"][leader] < angle[:, None]).sum(axis=1), PIECES)
-    np.add.at(lost, (leader, later), losses)
+    next_sample = np.minimum((samples["angle"][leader] < angle[:, None]).sum(axis=1), PIECES)
+    np.add.at(lost, (leader, next_sample), losses)
     return np.cumsum(lost).reshape(lost.shape)

@@ -28,9 +28,9 @@ def ground_line(
     behind
         Horizontal length of the line behind the first domino [m].
     ahead
-        Horizontal length ahead of the last pivot [m].
+        Horizontal length of the line ahead of the last pivot [m].
     ground
-        Ground that the line follows ahead of the layout; None if it is unknown.
+        Ground that the line follows ahead of the layout; None for a straight line.
 
     Returns
     -------
@@ -40,9 +40,9 @@ def ground_line(
     if layout.is_flat and ground is None:
         return np.array([[-layout.thickness[0] - behind, 0.0], [layout.length + ahead, 0.0]])
     rear, front = _bases(layout)
-    down = np.tan(layout.tilt[[0, -1]])
-    first = rear[0] - behind * np.array([1.0, -down[0]])
-    last = (front[-1] + ahead * np.array([1.0, -down[1]]))[None]
+    descent = np.tan(layout.tilt[[0, -1]])  # per metre, at both ends
+    first = rear[0] - behind * np.array([1.0, -descent[0]])
+    last = (front[-1] + ahead * np.array([1.0, -descent[1]]))[None]
     if ground is not None:
         x = front[-1, 0] + ahead * np.linspace(0.0, 1.0, PIECES_AHEAD + 1)[1:]
         last = np.stack([x, ground.height(x) - ground.height(0.0)], axis=-1)
@@ -56,8 +56,8 @@ def positions_along(layout: Layout) -> Floats:
     if layout.is_flat:
         return layout.positions
     pieces = np.diff(_ground_curves(layout), axis=1)
-    gaps = np.hypot(pieces[..., 0], pieces[..., 1]).sum(axis=1)
-    return np.concatenate(([0.0], np.cumsum(gaps + layout.thickness[1:])))
+    between = np.hypot(pieces[..., 0], pieces[..., 1]).sum(axis=1)  # lengths along the ground
+    return np.concatenate(([0.0], np.cumsum(between + layout.thickness[1:])))
 
 
 def relief(layout: Layout) -> float:
@@ -77,11 +77,12 @@ def _ground_curves(layout: Layout) -> Floats:
     begin, end = front[:-1, None], rear[1:, None]
     direction = np.stack([np.cos(layout.tilt), -np.sin(layout.tilt)], axis=-1)
     span = np.linalg.norm(end - begin, axis=-1, keepdims=True)
-    slope_0, slope_1 = span * direction[:-1, None], span * direction[1:, None]
+    tangent_0, tangent_1 = span * direction[:-1, None], span * direction[1:, None]
+    # cubic Hermite polynomials in u
     u = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
     v = 1.0 - u
     return np.asarray(
         begin * v * v * (1.0 + 2.0 * u)
         + end * u * u * (1.0 + 2.0 * v)
-        + u * v * (slope_0 * v - slope_1 * u)
+        + u * v * (tangent_0 * v - tangent_1 * u)
     )

@@ -1,4 +1,4 @@
-"""Drawing of results in notebooks and scripts."""
+"""Figures of results in notebooks and scripts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,19 @@ from domino_env.scenes.scene import Scene
 
 
 class SceneResult:
-    """Mixin of results with a scene, a layout, its wave and its score."""
+    """Mixin of results that are layouts of a scene: their text, and figures in notebooks.
+
+    Attributes
+    ----------
+    scene
+        The scene.
+    layout
+        The layout.
+    wave
+        Wave of the layout.
+    score
+        Score of the layout in the scene.
+    """
 
     scene: Scene
     layout: Layout
@@ -26,18 +38,22 @@ class SceneResult:
         return png
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the layout, the uniform baseline, their differences and the search, if any.
+        """Draw the layout and the uniform baseline, their sizes and speeds, and a search, if any.
 
         Parameters
         ----------
         ax
-            Matplotlib axes in which only the gaps of both layouts are drawn; None for a new figure
-            with all parts.
+            Matplotlib axes for the gaps of both layouts and nothing else; None for a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
             The figure. Notebooks show it; so does `pyplot.show` if pyplot is imported.
+
+        Raises
+        ------
+        TypeError
+            For `ax` that are not Matplotlib axes.
         """
         return self.figure(ax, register=True)
 
@@ -45,4 +61,4 @@ class SceneResult:
         """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""
         from domino_env.view.figures import draw_with_uniform
 
-        return draw_with_uniform(self, "the layout made", ax=ax, register=register)
+        return draw_with_uniform(self, "this layout", ax=ax, register=register)

@@ -1,7 +1,7 @@
 """Report: one page that compares layouts in an animation, and shows why one is faster.
 
-The page contains its data, scripts and styles, and needs neither network nor server. Layouts come
-from files and from folders of runs, with the curves and verifications in these folders.
+The page contains its data, scripts and styles, and needs neither network nor server. Layouts are
+read from files and from run folders, with the curves and verifications in these folders.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ UNIFORM_NAME = "uniform baseline"
 
 
 class FloorDocument(Document):
-    """One floor of a run's verification.json."""
+    """One floor in a verification.json."""
 
-    floor: Number | None = None
-    difference: Number | None = None
+    floor: Number | None = None  # its friction; None for fixed pivots
+    difference: Number | None = None  # of the last hit; None if the last domino was not hit
 
 
 class VerificationDocument(Document):
-    """Fields of a run's verification.json; differences are simulator over model - 1 [1]."""
+    """Fields of a verification.json; differences are simulator over model - 1."""
 
     engine: str
     verdict: str
@@ -56,7 +56,7 @@ class VerificationDocument(Document):
 
 
 def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> int:
-    """Write the page.
+    """Write the report page.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
     title
         Title of the page.
     path
-        Output file.
+        Output file, HTML.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
     Raises
     ------
     ValueError
-        Without a layout, and for a layout of less than two dominoes.
+        Without a layout, and for a layout of one domino.
     """
     assets = files("domino_env.view") / "assets"
 
@@ -87,12 +87,12 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
         "title": escape(title),
         "styles": read("uPlot.min.css") + read("report.css"),
         "licence": escape(read("uPlot.LICENSE")),
-        # "</script" would end the script early, "<!--" could keep it from ending
+        # "</script" would end the script early, "<!--" could prevent its end
         "data": data.replace("<", "\\u003c"),
         "charts": read("uPlot.iife.min.js"),
         "comparison": read("comparison.js"),
     }
-    # in one pass, as the name of a layout may be {{comparison}}
+    # in one pass, as data may contain {{comparison}} in the name of a layout
     page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], read("report.html"))
     write_text(path, page)
     return len(page.encode())
@@ -101,20 +101,20 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
 def read_compared(
     paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
 ) -> tuple[list[ComparedLayout], str]:
-    """Read the compared layouts from files and folders of runs, and simulate them.
+    """Read the compared layouts from files and run folders, and simulate them.
 
-    The folder of a search or training also holds its curve and, if `domino verify --json` wrote
-    one there, a verification.json; shipped layouts have a shipped verification. The uniform
-    baseline of the scene, if there is one, comes last.
+    The curve of a search or training is read from its folder, and the verification if `domino
+    verify --json` wrote a verification.json there; shipped layouts have a shipped verification. If
+    there is a scene, its uniform baseline is the last entry.
 
     Parameters
     ----------
     paths
-        Layout files and folders of runs.
+        Layout files and run folders.
     scene
-        Scene of all; None for the one in the folders, or beside the layouts.
+        Scene of all layouts; None for the one in the folders, or beside the files.
     physics
-        Physics to use instead of the scene's.
+        Physics instead of those of the scene; scores are then left out.
 
     Returns
     -------
@@ -126,17 +126,18 @@ def read_compared(
     Raises
     ------
     ValueError
-        For a folder without a layout.csv, and for runs of different scenes.
+        For a folder without a layout.csv, runs of different scenes, a file with wrong content, and
+        a chain of more than 5 000 dominoes.
     """
     scene = scene or common_scene(paths)
-    scored = scene if physics is None else None  # other physics are another problem
+    scoring_scene = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
     compared = []
     for path in paths:
         folder = path if path.is_dir() else None
         file = path / "layout.csv" if folder else path
         if folder and not file.exists():
-            raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
+            raise ValueError(f"{path}: no layout.csv: give a run folder or a layout file")
         layout = read_layout(file, scene)
         require_drawable(one_line(str(file)), layout.count)
         entry = ComparedLayout(
@@ -146,42 +147,43 @@ def read_compared(
             _curve(folder, "progress.csv", "steps", "score"),
             _verification(folder, layout, physics),
         )
-        keeps_rules = scored is not None and not scored.violations(layout)
-        compared.append(_with_score(entry, scored) if scored and keeps_rules else entry)
+        if scoring_scene and not scoring_scene.violations(layout):
+            entry = _with_score(entry, scoring_scene)
+        compared.append(entry)
     if scene:
         baseline = scene.uniform()
-        wave = baseline.wave if scored else simulate(baseline.layout, physics)
+        wave = baseline.wave if scoring_scene else simulate(baseline.layout, physics)
         entry = ComparedLayout(UNIFORM_NAME, wave)
-        compared.append(_with_score(entry, scored, baseline.score) if scored else entry)
+        compared.append(_with_score(entry, scene, baseline.score) if scoring_scene else entry)
     return compared, scene.title if scene else "layouts without a scene"
 
 
 def _with_score(entry: ComparedLayout, scene: Scene, score: float | None = None) -> ComparedLayout:
-    """Return a compared layout with its score in the scene."""
+    """Return a compared layout with its score in the scene, which is computed if None is given."""
     score = scene.score(entry.wave) if score is None else score
     text = scene.format_score(score, entry.wave)
     return replace(entry, score=score, score_text=text, unit=scene.unit)
 
 
 def _curve(
-    folder: Path | None, name: str, across: str, up: str
+    folder: Path | None, name: str, x_column: str, y_column: str
 ) -> tuple[list[float], list[float]] | None:
-    """Return two columns of a CSV file in a run's folder; None if there is no such file."""
+    """Return two columns of a CSV file in a run folder; None if there is no such file."""
     if folder is None or not (folder / name).exists():
         return None
     path = folder / name
     with errors_with_path(path):
         text = io.StringIO(decode(read_bytes(path)))
         table = np.genfromtxt(text, delimiter=",", names=True, ndmin=1)
-        for column in (across, up):
-            if not np.isfinite(table[column]).all():
-                line = 2 + int(np.argmin(np.isfinite(table[column])))
-                raise ValueError(f"line {line}, {column}: give a finite number")
-        return table[across].tolist(), table[up].tolist()
+        for column in (x_column, y_column):
+            for line, value in enumerate(table[column], 2):  # line 1 has the names
+                if not np.isfinite(value):
+                    raise ValueError(f"line {line}, {column} = {value}: give a finite number")
+        return table[x_column].tolist(), table[y_column].tolist()
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """Return the data of a verification for the page: the folder's, else the shipped one."""
+    """Return the verification in a run folder, else the shipped one; None if there is none."""
     path = folder / "verification.json" if folder else None
     if path is None or not path.exists():
         known = known_verification(layout, physics)

@@ -15,21 +15,21 @@ from domino_env.core.files import errors_with_path, read_bytes, write_bytes
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, require_wave
 
-RATE = 44100  # [1/s] samples
+RATE = 44100  # [1/s] samples per second of sounds that are written
 MAX_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
-SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # [1/s] samples of a recording per second
+MIN_RATE, MAX_RATE = 1000, 1_000_000  # [1/s] samples per second of a recording
 REST = 0.1  # [s] of silence before and after the clicks
-CLICK_PITCH, DECAY = 3200.0, 0.0012  # [Hz], [s] of a click
+CLICK_FREQUENCY, CLICK_DECAY = 3200.0, 0.0012  # [Hz], [s] of the damped sine that is a click
 HOP = 0.0005  # [s] between two values of the loudness
-SLOWEST, FASTEST = 5.0, 250.0  # [1/s] range of hit frequencies
-QUIET = 0.1  # of the 95th percentile of the loudness: below it nothing topples
-RUN_UP = 0.25  # part of the recording in which the wave still accelerates
+MIN_FREQUENCY, MAX_FREQUENCY = 5.0, 250.0  # [1/s] range of hit frequencies
+QUIET = 0.1  # of the 95th percentile of the loudness; hits are louder
+RUN_UP = 0.25  # fraction of the toppling that is left out, as the wave accelerates there
 PARTS = 5  # parts of a recording, estimated separately for the uncertainty
-LEAST_HITS = 8  # least number of hits in a part
+MIN_HITS = 8  # in a part
 
 
 def clicks(wave: Wave) -> Floats:
-    """Return the sound of a wave: a short click at every hit, louder the faster the tip.
+    """Return the sound of a wave: a click at every hit, louder the larger the impact velocity.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def clicks(wave: Wave) -> Floats:
     Returns
     -------
     ndarray
-        Samples in -1 … 1, 44 100 per second.
+        Samples (S,) in -1 … 1, 44 100 per second, with 0.1 s of silence before and after the wave.
 
     Raises
     ------
     ValueError
-        For a wave of more than 30 million samples.
+        For a wave of more than 30 million samples, which are eleven minutes.
     """
     require_wave("wave", wave)
     times = wave.arrival_times[1 : wave.hit]
@@ -52,21 +52,29 @@ def clicks(wave: Wave) -> Floats:
     samples = int((end + 2.0 * REST) * RATE) + 1
     _require_samples(samples, f"a wave of {end:.4g} s has")
     sound = np.zeros(samples)
-    length = int(8.0 * DECAY * RATE)
+    length = int(8.0 * CLICK_DECAY * RATE)  # a click has then decayed to e^-8
     levels = np.abs(wave.impact_velocity[: len(times)])
     levels /= max(float(levels.max(initial=0.0)), 1e-12)
     for t, level in zip(times, levels, strict=True):
         first = int(np.ceil((t + REST) * RATE))
         since = np.arange(first, first + length) / RATE - (t + REST)
         sound[first : first + length] += (
-            level * np.exp(-since / DECAY) * np.sin(2.0 * np.pi * CLICK_PITCH * since)
+            level * np.exp(-since / CLICK_DECAY) * np.sin(2.0 * np.pi * CLICK_FREQUENCY * since)
         )[: len(sound) - first]
-    top = float(np.abs(sound).max())
-    return sound / top * 0.9 if top > 0.0 else sound
+    peak = float(np.abs(sound).max())
+    return sound / peak * 0.9 if peak > 0.0 else sound  # headroom for players that resample
 
 
 def write_wav(samples: Floats, path: Path) -> None:
-    """Write samples in -1 … 1 to a WAV file of 16 bits and one channel."""
+    """Write a WAV file of 16 bits, one channel and 44 100 samples per second.
+
+    Parameters
+    ----------
+    samples
+        Samples (S,), clipped to -1 … 1.
+    path
+        Output file.
+    """
     from scipy.io import wavfile
 
     whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
@@ -76,18 +84,23 @@ def write_wav(samples: Floats, path: Path) -> None:
 def read_wav(path: Path) -> tuple[Floats, int]:
     """Read a recording.
 
+    Parameters
+    ----------
+    path
+        WAV file of integer or floating-point samples.
+
     Returns
     -------
     samples : ndarray
-        Samples in -1 … 1, averaged over the channels.
+        Samples (S,), mean of the channels; integers are scaled to -1 … 1.
     rate : int
         Samples per second.
 
     Raises
     ------
     ValueError
-        For a file that is not a WAV of plain or floating-point samples, and for more than 30
-        million samples.
+        For another file, a rate that is not from 1000 to 1 000 000, and more than 30 million
+        samples.
     """
     from scipy.io import wavfile
 
@@ -95,21 +108,21 @@ def read_wav(path: Path) -> tuple[Floats, int]:
         data = read_bytes(path)
         try:
             with warnings.catch_warnings():
-                # chunks other than the sound, or missing behind it, do not matter here
+                # of chunks that are unknown or that are missing after the samples
                 warnings.simplefilter("ignore", wavfile.WavFileWarning)
                 rate, whole = wavfile.read(io.BytesIO(data))
-        except Exception as error:  # SciPy fails in many ways on a wrong header
+        except Exception as error:  # SciPy raises many types for a wrong header
             reason = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
             raise ValueError(
                 f"not a plain WAV file, or cut off amid a sample ({reason}); convert it to PCM WAV"
             ) from None
-        require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
+        require("rate", rate, MIN_RATE, MAX_RATE, "samples per second")
         _require_samples(whole.size, "it holds")
         return _scale_samples(whole).reshape(len(whole), -1).mean(1), rate
 
 
 def _scale_samples(whole: NDArray[np.generic]) -> Floats:
-    """Return samples of a file in -1 … 1; below 9 bits they are unsigned."""
+    """Return the samples of a file as floats; integers, unsigned up to 8 bits, become -1 … 1."""
     samples = whole.astype(np.float64)
     if whole.dtype.kind == "f":
         return samples
@@ -118,6 +131,7 @@ def _scale_samples(whole: NDArray[np.generic]) -> Floats:
 
 
 def _require_samples(number: int, subject: str) -> None:
+    """Raise ValueError for too many samples; subject: first words of the message."""
     if number > MAX_SAMPLES:
         raise ValueError(f"{subject} {number:,} samples: give at most {MAX_SAMPLES:,}")
 
@@ -131,9 +145,10 @@ class HitFrequency:
     frequency
         Hits per second [1/s].
     uncertainty
-        Standard error of the frequency, from the parts of the recording [1/s].
+        Standard error of the frequency [1/s] from parts of the recording; a tenth of the frequency
+        if there is only one part.
     clarity
-        Autocorrelation at that period: 1 for a perfect repeat, about 0 for noise.
+        Autocorrelation at the period of the hits: 1 for perfect periodicity, about 0 for noise.
     seconds
         Duration of the toppling that was analysed [s].
     """
@@ -147,14 +162,15 @@ class HitFrequency:
 def listen(samples: Floats, rate: int) -> HitFrequency:
     """Find the hit frequency of a recording by autocorrelation of its loudness.
 
-    The first quarter of the part that is not quiet is left out, as the wave accelerates there.
+    The part from the first hit to the last is analysed without its first quarter, in which the wave
+    accelerates.
 
     Parameters
     ----------
     samples
-        Samples in -1 … 1.
+        Samples (S,) of any scale.
     rate
-        Samples per second.
+        Samples per second, from 1000 to 1 000 000.
 
     Returns
     -------
@@ -164,79 +180,83 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     Raises
     ------
     ValueError
-        For a recording that is silent, too short, or has samples that are not finite.
+        For a recording that is silent or too short, samples that are not finite, and a rate out of
+        range.
     """
     require("samples", samples := numbers("samples", samples, None, ("S",)), array=True)
-    require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
+    require("rate", rate, MIN_RATE, MAX_RATE, "samples per second")
     if not samples.any():
         raise ValueError("the recording is silent: record it again")
     loudness = _onsets(samples, rate)
     if not loudness.any():
         raise ValueError("the recording has no sound that begins or ends: record it again")
-    busy = np.flatnonzero(loudness > QUIET * float(np.quantile(loudness[loudness > 0.0], 0.95)))
-    first, last = int(busy[0]), int(busy[-1]) + 1
+    loud = np.flatnonzero(loudness > QUIET * float(np.quantile(loudness[loudness > 0.0], 0.95)))
+    first, last = int(loud[0]), int(loud[-1]) + 1
     steady = loudness[first + int(RUN_UP * (last - first)) : last]
     seconds = len(steady) * HOP
-    if seconds < 2.0 * LEAST_HITS / FASTEST:
+    if seconds < 2.0 * MIN_HITS / MAX_FREQUENCY:
         raise ValueError(f"only {seconds:.2f} s of toppling are recorded: record a longer chain")
-    frequency, clarity = _strongest_repeat(steady, SLOWEST, FASTEST)
-    size = max(len(steady) // PARTS, int(LEAST_HITS / frequency / HOP))
+    frequency, clarity = _find_period(steady, MIN_FREQUENCY, MAX_FREQUENCY)
+    size = max(len(steady) // PARTS, int(MIN_HITS / frequency / HOP))
     count = len(steady) // size
-    parts = [
-        _strongest_repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
+    frequencies = [
+        _find_period(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
         for k in range(count)
     ]
-    # half a hop in the whole duration is the smallest uncertainty
+    # the least uncertainty is an error of half a hop in the whole duration
     least = frequency * 0.5 * HOP / seconds
-    spread = float(np.std(parts, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
-    return HitFrequency(frequency, max(spread, least), clarity, seconds)
+    error = float(np.std(frequencies, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
+    return HitFrequency(frequency, max(error, least), clarity, seconds)
 
 
 def _onsets(samples: Floats, rate: int) -> Floats:
-    """Return the rise of the loudness, one value per HOP, which is large at hits."""
+    """Return the rise of the loudness, one value per `HOP`, which is large at hits."""
     edges = np.round(np.arange(0.0, len(samples) / rate, HOP) * rate).astype(np.int64)
     power = np.add.reduceat(np.diff(samples, prepend=samples[0]) ** 2, edges[edges < len(samples)])
     level = np.sqrt(power)
     rise = np.maximum(np.diff(level, prepend=level[0]), 0.0)
-    # hits are spread, so that a maximum between two values can be interpolated
+    # each hit is smoothed over nine values, so that its maximum between two can be interpolated
     kernel = np.hanning(9)
     return np.convolve(rise, kernel / kernel.sum(), mode="same")
 
 
-def _strongest_repeat(loudness: Floats, slowest: float, fastest: float) -> tuple[float, float]:
-    """Return frequency and height of the strongest repeat between two frequencies."""
+def _find_period(loudness: Floats, lowest: float, highest: float) -> tuple[float, float]:
+    """Return the frequency of the loudness between two bounds, and its autocorrelation there."""
     from scipy import signal
 
     centred = loudness - loudness.mean()
     raw = signal.correlate(centred, centred, method="fft")[len(centred) - 1 :]
-    same = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
-    low = max(int(1.0 / fastest / HOP), 1)
-    high = min(int(1.0 / slowest / HOP) + 2, 2 * len(centred) // 3)
+    # values at larger lags are sums of fewer terms
+    correlation = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
+    low = max(int(1.0 / highest / HOP), 1)
+    high = min(int(1.0 / lowest / HOP) + 2, 2 * len(centred) // 3)
     if high - low < 3:
         raise ValueError("the recording is too short for this frequency: record a longer chain")
-    inside = same[low:high]
+    inside = correlation[low:high]
     best = float(inside.max())
-    # the multiples of the period repeat as well: take the shortest
+    # there are similar peaks at the multiples of the period: take the first
     peaks, _ = signal.find_peaks(inside, height=0.8 * best)
     lag = low + int(peaks[0] if len(peaks) else inside.argmax())
-    # a multiple of the period, as far as the signal still repeats clearly, gives a finer value
-    period = _parabola_peak(same, lag)
-    times = 1
+    # A multiple of the period gives a finer value. It grows while there is a clear peak within 12 %
+    # of a period from the expected lag.
+    period = _parabola_peak(correlation, lag)
+    multiple = 1
     while True:
-        guess = round((times + 1) * period)
+        expected = round((multiple + 1) * period)
         reach = max(round(0.12 * period), 2)
-        if guess + reach >= high or guess + reach >= len(same) - 1:
+        if expected + reach >= high or expected + reach >= len(correlation) - 1:
             break
-        near = guess - reach + int(same[guess - reach : guess + reach + 1].argmax())
-        if same[near] < 0.5 * best or near in (guess - reach, guess + reach):
+        around = correlation[expected - reach : expected + reach + 1]
+        peak = expected - reach + int(around.argmax())
+        if correlation[peak] < 0.5 * best or peak in (expected - reach, expected + reach):
             break
-        times += 1
-        period = _parabola_peak(same, near) / times
-    return 1.0 / (period * HOP), float(same[lag])
+        multiple += 1
+        period = _parabola_peak(correlation, peak) / multiple
+    return 1.0 / (period * HOP), float(correlation[lag])
 
 
 def _parabola_peak(values: Floats, k: int) -> float:
-    """Return the position of the maximum of the parabola through values k-1, k and k+1."""
+    """Return the place of the maximum of the parabola through values k-1, k and k+1."""
     a, b, c = values[k - 1 : k + 2]
-    bend = a - 2.0 * b + c
-    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)
+    curvature = a - 2.0 * b + c
+    return k + (0.5 * (a - c) / curvature if curvature < 0.0 else 0.0)

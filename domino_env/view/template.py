@@ -1,4 +1,4 @@
-"""Template: the footprints of a layout at 1:1 on paper, to lay under the dominoes."""
+"""Template: the footprints of a layout at 1:1 on paper, on which the dominoes are placed."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from domino_env.physics.wave import simulate
 from domino_env.view.ground import positions_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
-MAX_SHEETS = 1_000  # sheets of a layout of some hundred metres
-MARGIN = 0.014  # [m] of blank paper
+MAX_SHEETS = 1_000  # enough for some hundred metres
+MARGIN = 0.014  # [m] of blank paper at the left and right of a sheet
 LEAST_MARGIN = 0.006  # [m] that printers need; used if it saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
-HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
-BESIDE = 0.013  # [m] width of a strip on both sides of the dominoes, for their numbers
+HEAD, FOOT = 0.024, 0.026  # [m] of a sheet for its title and for its scale bar
+BESIDE = 0.013  # [m] of a strip on each side of the dominoes, for their numbers
 BAR = 0.100  # [m] length of the scale bar
-INCH, MM = 0.0254, 1000.0
-LINE = 0.4  # [pt]
+INCH, MM = 0.0254, 1000.0  # [m] in an inch, millimetres in a metre
+LINE = 0.4  # [pt] width of thin lines
 
 
 @dataclass(frozen=True)
 class Strip:
-    """Part of the layout on a strip of paper, which is cut out and joined to the one before.
+    """Strip of paper with a part of the layout, cut out and joined to the strip before.
 
     Attributes
     ----------
@@ -50,15 +50,16 @@ class Strip:
     sheet
         Number of its sheet of paper, from 1.
     middle
-        Height of its middle on the sheet [m].
+        Distance of its centre line from the bottom of the sheet [m].
     begin
-        Place of its left end along the ground [m], from the first pivot.
+        Position of its left end along the ground from the first pivot [m].
     end
-        Place of its right end [m]; neighbours share an end, which is a joining line on both.
+        Position of its right end [m], where the next strip begins.
     dominoes
-        Indices of the dominoes whose footprint touches it; on paper they are numbered from 1.
+        Indices of the dominoes with a part of their footprint on it; on paper they are numbered
+        from 1.
     margin
-        Width of the white margin on its left and right [m].
+        Width of the blank margins at its left and right [m].
     """
 
     number: int
@@ -98,7 +99,7 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     on_a_sheet = int((high - HEAD - FOOT) / across)
     if on_a_sheet < 1:
         most = high - HEAD - FOOT - 2.0 * BESIDE
-        raise ValueError(f"width = {layout.width} m: {paper} paper takes at most {most:.3g} m")
+        raise ValueError(f"width = {layout.width} m: give at most {most:.3g} m for {paper} paper")
     front = positions_along(layout)
     rear = front - layout.thickness
     begin, margin = float(rear[0]) - LEAD, MARGIN
@@ -107,20 +108,20 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     fewer = (total - 1) // on_a_sheet * on_a_sheet  # strips of one sheet less
     if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
         total, margin = fewer, 0.5 * (wide - whole / fewer)
-    stretch = wide - 2.0 * margin
+    length = wide - 2.0 * margin
     if total > MAX_SHEETS * on_a_sheet:
         raise ValueError(
             f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
             f"at most {MAX_SHEETS:,} are drawn; check that its sizes are in metres"
         )
-    cut = []
+    plan = []
     for k in range(total):
-        left, right = begin + k * stretch, begin + (k + 1) * stretch
+        left, right = begin + k * length, begin + (k + 1) * length
         inside = np.flatnonzero((front > left) & (rear < right))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        cut.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
-    return cut
+        plan.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
+    return plan
 
 
 def write_template(
@@ -137,28 +138,28 @@ def write_template(
     layout
         The layout.
     path
-        Output file.
+        Output file, PDF.
     paper
         "a4" or "letter".
     title
         Title of every page.
     physics
-        Physics of the push and the expected time that are printed; None for neither.
+        Physics whose push and time of the last hit are printed; None for neither.
 
     Returns
     -------
     str
-        Number of sheets and strips, and the first step.
+        Numbers of pages, sheets and strips, and an instruction to print them.
 
     Raises
     ------
     ValueError
-        See `strips`.
+        For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
     """
     plan = strips(layout, paper)
     total = plan[-1].sheet
     buffer = io.BytesIO()
-    # uncompressed and without a date: equal layouts give equal files with lengths one can check
+    # without a date, equal layouts give equal files; without compression, tests read their lengths
     with (
         rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
@@ -184,17 +185,16 @@ def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> l
             "Cut the strips out along the thin lines. Cut the left end of each along its dashed "
             "line, and lay it on the dashed line at the right end of the strip before."
         )
-    steps.append("Tape the paper down flat: where it bends, gaps are wrong, and it must not slip.")
+    steps.append("Tape the paper down flat: it must not slip, and where it bends, gaps are wrong.")
     if not layout.is_flat:
         steps[-1] = (
-            "Tape the paper along the ground so that it lies on it everywhere: the boxes are "
-            "apart as measured along the surface. Slopes are printed above the boxes where they "
-            "change, in degrees, positive downhill: check them as well as the gaps."
+            "Tape the paper along the ground so that it lies on it everywhere: distances between "
+            "the boxes are measured along the surface. Slopes are printed above the boxes where "
+            "they change, in degrees, positive downhill: check them as well as the gaps."
         )
     steps.append(
-        "Stand a domino on every box, flat on the ground, its faces along the lines. Leave a few "
-        "places empty and fill them last: a domino that falls early then topples only some of the "
-        "others."
+        "Stand a domino on every box, its faces along the lines. Leave a few boxes empty and fill "
+        "them last: a domino that falls early then topples only some of the others."
     )
     steps.append("Push domino 1 at its top; the wave runs to higher numbers.")
     if physics is not None:
@@ -212,7 +212,7 @@ def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> l
 
 @contextmanager
 def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
-    """Yield axes of a sheet of paper in millimetres, with its title."""
+    """Yield axes of a page in millimetres, with its title, and add the page when they are drawn."""
     wide, high = PAPERS[paper]
     figure = Figure(figsize=(wide / INCH, high / INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -239,37 +239,41 @@ def _write_advice(axes: Axes, steps: Sequence[str]) -> None:
 
 
 def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
-    """Draw one of all strips: edges, dominoes, and the lines that join it to its neighbours."""
+    """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours.
+
+    total: number of strips.
+    """
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    places, left = positions_along(layout), strip.margin * MM
+    positions, left = positions_along(layout), strip.margin * MM
     right = left + (strip.end - strip.begin) * MM
     edge, labels = half + BESIDE * MM, [f"{tilt:+.1f}" for tilt in np.degrees(layout.tilt)]
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, ls="-.")
     axes.hlines((middle - edge, middle + edge), 0.0, right + left, color="0.7", lw=LINE)
     for i in strip.dominoes:
-        thick = layout.thickness[i] * MM
-        x = left + (places[i] - strip.begin) * MM - thick
-        box = Rectangle((x, middle - half), thick, 2.0 * half, fill=False, lw=LINE, ec="black")
+        d = layout.thickness[i] * MM
+        x = left + (positions[i] - strip.begin) * MM - d
+        box = Rectangle((x, middle - half), d, 2.0 * half, fill=False, lw=LINE, ec="black")
         axes.add_patch(box)
-        if left <= x + thick / 2.0 < right:
+        if left <= x + d / 2.0 < right:
             # numbers stand at two heights, as narrow gaps leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
-            axes.text(x + thick / 2.0, y, str(i + 1), ha="center", va="center", fontsize=6)
+            axes.text(x + d / 2.0, y, str(i + 1), ha="center", va="center", fontsize=6)
             if not layout.is_flat and (i == strip.dominoes[0] or labels[i] != labels[i - 1]):
                 y = middle + half + (2.0 if i % 2 == 0 else 4.5)
-                axes.text(x + thick / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
+                axes.text(x + d / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
     y = middle + edge - 4.0
     axes.text(0.5 * (left + right), y, f"strip {strip.number}", ha="center", va="center", size=7)
     for x, neighbour, align in (left, strip.number - 1, "left"), (right, strip.number + 1, "right"):
         if 1 <= neighbour <= total:
             axes.vlines(x, middle - edge, middle + edge, color="black", lw=LINE, ls="--")
-            words = f"  joins strip {neighbour}  "
-            axes.text(x, y, words, ha=align, va="center", size=7)
+            text = f"  joins strip {neighbour}  "
+            axes.text(x, y, text, ha=align, va="center", size=7)
 
 
 def _draw_bar(axes: Axes) -> None:
+    """Draw the scale bar, with a tick for each centimetre."""
     ticks, y = MARGIN * MM + np.linspace(0.0, BAR * MM, 11), 14.0
     axes.hlines(y, ticks[0], ticks[-1], color="black", lw=0.8)
     axes.vlines(ticks, y, y + 3.0, color="black", lw=LINE)
-    words = f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page"
-    axes.text(ticks[-1] + 3.0, y, words, va="center", size=7)
+    text = f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page"
+    axes.text(ticks[-1] + 3.0, y, text, va="center", size=7)

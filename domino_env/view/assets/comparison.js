@@ -1,45 +1,46 @@
 "use strict";
-// Animation: leans of all dominoes from the leader's, by the contacts of the model, drawn on a canvas.
+// Report page: texts, tables, charts, and an animation on a canvas. The lean of each domino is
+// computed from that of the leader by the contacts of the model.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const $ = (id) => document.getElementById(id);
   const compared = data.compared;
-  const end = Math.max(...compared.map((r) => r.end));
+  const end = Math.max(...compared.map((entry) => entry.end));
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colour = (k) => css("--c" + (k % 5));
-  let now = 0, playing = false, last = null;
+  let now = 0, playing = false, lastStamp = null; // [s] shown instant; [ms] of the last frame
 
   $("winner").textContent = data.headline.winner;
   $("results").textContent = data.headline.results;
 
-  // leader at time t and its lean
+  // index of the leader at time t [s], and its lean [rad]
   function leader(entry, t) {
     let n = 0;
     while (n + 1 < entry.hit && entry.arrivals[n + 1] <= t) n++;
     const from = entry.arrivals[n], to = n + 1 < entry.hit ? entry.arrivals[n + 1] : entry.end;
-    const looks = entry.falls[n], last = looks.length - 1;
+    const samples = entry.falls[n], last = samples.length - 1;
     const x = to > from ? Math.min(Math.max((t - from) / (to - from), 0), 1) * last : 0;
     const i = Math.min(Math.floor(x), last - 1);
-    return [n, looks[i] + (looks[i + 1] - looks[i]) * (x - i)];
+    return [n, samples[i] + (samples[i + 1] - samples[i]) * (x - i)];
   }
 
-  // heights of the ground
+  // lowest ground [m], and height of the highest above it [m]
   for (const entry of compared) {
     entry.lowest = Math.min(...entry.ground.line.map(([, z]) => z));
     entry.relief = Math.max(...entry.ground.line.map(([, z]) => z)) - entry.lowest;
   }
 
-  // every lean from the vertical [rad]; contacts as in domino_env/physics/motion.py, each seen
-  // from the ground of the domino ahead: tip, then front face on rear edge, then separated
+  // leans of all dominoes from the vertical [rad], as in domino_env/physics/motion.py: a contact is
+  // first at the tip, then the front face rests on the rear edge, until it separates
   function leans(entry, t) {
     const { tilt, steps } = entry.ground, all = [...tilt];
     const [n, angle] = leader(entry, t);
     let lean = all[n] = angle;
     for (let i = n - 1; i >= 0; i--) {
       const h = entry.height[i], d = entry.thickness[i + 1] / h, p = entry.spacing[i] / h + d, e = steps[i] / h;
-      const reach = Math.hypot(p, e), slant = Math.atan2(e, p), stand = tilt[i + 1];
-      const lost = Math.acos(Math.min(Math.max((reach * reach + d * d - 1) / (2 * d * reach), -1), 1)) - slant;
-      const turn = Math.min(lean - stand, lost), gap = reach * Math.cos(turn + slant) - d;
+      const r = Math.hypot(p, e), slant = Math.atan2(e, p), stand = tilt[i + 1];
+      const separation = Math.acos(Math.min(Math.max((r * r + d * d - 1) / (2 * d * r), -1), 1)) - slant;
+      const turn = Math.min(lean - stand, separation), gap = r * Math.cos(turn + slant) - d;
       if (gap < 0) lean = Math.atan2(p - d * Math.cos(turn), e + d * Math.sin(turn));
       else lean = turn + Math.asin(Math.min(gap, 1));
       all[i] = lean += stand;
@@ -48,19 +49,22 @@
   }
 
   const canvas = $("comparison"), pen = canvas.getContext("2d");
+  // pixels per metre k, and sizes in pixels; see resize
   let view = { k: 1, lane: 100, width: 100, left: 10 };
-  const longest = Math.max(...compared.map((r) => r.ground.x[r.ground.x.length - 1]));
-  const relief = Math.max(...compared.map((r) => r.relief));
-  const heights = compared.flatMap((r) => r.height).sort((a, b) => a - b);
-  const tallest = heights[heights.length - 1], usual = heights[heights.length >> 1];
+  const longest = Math.max(...compared.map((entry) => entry.ground.x[entry.ground.x.length - 1]));
+  const relief = Math.max(...compared.map((entry) => entry.relief));
+  const heights = compared.flatMap((entry) => entry.height).sort((a, b) => a - b);
+  const tallest = heights[heights.length - 1], median = heights[heights.length >> 1];
+  const reach = longest + 1.15 * tallest + 0.01; // [m] to the tip of the last domino when it lies
 
   // A layout too long for the screen is drawn larger and followed, with a map of the whole under it.
   function resize() {
     const width = canvas.clientWidth, ratio = window.devicePixelRatio || 1, left = 18;
-    const reach = longest + 1.15 * tallest + 0.01, fit = (width - 2 * left) / reach;
-    const k = Math.max(fit, Math.min(28 / usual, 160 / tallest));
+    const fit = (width - 2 * left) / reach; // pixels per metre at which all layouts fit
+    // dominoes are at least 28 pixels high, if no domino is then higher than 160
+    const k = Math.max(fit, Math.min(28 / median, 160 / tallest));
     const follows = k > 1.05 * fit, head = width < 560 ? 46 : 30;
-    // a relief too high is followed as well
+    // if the relief is higher than this, the picture follows it as well
     const room = Math.min(relief * (follows ? k : fit), 260);
     const lane = head + Math.max(tallest * (follows ? k : fit), 14) + room + (follows ? 22 : 14);
     view = { k: follows ? k : fit, fit, follows, lane, head, width, left, room, shift: 0 };
@@ -70,21 +74,22 @@
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // place of the leader [m], x or z, interpolated between two hits
-  function reached(entry, t, along = entry.ground.x) {
+  // x or z of the wave [m] at time t [s], interpolated between the pivots of two hits
+  function wavePosition(entry, t, coordinates = entry.ground.x) {
     const [n] = leader(entry, t), next = entry.arrivals[n + 1];
-    if (next == null) return along[n];
-    const share = Math.min(Math.max((t - entry.arrivals[n]) / (next - entry.arrivals[n]), 0), 1);
-    return along[n] + share * (along[n + 1] - along[n]);
+    if (next == null) return coordinates[n];
+    const fraction = Math.min(Math.max((t - entry.arrivals[n]) / (next - entry.arrivals[n]), 0), 1);
+    return coordinates[n] + fraction * (coordinates[n + 1] - coordinates[n]);
   }
 
-  // height of the first pivot on the screen
+  // y of the first pivot of layout k on the canvas [px]
   function floorOf(k) {
-    const entry = compared[k], room = view.room / view.k, z = reached(entry, now, entry.ground.z);
+    const entry = compared[k], room = view.room / view.k, z = wavePosition(entry, now, entry.ground.z);
     const lowest = Math.max(entry.lowest, Math.min(z - 0.5 * room, entry.lowest + entry.relief - room));
     return (k + 1) * view.lane - (view.follows ? 16 : 8) + lowest * view.k;
   }
 
+  // corners of domino i on the canvas [px]
   function corners(entry, i, lean, floor) {
     const { k, left, shift } = view, x = left - shift + (entry.ground.x[i] + entry.thickness[0]) * k;
     floor -= entry.ground.z[i] * k;
@@ -93,16 +98,16 @@
     return [[x, floor], [x + ux, floor + uy], [x + ux + bx, floor + uy + by], [x + bx, floor + by]];
   }
 
-  // the line under a layout, straight beyond its ends
+  // points of the ground on the canvas [px], straight beyond the ends of the layout
   function groundLine(entry, floor) {
-    const { k, left, shift } = view, { line, tilt } = entry.ground, far = 2 * view.width;
-    const on = line.map(([x, z]) => [left - shift + (x + entry.thickness[0]) * k, floor - z * k]);
-    const [[x, y], [u, v]] = [on[0], on[on.length - 1]];
-    return [[x - far, y - far * Math.tan(tilt[0])], ...on, [u + far, v + far * Math.tan(tilt[tilt.length - 1])]];
+    const { k, left, shift } = view, { line, tilt } = entry.ground, beyond = 2 * view.width;
+    const points = line.map(([x, z]) => [left - shift + (x + entry.thickness[0]) * k, floor - z * k]);
+    const [[x, y], [u, v]] = [points[0], points[points.length - 1]];
+    return [[x - beyond, y - beyond * Math.tan(tilt[0])], ...points, [u + beyond, v + beyond * Math.tan(tilt[tilt.length - 1])]];
   }
 
-  // a dashed line at the last pivot, with the length of the layout
-  function finish(entry, floor) {
+  // draws a dashed line at the last pivot
+  function drawFinish(entry, floor) {
     const n = entry.ground.x.length - 1, y = floor - entry.ground.z[n] * view.k;
     const x = view.left - view.shift + (entry.ground.x[n] + entry.thickness[0]) * view.k;
     pen.strokeStyle = css("--ink"); pen.setLineDash([4, 4]);
@@ -113,24 +118,24 @@
   function draw() {
     pen.clearRect(0, 0, view.width, canvas.height);
     if (view.follows) {
-      const fronts = compared.map((r) => reached(r, now)), whole = (longest + 1.15 * tallest + 0.01) * view.k;
-      const middle = 0.5 * (Math.min(...fronts) + Math.max(...fronts)) * view.k;
-      view.shift = Math.min(Math.max(middle - 0.55 * view.width, 0), whole - view.width + 2 * view.left);
+      const waves = compared.map((entry) => wavePosition(entry, now));
+      const middle = 0.5 * (Math.min(...waves) + Math.max(...waves)) * view.k;
+      view.shift = Math.min(Math.max(middle - 0.55 * view.width, 0), reach * view.k - view.width + 2 * view.left);
     }
     compared.forEach((entry, k) => {
-      const floor = floorOf(k), all = leans(entry, now), [front] = leader(entry, now);
+      const floor = floorOf(k), all = leans(entry, now), [leading] = leader(entry, now);
       const done = entry.mean_speed > 0 && now >= entry.arrivals[entry.arrivals.length - 1];
       pen.strokeStyle = css("--line"); pen.lineWidth = 1;
       pen.beginPath(); groundLine(entry, floor).forEach(([x, y]) => pen.lineTo(x, y)); pen.stroke();
       all.forEach((lean, i) => {
         const c = corners(entry, i, lean, floor);
         if (c.every(([x]) => x < 0) || c.every(([x]) => x > view.width)) return;
-        pen.fillStyle = i === front && !done ? css("--front") : i <= front ? colour(k) : css("--stand");
+        pen.fillStyle = i === leading && !done ? css("--leader") : i <= leading ? colour(k) : css("--standing");
         pen.beginPath(); c.forEach(([x, y], j) => (j ? pen.lineTo(x, y) : pen.moveTo(x, y)));
         pen.closePath(); pen.fill();
       });
-      finish(entry, floor);
-      if (view.follows) map(entry, k);
+      drawFinish(entry, floor);
+      if (view.follows) drawMap(entry, k);
       const top = k * view.lane;
       pen.fillStyle = colour(k); pen.fillRect(12, top + 11, 11, 11);
       pen.fillStyle = css("--ink"); pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "left";
@@ -138,32 +143,32 @@
       pen.font = "14px system-ui, sans-serif";
       const narrow = view.width < 560;
       if (!narrow) pen.textAlign = "right";
-      pen.fillText(state(entry, k, front, done), narrow ? 29 : view.width - 12, top + (narrow ? 39 : 21));
+      pen.fillText(statusText(entry, k, leading, done), narrow ? 29 : view.width - 12, top + (narrow ? 39 : 21));
     });
     $("clock").textContent = `${(now * 1000).toFixed(0)} ms`;
     $("scrub").value = String(Math.round((now / end) * 1000));
     $("scrub").setAttribute("aria-valuetext", $("clock").textContent);
   }
 
-  // state of a wave in a few words
-  function state(entry, k, front, done) {
+  // result of a wave that is done or not begun, else how far it has come
+  function statusText(entry, k, leading, done) {
     if (done || (now === 0 && entry.mean_speed > 0)) {
       const length = `${(1000 * entry.positions[entry.positions.length - 1]).toFixed(0)} mm`;
       const time = done ? ` in ${entry.arrivals[entry.arrivals.length - 1].toFixed(3)} s` : "";
       return `${length}${time}, ${entry.mean_speed.toFixed(4)} m/s` + (k === data.best ? "  ★ best" : "");
     }
     if (now >= entry.end) return entry.outcome;
-    const count = `${front + 1} of ${entry.thickness.length}`;
-    return front > 0 ? `${count}   ${(entry.positions[front] / entry.arrivals[front]).toFixed(3)} m/s so far` : count;
+    const count = `${leading + 1} of ${entry.thickness.length} hit`;
+    return leading > 0 ? `${count}   ${(entry.positions[leading] / entry.arrivals[leading]).toFixed(3)} m/s so far` : count;
   }
 
-  // the whole layout as a line, the part in view as a box on it, and the place of the wave
-  function map(entry, k) {
+  // draws the whole layout as a line, the part in view as a box on it, and the place of the wave
+  function drawMap(entry, k) {
     const y = (k + 1) * view.lane - 8, scale = view.fit, from = view.left;
     pen.fillStyle = css("--line");
     pen.fillRect(from, y, entry.ground.x[entry.ground.x.length - 1] * scale, 4);
     pen.fillStyle = colour(k);
-    pen.fillRect(from, y, reached(entry, now) * scale, 4);
+    pen.fillRect(from, y, wavePosition(entry, now) * scale, 4);
     pen.strokeStyle = css("--soft");
     pen.strokeRect(from + (view.shift / view.k) * scale, y - 2, ((view.width - 2 * view.left) / view.k) * scale, 8);
   }
@@ -171,14 +176,14 @@
   function go(t) { now = Math.min(Math.max(t, 0), end); draw(); }
   function play(on) {
     if (on && now >= end) now = 0;
-    playing = on; last = null;
+    playing = on; lastStamp = null;
     $("play").textContent = on ? "Pause" : "Play";
     if (on) requestAnimationFrame(tick);
   }
   function tick(stamp) {
     if (!playing) return;
-    if (last !== null) go(now + (stamp - last) / 1000 / Number($("slow").value));
-    last = stamp;
+    if (lastStamp !== null) go(now + (stamp - lastStamp) / 1000 / Number($("slow").value));
+    lastStamp = stamp;
     if (now >= end) play(false); else requestAnimationFrame(tick);
   }
 
@@ -193,7 +198,8 @@
     e.preventDefault();
   });
 
-  function point(e) {
+  // shows the numbers of the domino nearest to the pointer, if it is within 30 pixels
+  function showNearest(e) {
     const k = Math.floor(e.offsetY / view.lane), entry = compared[k], tip = $("tip");
     if (!entry) { tip.hidden = true; return; }
     const all = leans(entry, now), floor = floorOf(k);
@@ -201,8 +207,8 @@
     all.forEach((lean, i) => {
       const c = corners(entry, i, lean, floor);
       const x = c.reduce((a, q) => a + q[0], 0) / 4, y = c.reduce((a, q) => a + q[1], 0) / 4;
-      const far = Math.hypot(x - e.offsetX, (y - e.offsetY) / 2);
-      if (far < least) { least = far; near = i; }
+      const distance = Math.hypot(x - e.offsetX, (y - e.offsetY) / 2);
+      if (distance < least) { least = distance; near = i; }
     });
     if (least > 30) { tip.hidden = true; return; }
     const mm = (x) => (x == null ? "–" : (x * 1000).toFixed(2) + " mm");
@@ -213,16 +219,17 @@
     tip.style.left = Math.max(Math.min(e.offsetX + 14, view.width - 200), 0) + "px";
     tip.style.top = e.offsetY + 14 + "px";
   }
-  canvas.addEventListener("pointermove", point);
-  canvas.addEventListener("pointerdown", point);
+  canvas.addEventListener("pointermove", showNearest);
+  canvas.addEventListener("pointerdown", showNearest);
   canvas.addEventListener("pointerleave", () => ($("tip").hidden = true));
 
   // the table
-  const signed = (part) => (part > 0 ? "+" : "") + (100 * part).toFixed(2) + " %";
-  // the last layout that completes, which is the uniform baseline of a scene, is the base of the headline too
-  const base = compared.findLast((r) => r.mean_speed > 0);
-  const scored = compared.some((r) => r.score_text && !r.score_text.endsWith("m/s"));
-  const head = ["", ...(scored ? ["result"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "ended"];
+  const signed = (x) => (x > 0 ? "+" : "") + (100 * x).toFixed(2) + " %";
+  // gains are over the last layout that completes, with a scene its uniform baseline
+  const base = compared.findLast((entry) => entry.mean_speed > 0);
+  // scores that are no speeds have a column
+  const scored = compared.some((entry) => entry.score_text && !entry.score_text.endsWith("m/s"));
+  const head = ["layout", ...(scored ? ["score"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();
@@ -238,9 +245,9 @@
     });
     const note = document.createElement("li");
     const lost = entry.flush_loss < 5e-5 ? "less than 0.01" : (entry.flush_loss * 100).toFixed(2);
-    const flushes = !entry.flushes ? "" : entry.flushes === 1 ? ` Once two faces come to lie on each other (a face impact), which takes ${lost} % of the leading domino's speed.`
-      : ` In ${entry.flushes} face impacts two faces come to lie on each other; the largest takes ${lost} % of the leading domino's speed.`;
-    note.textContent = `${entry.name}: ${entry.explanation} Relative error of the times below ${entry.error.toExponential(0)}.${flushes}`;
+    const flushes = !entry.flushes ? "" : entry.flushes === 1 ? ` There is one face impact, in which two faces come to lie on each other; the leading domino loses ${lost} % of its speed.`
+      : ` There are ${entry.flushes} face impacts, in which two faces come to lie on each other; in the largest the leading domino loses ${lost} % of its speed.`;
+    note.textContent = `${entry.name}: ${entry.explanation} The estimated relative error of the times is ${entry.error.toExponential(0)}.${flushes}`;
     $("notes").append(note);
   });
 
@@ -249,11 +256,12 @@
   const dashes = [[], [7, 4], [2, 3], [9, 3, 2, 3], [14, 4]];
   const axis = () => ({ stroke: css("--soft"), grid: { stroke: css("--line"), width: 0.5 }, ticks: { stroke: css("--line") } });
   const short = (v) => (Math.abs(v) >= 1e6 ? +(v / 1e6).toFixed(2) + " M" : Math.abs(v) >= 1e4 ? +(v / 1e3).toFixed(2) + " k" : String(+v.toPrecision(6)));
-  // a piece of the line itself
+  // a piece of curve k for the legend
   function swatch(k) {
     const line = `<svg xmlns="http://www.w3.org/2000/svg" width="34" height="8"><path d="M0 4H34" stroke="${colour(k)}" stroke-width="2.5" stroke-dasharray="${dashes[k % 5].join(" ")}"/></svg>`;
     return `url("data:image/svg+xml,${encodeURIComponent(line)}") no-repeat left center`;
   }
+  // draws series over x in the box `id`; label: of the x axis
   function chart(id, x, series, label, logarithmic = false) {
     const box = $(id);
     box.textContent = "";
@@ -268,7 +276,7 @@
     box.setAttribute("aria-label", series.map((s) => { const v = s.values.filter((q) => q != null); return `${s.name}: from ${v.length ? Math.min(...v).toPrecision(3) : "–"} to ${v.length ? Math.max(...v).toPrecision(3) : "–"}`; }).join("; "));
     charts.push(plot);
   }
-  // several curves, each with its own x, on the union of all
+  // curves with different x on the union of all x; with `hold` y is constant from x to x, else interpolated
   function joined(curves) {
     const x = [...new Set(curves.flatMap((c) => c.x))].sort((a, b) => a - b);
     return [x, curves.map((c) => {
@@ -285,44 +293,44 @@
   function drawCharts() {
     charts.forEach((c) => c.destroy());
     charts = [];
-    const most = Math.max(...compared.map((r) => r.spacing.length)), numbers = [...Array(most).keys()];
+    const most = Math.max(...compared.map((entry) => entry.spacing.length)), numbers = [...Array(most).keys()];
     const padded = (v, f) => numbers.map((i) => (v[i] == null ? null : v[i] * f));
-    chart("gaps", numbers, compared.map((r) => ({ name: r.name, values: padded(r.spacing, 1000) })), "domino");
-    chart("speeds", numbers.map((i) => i + 1), compared.map((r) => ({ name: r.name, values: padded(r.speed, 1) })), "domino");
-    const [t, kinetic] = joined(compared.map((r) => ({ x: r.kinetic[0], y: r.kinetic[1] })));
-    chart("kinetic", t, compared.map((r, k) => ({ name: r.name, values: kinetic[k].map((v) => (v == null ? null : v * 1000)) })), "time [s]");
+    chart("gaps", numbers, compared.map((entry) => ({ name: entry.name, values: padded(entry.spacing, 1000) })), "domino");
+    chart("speeds", numbers.map((i) => i + 1), compared.map((entry) => ({ name: entry.name, values: padded(entry.speed, 1) })), "domino");
+    const [t, kinetic] = joined(compared.map((entry) => ({ x: entry.kinetic[0], y: entry.kinetic[1] })));
+    chart("kinetic", t, compared.map((entry, k) => ({ name: entry.name, values: kinetic[k].map((v) => (v == null ? null : v * 1000)) })), "time [s]");
     const e = compared[0].energy, milli = (v) => v.map((q) => q * 1000);
-    $("budgetname").textContent = `Where the energy goes: ${compared[0].name} [mJ]`;
-    chart("budget", e.time, [{ name: "given by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
-      { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
+    $("energyname").textContent = `Energy balance: ${compared[0].name} [mJ]`;
+    chart("energy", e.time, [{ name: "released by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
+      { name: "lost in hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
       ...(compared[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
-    curves("search", "Search: best score so far", (r) => r.trace, true, "seconds of search");
-    curves("learning", "Learning: score of the agent's layout during training", (r) => r.learning, false, "dominoes placed");
+    drawRuns("search", "Search: best score so far", (entry) => entry.trace, true, "seconds of search");
+    drawRuns("learning", "Training: score of the policy", (entry) => entry.learning, false, "dominoes placed");
   }
-  // a best-so-far (in steps) or a learning curve of every layout that has one
-  function curves(id, name, of, steps, label) {
-    const found = compared.map((r, k) => ({ r, k, c: of(r) })).filter(({ c }) => c && c[0].length);
-    $(id + "box").hidden = !found.length;
-    if (!found.length) return;
-    const [x, y] = joined(found.map(({ c }) => ({ x: c[0], y: c[1], hold: steps })));
-    const unit = found[0].r.unit;
+  // draws the curve that `curveOf` returns for each layout that has one; the best score so far is a step function
+  function drawRuns(id, name, curveOf, steps, label) {
+    const runs = compared.map((entry, k) => ({ entry, k, curve: curveOf(entry) })).filter(({ curve }) => curve && curve[0].length);
+    $(id + "box").hidden = !runs.length;
+    if (!runs.length) return;
+    const [x, y] = joined(runs.map(({ curve }) => ({ x: curve[0], y: curve[1], hold: steps })));
+    const unit = runs[0].entry.unit;
     $(id + "name").textContent = name + (unit ? ` [${unit}]` : "");
-    // scores below zero belong to waves that stopped and are not speeds
-    chart(id, x, found.map(({ r, k }, j) => ({ name: r.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
+    // scores below zero are of waves that stop and are not speeds
+    chart(id, x, runs.map(({ entry, k }, j) => ({ name: entry.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
   }
-  const checked = compared.filter((r) => r.verification);
-  if (checked.length) {
+  const verified = compared.filter((entry) => entry.verification);
+  if (verified.length) {
     $("verifybox").hidden = false;
-    const share = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
-    checked.forEach((r) => {
-      const v = r.verification, line = document.createElement("li");
-      const last = v.last.map(([name, value]) => `${name} ${share(value)}`).join(", ");
-      line.textContent = `${r.name}: ${v.verdict} Last hit against ours: ${last} (${v.simulator}).`;
+    const percent = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
+    verified.forEach((entry) => {
+      const v = entry.verification, line = document.createElement("li");
+      const last = v.last.map(([name, value]) => `${name} ${percent(value)}`).join(", ");
+      line.textContent = `${entry.name}: ${v.verdict} Time of the last hit relative to the model: ${last} (${v.simulator}).`;
       $("verify").append(line);
     });
   }
 
-  // all numbers as tables, filled when opened
+  // tables of all dominoes, filled when they are opened
   $("numbers").addEventListener("toggle", () => {
     const box = $("each");
     if (box.childElementCount) return;
@@ -340,13 +348,13 @@
     });
   });
 
-  function all() { resize(); draw(); drawCharts(); }
-  window.addEventListener("resize", all);
-  // paper is white and narrow whatever the screen is
-  const onPaper = (on) => () => { document.documentElement.classList.toggle("paper", on); all(); };
+  function refresh() { resize(); draw(); drawCharts(); }
+  window.addEventListener("resize", refresh);
+  // a printed page is white and narrow on any screen
+  const onPaper = (on) => () => { document.documentElement.classList.toggle("paper", on); refresh(); };
   window.addEventListener("beforeprint", onPaper(true));
   window.addEventListener("afterprint", onPaper(false));
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", refresh);
   window.comparison = { compared, end, leans, leader, go, play, now: () => now, playing: () => playing, view: () => view };
-  all();
+  refresh();
 })();

@@ -287,7 +287,7 @@ def test_arguments_of_another_type(function):
     (lambda: de.Motion(LAYOUT, PHYSICS).angles([np.nan]), "times[0] = nan s: give a finite number"),
     (lambda: de.clicks(LAYOUT), "wave = Layout(2 dominoes"),
     (lambda: de.listen(np.zeros((2, 9)), 44100), "samples has shape (2, 9): give (S,)"),
-    (lambda: de.listen(np.ones(9), 3), "rate = 3 samples a second: give a finite number from 1000"),
+    (lambda: de.listen(np.ones(9), 3), "rate = 3 samples per second: give a finite number from"),
     (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
 def test_misuse_is_explained(call, words):
