@@ -21,22 +21,23 @@ FEATURES = (
     "thickness max", "pitch",
 )  # fmt: skip
 """Names of the features, in units of h and √(h/g); "pitch": mean pitch, 0 without a length."""
+BOUNDS = 3, 4, 6, 7  # indices of the bounds of gaps and of thicknesses
 
-TRIES = 13  # numbers of tight gaps that the designer compares: 0 … 12
+TRIES = 13  # candidates for the number of tight gaps at the end: 0 … 12
 # [gaps] decay lengths of the entries for the ends of the chain
 DECAY_LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
-# smallest and largest values of the first eight entries, which `scale_features` maps to -1 and 1
+# values of the first eight entries that `scale_features` maps to -1 and 1
 LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])
 HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])
-# entries that are scaled in the logarithm
+# True for entries that are scaled by their logarithms
 LOGARITHMIC = np.array([False, True, True, True, True, False, False, True])
 SCENE_SIZE = len(LOW) + 3  # number of entries that describe the scene
-# number of entries of an observation, listed at `observations`
+# number of entries of an observation, which `observations` describes
 OBSERVATION_SIZE = SCENE_SIZE + 5 + 2 * len(DECAY_LENGTHS)
 
 
 def scene_features(scene: Scene) -> Floats:
-    """Return the `FEATURES` of a scene, (9,)."""
+    """Return the `FEATURES` of a scene, shape (9,)."""
     h, gravity = scene.height, scene.physics.gravity
     unit = 1.0 if scene.in_heights else h
     pitch = 0.0 if scene.length is None else scene.length / (scene.count - 1) / h
@@ -51,9 +52,10 @@ _distribution = lru_cache(load_distribution)
 
 
 def range_violations(scene: Scene) -> tuple[str, ...]:
-    """Return a sentence for each feature of a scene that is outside the range of the training.
+    """Return a text for each feature of a scene that is outside the range of the training.
 
-    The ranges are those of "varied", "varied-thickness" or "varied-course", in units of the height.
+    The ranges are those of "varied", "varied-thickness" or "varied-course", in units of h and
+    √(h/g). No training had both free thickness and a given length.
     """
     free, has_length = scene.free_thickness, scene.length is not None
     if free and has_length:
@@ -72,12 +74,12 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
 
 
 def require_kind(scene: Scene) -> None:
-    """Raise ValueError for a scene whose rules or objective the training does not cover."""
-    floor = scene.floor_friction is not None
+    """Raise ValueError for a scene whose rules or objective no training scene has."""
+    on_floor = scene.floor_friction is not None
     restrictions = (scene.stock, scene.thickness_values, scene.growth)
     reasons = {
-        "its dominoes stand on a floor": floor,
-        f"its objective is {scene.objective}": not (floor or scene.criterion.is_mean_speed),
+        "its dominoes stand on a floor": on_floor,
+        f"its objective is {scene.objective}": not (on_floor or scene.criterion.is_mean_speed),
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,
         "its dominoes are from a stock or list, or grow": restrictions != (None,) * 3,
@@ -97,7 +99,7 @@ def require_kind(scene: Scene) -> None:
 
 
 def tight_candidates(count: int) -> int:
-    """Return how many numbers of tight gaps are compared; at most half of the gaps are tight."""
+    """Return the number of candidates 0, 1, … for the tight gaps, at most half of all gaps."""
     return min(TRIES, count // 2)
 
 
@@ -111,27 +113,28 @@ def scale_features(features: Floats) -> Floats:
 
     Returns
     -------
-    NDArray
+    ndarray
         (…, SCENE_SIZE): friction, push, count, bounds of the gap, first thickness, least thickness,
         largest over least thickness; then three entries that are 0 without a given length: 1, the
         mean pitch scaled to [-1, 1] by its bounds, and 1 plus the logarithm of the mean gap of a
         layout with the smallest thicknesses.
     """
     values = np.asarray(features, dtype=np.float64)
-    least, largest, thin, thick, pitch = (values[..., i] for i in (3, 4, 6, 7, 8))
-    plain = np.concatenate([values[..., :7], (thick / thin)[..., None]], axis=-1)
+    least, largest, thin, thick, pitch = (values[..., i] for i in (*BOUNDS, 8))
+    entries = np.concatenate([values[..., :7], (thick / thin)[..., None]], axis=-1)
+    # entries that are not LOGARITHMIC may be 0, and their logarithms are not used
     low, high = (np.where(LOGARITHMIC, np.log(np.maximum(x, 1e-3)), x) for x in (LOW, HIGH))
-    plain = np.where(LOGARITHMIC, np.log(np.maximum(plain, 1e-9)), plain)
+    entries = np.where(LOGARITHMIC, np.log(np.maximum(entries, 1e-9)), entries)
     given = pitch > 0.0
     relative = (pitch - least - thin) / (largest + thick - least - thin)
-    mean = np.log(np.where(given, np.maximum(pitch - thin, least), 1.0))
-    lengths = given, np.where(given, 2.0 * relative - 1.0, 0.0), np.where(given, mean + 1.0, 0.0)
-    entries = [2.0 * (plain - low) / (high - low) - 1.0, np.stack(lengths, axis=-1)]
-    return np.concatenate(entries, axis=-1)
+    log_gap = np.log(np.where(given, np.maximum(pitch - thin, least), 1.0))
+    length = given, np.where(given, 2.0 * relative - 1.0, 0.0), np.where(given, log_gap + 1.0, 0.0)
+    scaled = 2.0 * (entries - low) / (high - low) - 1.0
+    return np.concatenate([scaled, np.stack(length, axis=-1)], axis=-1)
 
 
 def observations(features: Floats, tight: Floats) -> Floats:
-    """Return the observations of the network that gives gaps and thicknesses.
+    """Return the observations of the network that returns gaps and thicknesses.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def observations(features: Floats, tight: Floats) -> Floats:
 
     Returns
     -------
-    NDArray
+    ndarray
         (K (N-1), O) observations: for each number k of tight gaps, one per gap n = 0 … N-2. The
         entries are the scaled features; n; log(1 + n); log(1 + m), with the m gaps between gap n
         and the tight ones; k; exp(-k / 2); and exp(-n / c), exp(-m / c) for each decay length c.
@@ -154,12 +157,12 @@ def observations(features: Floats, tight: Floats) -> Floats:
     distance = np.maximum(pairs - 1 - k[:, None] - index, 0.0)  # gaps up to the tight ones
     entries = np.empty((len(k), pairs, OBSERVATION_SIZE))
     entries[..., :SCENE_SIZE] = scale_features(features)
-    c = SCENE_SIZE
-    entries[..., c] = 2.0 * index / (pairs - 1) - 1.0
-    entries[..., c + 1] = np.log1p(index) / 2.0 - 1.0
-    entries[..., c + 2] = np.log1p(distance) / 2.0 - 1.0
-    entries[..., c + 3], entries[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
-    for j, length in enumerate(DECAY_LENGTHS):
-        entries[..., c + 5 + 2 * j] = np.exp(-index / length)
-        entries[..., c + 6 + 2 * j] = np.exp(-distance / length)
+    rest = entries[..., SCENE_SIZE:]
+    rest[..., 0] = 2.0 * index / (pairs - 1) - 1.0
+    rest[..., 1] = np.log1p(index) / 2.0 - 1.0
+    rest[..., 2] = np.log1p(distance) / 2.0 - 1.0
+    rest[..., 3], rest[..., 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
+    for j, c in enumerate(DECAY_LENGTHS):
+        rest[..., 5 + 2 * j] = np.exp(-index / c)
+        rest[..., 6 + 2 * j] = np.exp(-distance / c)
     return entries.reshape(-1, OBSERVATION_SIZE)

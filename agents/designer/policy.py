@@ -1,10 +1,10 @@
 """Designer: a scene-conditioned policy, which designs a layout for a new scene in milliseconds.
 
-A first network ranks the numbers of gaps at the end that are as tight as the rules allow, the only
-whole number in which good layouts differ. A second one gives gap and thickness of each domino from
-the features of the scene, this number, and the position in the chain; the state of the wave follows
-from these, so it is not observed. The layouts of all numbers are simulated together, and the best
-is improved by a few exact-gradient steps. NumPy alone is enough to use it.
+Good layouts end with a number of tight gaps, which depends on the scene. A first network ranks the
+candidates for this number. A second one computes gap and thickness of each domino from the features
+of the scene, this number, and the position in the chain; the state of the wave follows from these,
+so it is not observed. The layouts of all candidates are simulated in one batch, and the best is
+improved by a few exact-gradient steps. The networks need NumPy only.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
 from optimize.searching import compile_simulations
 
-AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of log gaps around their mean
-LEAST_STEPS, MOST_STEPS = 4, 12  # gradient steps
-STEPPED_DOMINOES = 320  # in all gradient steps, some 4 ms
-CURVATURE = 1.0  # N-1 times the second derivative of ln(score) by the logarithm of a gap
+AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # factors of log gaps minus their mean
+MIN_STEPS, MAX_STEPS = 4, 12  # gradient steps
+STEPPED_DOMINOES = 320  # dominoes times gradient steps, which take some 4 ms
+CURVATURE = 1.0  # N-1 times minus the second derivative of ln(score) by the logarithm of a gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +56,19 @@ class Design(SceneResult):
     Attributes
     ----------
     scene
-        The scene that it was designed for.
+        The scene for which the layout was designed.
     layout
         The layout.
     wave
-        Its wave.
+        Wave of the layout.
     score
-        Its score.
+        Score of the layout in the scene.
     tight_gaps
-        Number of tight gaps at the end, as the first network chose it.
+        Number of tight gaps at the end of the proposal, before gradient steps.
     seconds
-        Time that the design took, its simulation included [s].
+        Wall-clock time of the design, simulations included [s].
     range_violations
-        Features of the scene that are outside the ranges of the training, in words.
+        One text for each feature of the scene that is outside the ranges of the training.
     """
 
     scene: Scene
@@ -84,14 +84,14 @@ class Design(SceneResult):
 
 @dataclass(frozen=True, eq=False)
 class Designer:
-    """A scene-conditioned policy.
+    """A scene-conditioned policy that designs layouts.
 
     Attributes
     ----------
     layout
-        Network from the observation at a domino to the logarithms of gap and thickness.
+        Network from an observation, one per gap, to the logarithms of gap and thickness.
     tight
-        Network from the scene to a preference for each number of tight gaps.
+        Network from the scaled features of a scene to a preference for each number of tight gaps.
     """
 
     layout: Network
@@ -100,21 +100,28 @@ class Designer:
     __repr__ = dataclass_repr
 
     def propose(self, scene: Scene, tries: int = TRIES) -> tuple[Layout, int]:
-        """Return the best layout for the preferred numbers of tight gaps, and its number.
+        """Return the best of the layouts that the networks propose.
 
         Parameters
         ----------
         scene
-            The scene to design for.
+            The scene.
         tries
-            Number of preferred numbers of tight gaps that are simulated; 1 for the first of them,
-            without a simulation.
+            Number of preferred candidates for the number of tight gaps that are simulated; 1 for
+            the most preferred one, without a simulation.
+
+        Returns
+        -------
+        layout : Layout
+            The layout.
+        number : int
+            Number of tight gaps at its end.
         """
-        values = _outputs(self.tight, scale_features(scene_features(scene))[None])[
-            0, : tight_candidates(scene.count)
-        ]
-        tight = np.argsort(-values, kind="stable")[:tries].astype(np.float64)
-        outputs = _outputs(self.layout, observations(scene_features(scene), tight))
+        features = scene_features(scene)
+        preferences = _outputs(self.tight, scale_features(features)[None])[0]
+        preferences = preferences[: tight_candidates(scene.count)]
+        tight = np.argsort(-preferences, kind="stable")[:tries].astype(np.float64)
+        outputs = _outputs(self.layout, observations(features, tight))
         outputs = outputs.reshape(len(tight), scene.count - 1, 2)
         gaps, thickness = decode(scene, outputs, tight)
         best = _best(scene, gaps, thickness) if len(tight) > 1 else 0
@@ -129,7 +136,7 @@ class Designer:
         return scene.layout(gaps[best], free), int(number)
 
     def design(self, scene: Scene, tries: int = TRIES, steps: int | None = None) -> Design:
-        """Design a layout; see `agents.design`."""
+        """Design a layout; see `agents.design` for arguments, result and errors."""
         require("tries", tries, 1, whole=True)
         require("steps", steps, 0, whole=True, optional=True)
         require_kind(scene)
@@ -143,12 +150,22 @@ class Designer:
         return Design(scene, layout, wave, score, number, seconds, range_violations(scene))
 
     def build(self, scene: Scene) -> Rollout:
-        """Design a layout, beside the uniform baseline.
+        """Design a layout, and compare it with the uniform baseline.
+
+        Parameters
+        ----------
+        scene
+            The scene.
+
+        Returns
+        -------
+        Rollout
+            The layout, its wave and score, and the uniform baseline.
 
         Raises
         ------
         ValueError
-            See `design`.
+            If the scene is of another kind than those of the training.
         """
         require_kind(scene)
         compile_simulations(scene)
@@ -158,49 +175,61 @@ class Designer:
 
     @classmethod
     def load(cls, folder: Path) -> Designer:
-        """Read the weights in a folder; no code in the file is run.
+        """Read the weights in a folder, without running code.
+
+        Parameters
+        ----------
+        folder
+            Folder with the file of weights.
+
+        Returns
+        -------
+        Designer
+            The policy.
 
         Raises
         ------
         ValueError
-            If names or shapes are other ones, or if values are not finite.
+            If names or shapes of arrays differ from those of these networks, or if values are not
+            finite.
         """
         path = folder / POLICY
         return cls(
-            read_network(path, lambda arrays: _part(arrays, "layout"), OBSERVATION_SIZE, 2),
-            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE_SIZE, TRIES),
+            read_network(path, lambda arrays: _network(arrays, "layout"), OBSERVATION_SIZE, 2),
+            read_network(path, lambda arrays: _network(arrays, "tight"), SCENE_SIZE, TRIES),
         )
 
 
 def _best(scene: Scene, gaps: Floats, thickness: Floats) -> int:
-    """Return the number of the layout with the highest score."""
+    """Return the index of the layout with the highest score."""
     return int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
 
 
-def _part(arrays: Mapping[str, Any], part: str) -> Network:
-    number = sum(name.startswith(f"{part}_") for name in arrays) // 2
-    return Network.make(arrays, [f"{part}_{i}_" for i in range(number)])
+def _network(arrays: Mapping[str, Any], name: str) -> Network:
+    """Return the network of this name from arrays of weights and biases, two per layer."""
+    count = sum(key.startswith(f"{name}_") for key in arrays) // 2
+    return Network.make(arrays, [f"{name}_{i}_" for i in range(count)])
 
 
 def gradient_steps(count: int) -> int:
     """Return the default number of gradient steps for a layout of `count` dominoes."""
-    return int(np.clip(STEPPED_DOMINOES // count, LEAST_STEPS, MOST_STEPS))
+    return int(np.clip(STEPPED_DOMINOES // count, MIN_STEPS, MAX_STEPS))
 
 
 def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     """Improve a layout by quasi-Newton steps with the exact gradient of the score.
 
-    Near good layouts the curvature of the score is similar in all scenes, so the first step uses
-    it; the later ones use the curvature observed, which face contacts change.
+    Near good layouts the curvature of the score is similar in all scenes, and the first step uses
+    this typical value. Face contacts change it, so the later steps estimate it from gradients.
 
     Parameters
     ----------
     scene
         The scene.
     layout
-        The first layout.
+        The layout from which the steps start.
     steps
-        Number of evaluations with gradient; 0 for none.
+        Largest number of evaluations with gradient; 0 returns the layout itself.
 
     Returns
     -------
@@ -212,7 +241,7 @@ def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     problem = Problem(scene)
     start, span = problem.design(layout), problem.high - problem.low
     inverse = ((problem.low + start * span) / span) ** 2 * (scene.count - 1) / CURVATURE
-    unit = float(np.sqrt(scene.physics.gravity * scene.height))  # scores are about one unit
+    unit = float(np.sqrt(scene.physics.gravity * scene.height))  # [m/s] scores are about one unit
     local = LocalSearch(start, problem.projection, inverse / unit)
     while local.evaluations < steps and not local.done:
         scores = problem.evaluate(local.candidate, gradient=True, differences=False)
@@ -221,12 +250,14 @@ def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
 
 
 def _outputs(network: Network, values: Floats) -> Floats:
-    with _threads().limit(limits=1, user_api="blas"):  # threads slow such small products down
+    """Return the outputs of a network, whose weights are float32, as float64."""
+    with _threads().limit(limits=1, user_api="blas"):  # several threads slow small products down
         return network(values.astype(np.float32)).astype(np.float64)
 
 
 @lru_cache(maxsize=1)
 def _threads() -> ThreadpoolController:
+    """Return the controller of thread pools, which takes long to create."""
     return ThreadpoolController()
 
 
@@ -239,19 +270,19 @@ def shipped_designer() -> Designer:
 def design(scene: str | Path | Scene, *, tries: int = TRIES, steps: int | None = None) -> Design:
     """Design a layout for a scene in milliseconds: a proposal and a few exact-gradient steps.
 
-    The networks propose a layout for each of a few numbers of tight gaps at the end, these are
-    simulated together, and the best is improved.
+    The networks propose a layout for each of up to 13 numbers of tight gaps at the end. The
+    proposals are simulated in one batch, and the best is improved.
 
     Parameters
     ----------
     scene
         A scene, its name, or the path of its file.
     tries
-        Number of preferred numbers of tight gaps that are simulated; 1 for the first of them,
-        without a simulation.
+        Number of preferred candidates for the number of tight gaps that are simulated; 1 for the
+        most preferred one, without a simulation.
     steps
-        Number of evaluations with gradient that improve it; 0 for the proposal of the networks,
-        None for 4 to 12, some milliseconds.
+        Largest number of evaluations with gradient that improve the best proposal; 0 for the
+        proposal itself, None for 4 to 12, which take some milliseconds.
 
     Returns
     -------
@@ -261,7 +292,8 @@ def design(scene: str | Path | Scene, *, tries: int = TRIES, steps: int | None =
     Raises
     ------
     ValueError
-        If the scene is of another kind than those of the training.
+        If the scene is of another kind than those of the training, and for `tries` below 1 or
+        `steps` below 0.
 
     Examples
     --------

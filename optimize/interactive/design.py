@@ -1,4 +1,4 @@
-"""Design: a scene and one of its layouts, changed by hand within the rules, with undo and redo."""
+"""Design: a scene and one of its layouts, changed by hand within its rules, with undo and redo."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import BestKnown, best_known
 
 SPACING, THICKNESS = "spacing", "thickness"
-NAME, TITLE = "own", "your own scene"  # of a changed scene
+NAME, TITLE = "own", "your own scene"  # of a scene that was changed or made from a layout
 GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
 NORMALISED = "normalised score (100 %: best known layout)"
 
 
 class Design:
-    """A scene and one of its layouts, which keeps the scene's rules through every change.
+    """A scene and one of its layouts, which satisfies the rules of the scene after every change.
 
     Parameters
     ----------
     scene
         The scene.
     layout
-        A layout that keeps its rules; None for an approximate uniform baseline.
+        A layout that satisfies its rules; None for an approximate uniform baseline.
 
     Attributes
     ----------
@@ -41,18 +41,19 @@ class Design:
     layout
         The layout that is shown; during a drag or a search it is not yet in the history.
     wave
-        Its wave, simulated by `Scene.simulate`.
+        Wave of the layout, simulated by `Scene.simulate`.
     score
-        Its score by `Scene.score`; None on a floor until it is set.
+        Score of the layout, by `Scene.score`; on a floor None until the caller sets it.
     uniform
-        Uniform baseline of the scene; None until it is set.
+        Uniform baseline of the scene; None until the caller sets it.
     first_step
-        The first step of the history.
+        First step of the history, a scene and a layout.
 
     Raises
     ------
     ValueError
-        If the scene has no free values, or if the layout breaks its rules.
+        If the scene has no free values or too many dominoes to draw, or if the layout breaks its
+        rules.
     """
 
     scene: Scene
@@ -70,7 +71,7 @@ class Design:
     # the history --------------------------------------------------------------------------------
 
     def open(self, scene: Scene, layout: Layout | None = None) -> None:
-        """Replace scene and layout, as one step of the history; see the class for the arguments."""
+        """Replace scene and layout as one step of the history; see the class for arguments."""
         require_drawable(f"scene '{scene.name}'", scene.count)
         _design_space(scene)  # raises for a scene without free values
         layout = layout if layout is not None else _approximate_uniform(scene)
@@ -80,7 +81,7 @@ class Design:
         self.commit()
 
     def show(self, layout: Layout, scene: Scene | None = None) -> None:
-        """Simulate and score a layout that is not yet part of the history.
+        """Simulate and score a layout, without adding it to the history.
 
         Parameters
         ----------
@@ -103,15 +104,21 @@ class Design:
 
     @property
     def committed(self) -> Layout:
-        """Layout of the last step of the history."""
+        """Layout of the present step of the history."""
         return self._steps[self._position][1]
 
     def can_move(self, steps: int) -> bool:
-        """Return True if the history has a step that far from the present one."""
+        """Return True if the history has a step at this distance from the present one."""
         return 0 <= self._position + steps < len(self._steps)
 
     def move(self, steps: int) -> None:
-        """Show another step of the history: -1 for the one before, 1 for the one after."""
+        """Show another step of the history, if there is one.
+
+        Parameters
+        ----------
+        steps
+            Distance from the present step: -1 for the one before, 1 for the one after.
+        """
         if self.can_move(steps):
             self._position += steps
             scene, layout = self._steps[self._position]
@@ -119,15 +126,15 @@ class Design:
 
     # changes ------------------------------------------------------------------------------------
 
-    def drag(self, part: str, index: int, value: float) -> None:
-        """Show the last step with one gap or thickness changed, as far as the rules allow.
+    def drag(self, quantity: str, index: int, value: float) -> None:
+        """Show the present step with one gap or thickness changed, as far as the rules allow.
 
-        A fixed length is kept by the nearest gaps and thicknesses that can change. Then the nearest
-        layout that keeps all rules is taken.
+        The nearest gaps and thicknesses that can change keep a fixed length. Then the layout is
+        projected to the rules.
 
         Parameters
         ----------
-        part
+        quantity
             "spacing" or "thickness".
         index
             Gap 0 … N-2, or domino 1 … N-1.
@@ -137,22 +144,23 @@ class Design:
         Raises
         ------
         ValueError
-            If the part is not free, or if there is no such gap or domino.
+            If the quantity is not free, if there is no such gap or domino, or if the value is not
+            finite.
         """
         space, before = _design_space(self.scene), self.committed
-        pairs, height = self.scene.count - 1, before.height
+        pairs, height = self.scene.count - 1, before.height  # pairs of neighbours
         free = [name for name in (SPACING, THICKNESS) if getattr(self.scene, f"free_{name}")]
-        require_choice("part", part, free)
-        offset = int(part == THICKNESS)
+        require_choice("quantity", quantity, free)
+        offset = int(quantity == THICKNESS)
         require("index", index, offset, offset + pairs - 1, whole=True)
         require("value", value, unit="m")
-        entry = free.index(part) * pairs + index - offset
+        entry = free.index(quantity) * pairs + index - offset
         unit = height if offset else np.minimum(height[:-1], height[1:])
         values = self._values(before)
         low, high = space.low, space.high
         target = value / unit[index] if self.scene.in_heights else value
         target = min(max(target, low[entry]), high[entry])
-        difference = values[entry] - target  # for the other values to compensate
+        difference = values[entry] - target  # left for the other values to compensate
         values[entry] = target
         if self.scene.length is not None:
             distance = np.abs(np.arange(space.dimension) % pairs - entry % pairs)
@@ -164,7 +172,7 @@ class Design:
         self.show(self._nearest(space, values))
 
     def change(self, **fields: Any) -> None:
-        """Change the scene, and keep the layout as far as the new rules allow.
+        """Change the scene, as one step of the history; the layout changes as the rules require.
 
         If the count changes, gaps and thicknesses are interpolated along the chain.
 
@@ -176,23 +184,24 @@ class Design:
         Raises
         ------
         ValueError
-            See `Scene.replace`; the design is not changed.
+            For fields that `Scene.replace` rejects, and a scene without free values or without a
+            layout; the design is then not changed.
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
         space = _design_space(scene)
-        parts = self._values(self.layout).reshape(-1, self.scene.count - 1)
-        before, after = (np.linspace(0.0, 1.0, n) for n in (parts.shape[1], scene.count - 1))
-        layout = self._nearest(space, np.concatenate([np.interp(after, before, p) for p in parts]))
-        self.open(scene, layout)
+        curves = self._values(self.layout).reshape(-1, self.scene.count - 1)  # gaps, thicknesses
+        before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
+        values = np.concatenate([np.interp(after, before, curve) for curve in curves])
+        self.open(scene, self._nearest(space, values))
 
     def _values(self, layout: Layout) -> Floats:
-        """Return the free values (n,) of a layout [m]."""
+        """Return the free values (n,) of a layout [m], with `in_heights` in heights."""
         space = _design_space(self.scene)
         return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
     @staticmethod
     def _nearest(space: DesignSpace, values: Floats) -> Layout:
-        """Return the layout of the allowed values that are nearest to values (n,) [m]."""
+        """Return the layout with the feasible values that are nearest to these (n,)."""
         design = (values - space.low) / (space.high - space.low)
         return space.layout(space.project(design[None])[0])
 
@@ -200,25 +209,27 @@ class Design:
 
     @property
     def stop(self) -> int | None:
-        """Number of the leading domino with which the wave stopped; None if it completes."""
+        """Index of the leading domino with which the wave stops; None if it completes."""
         if self.wave.outcome == Outcome.PROPAGATED:
             return None
+        # margins are nan from the first domino on that does not lead
         return int(np.isfinite(self.wave.stall_margin).sum()) - 1
 
     def numbers(self) -> dict[str, str]:
-        """Return the numbers of the layout by name, in words and units."""
+        """Return the numbers of the layout as texts with units, by their labels."""
         wave, score, scene = self.wave, self.score, self.scene
-        speed = scene.unit == "m/s"
+        is_speed = scene.unit == "m/s"
         text = COMPUTING if score is None else scene.format_score(score, wave)
-        numbers = {"mean speed" if speed else "result": text}
-        if speed:
+        numbers = {"mean speed" if is_speed else "result": text}
+        if is_speed:
             numbers[GAIN] = COMPUTING
-        if speed and score is not None and self.uniform is not None:
+        if is_speed and score is not None and self.uniform is not None:
             own_gain, record = gain(score, self.uniform.score), known_record(scene)
+            # + 0.0 changes -0.0 to 0.0
             numbers[GAIN] = "–" if own_gain is None else f"{round(own_gain, 4) + 0.0:+.2%}"
-            most = gain(record.score, self.uniform.score) if record else None
-            if own_gain is not None and most:
-                numbers[NORMALISED] = f"{round(own_gain / most, 3) + 0.0:.1%}"
+            known_gain = gain(record.score, self.uniform.score) if record else None
+            if own_gain is not None and known_gain:
+                numbers[NORMALISED] = f"{round(own_gain / known_gain, 3) + 0.0:.1%}"
         if wave.hit == wave.layout.count:
             last = float(wave.arrival_times[-1])
             numbers["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
@@ -229,11 +240,12 @@ class Design:
 
 @lru_cache(8)
 def _design_space(scene: Scene) -> DesignSpace:
+    """Return the design space of a scene, kept as it is needed for every change."""
     return DesignSpace(scene)
 
 
 def _approximate_uniform(scene: Scene) -> Layout:
-    """Approximate the uniform baseline on fixed pivots, in about a second."""
+    """Return the uniform baseline on fixed pivots, approximated if it would take over a second."""
     space, scene = _design_space(scene), scene.replace(floor_friction=None)
     if scene.count <= 100 and not scene.criterion.simulates_anew:
         layout = scene.uniform().layout

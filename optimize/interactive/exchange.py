@@ -1,4 +1,4 @@
-"""Exchange of designs with files, links and other programs; the browser sends no paths."""
+"""Exchange of designs as files and links; a browser sends contents of files, never paths."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
 from optimize.interactive.design import NAME, TITLE, Design
 
-LARGEST_UPLOAD = 8 * 2**20  # [bytes]; 5 000 dominoes are drawn at most, which take 1 MB
-LARGEST_LINK = 2**20  # [bytes] of the contents of a link
-KEY = "design"  # in the query of a link
+MAX_UPLOAD = 8 * 2**20  # [bytes]; at most 5 000 dominoes are drawn, which take 1 MB
+MAX_LINK_CONTENT = 2**20  # [bytes] of a link, decompressed
+KEY = "design"  # of the query of a link
 USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened to its gaps
-NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}
+NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}  # by ending
 
 
 def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
@@ -33,15 +33,21 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
     Parameters
     ----------
     source
-        The design.
+        A scene, a layout, or the text that names it.
     default
-        Scene for a layout file without a scene, if the layout keeps its rules; None for a new
-        scene that is made from the layout.
+        Scene for a layout without one. If it is None, or if the layout breaks its rules, a new
+        scene is made from the layout.
+
+    Returns
+    -------
+    Design
+        A new design.
 
     Raises
     ------
     ValueError
-        See the functions that read these files, and `Design`.
+        For a file, a name or a link that cannot be read, a layout that breaks the rules of its own
+        scene, and a scene without free values.
     """
     if isinstance(source, Scene):
         return Design(source)
@@ -60,7 +66,7 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
 
 
 def _scene_for(layout: Layout, default: Scene | None) -> Scene:
-    """Return the scene of a layout: another one if the layout keeps its rules, else its own."""
+    """Return the default scene if the layout satisfies its rules, else one made from the layout."""
     if default is not None and not default.violations(layout):
         return default
     if layout.count < 2:
@@ -82,14 +88,19 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
     Parameters
     ----------
     files
-        Contents of files by their names in messages.
+        Contents of the files by their names, which messages contain.
     default
-        See `open_design`.
+        Scene for a layout without one, as of `open_design`.
+
+    Returns
+    -------
+    Design
+        A new design.
 
     Raises
     ------
     ValueError
-        If a file is invalid; the message has file, place, value and accepted range.
+        For another combination of files, and for the reasons of `open_design`.
     """
     names = {name: NAMES.get(Path(name).suffix.lower()) for name in files}
     scenes = [*names.values()].count(NAMES[".toml"])
@@ -103,7 +114,8 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
         for name, path in paths.items():
             path.write_bytes(files[name])
         try:
-            return open_design(min(paths.values()), default)  # a layout finds the scene beside it
+            # the layout, if there is one, is the first by name; its scene is read beside it
+            return open_design(min(paths.values()), default)
         except ValueError as error:
             message = str(error)
             for name, path in paths.items():
@@ -112,32 +124,37 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
 
 
 def receive(design: Design, files: Mapping[str, bytes]) -> str:
-    """Open files that a browser sends, and return a message with their names.
+    """Open files that a browser sent, as a step of the history of a design.
 
     Parameters
     ----------
     design
         The design, which is not changed if a file is rejected.
     files
-        Contents by the names of files.
+        Contents of the files by their names.
+
+    Returns
+    -------
+    str
+        Message with the names, and the reason if a layout is opened with another scene.
 
     Raises
     ------
     ValueError
-        See `read_files`; also for files of more than `LARGEST_UPLOAD`.
+        For the reasons of `read_files`, and for more than 8 MiB.
     """
     names = one_line(", ".join(files), 200)
-    if (size := sum(map(len, files.values()))) > LARGEST_UPLOAD:
-        raise ValueError(f"{names}: {size:,} bytes: send at most {LARGEST_UPLOAD:,} at a time")
-    scene, other = design.scene, read_files(files, design.scene)
-    design.open(other.scene, other.layout)
+    if (size := sum(map(len, files.values()))) > MAX_UPLOAD:
+        raise ValueError(f"{names}: {size:,} bytes: send at most {MAX_UPLOAD:,} at a time")
+    scene, received = design.scene, read_files(files, design.scene)
+    design.open(received.scene, received.layout)
     if len(files) < 2 and design.scene != scene and (violations := scene.violations(design.layout)):
         return f"opened {names}; it is no layout of scene '{scene.name}': {violations[0]}"
     return f"opened {names}"
 
 
 def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
-    """Call a function that writes a file of this name, and return its contents."""
+    """Return the contents of the file of this name that a function writes."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
         write(path)
@@ -145,13 +162,19 @@ def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
 
 
 def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
-    """Return the ending and the writer of each kind of file by its name on the page."""
+    """Return the ending of its name and the writer of each kind of file, by its label on the page.
+
+    Parameters
+    ----------
+    design
+        The design whose present layout and scene are written.
+    """
     scene, layout = design.scene, design.layout
 
     def report(path: Path) -> None:
-        own = path.with_name("your layout.csv")
-        layout.to_csv(own)
-        write_report(*read_compared([own], scene), path)
+        layout_path = path.with_name("your layout.csv")  # the report shows this name
+        layout.to_csv(layout_path)
+        write_report(*read_compared([layout_path], scene), path)
 
     return {
         "Layout (CSV)": (".csv", layout.to_csv),
@@ -163,14 +186,24 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
 
 
 def make_link(design: Design) -> str:
-    """Return the query of a link that contains scene and layout, for `read_link`."""
+    """Return the query of a link that contains the scene and the layout, for `read_link`."""
     texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
     data = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
 
 def read_link(text: str) -> Design:
-    """Return the design of a link's text, as `make_link` makes it.
+    """Return the design in a link.
+
+    Parameters
+    ----------
+    text
+        Value of the key `KEY` in the query of `make_link`.
+
+    Returns
+    -------
+    Design
+        A new design.
 
     Raises
     ------
@@ -180,7 +213,7 @@ def read_link(text: str) -> Design:
     with errors_with_path("the design in the link"):
         try:
             data = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
-            scene, layout = json.loads(zlib.decompressobj().decompress(data, LARGEST_LINK))
+            scene, layout = json.loads(zlib.decompressobj().decompress(data, MAX_LINK_CONTENT))
             files = {"scene.toml": scene.encode(), "layout.csv": layout.encode()}
         except (zlib.error, ValueError, TypeError, AttributeError, RecursionError):
             raise ValueError("it was cut or changed: copy the whole link") from None

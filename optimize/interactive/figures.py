@@ -1,4 +1,4 @@
-"""Figures of a design: the dominoes to scale at one instant, and curves along the chain."""
+"""Figures of a design: its dominoes to scale at one instant, and curves along the chain."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ from optimize.interactive.design import SPACING, THICKNESS
 Handler = Callable[[Any], None]
 
 MM = 1e3  # [mm/m]
-MARGIN = 2.0  # width beside a chain, in heights of the tallest domino
-MAX_LENGTH = 60.0  # of a chain that is shown whole, in these heights
-LEADER_PLACE = 0.7  # largest distance of the leading domino from the left, over the width
+# [heights of the tallest domino]
+MARGIN = 2.0  # space in front of a chain
+MAX_LENGTH = 60.0  # largest width of the view
+LEADER_PLACE = 0.7  # distance of the leading domino from the left, over the width of the view
 SPEED = "speed"
-COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of dominoes
+COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of the rectangles that are dominoes
 COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR)]
 
 
@@ -38,14 +39,24 @@ TITLES = {
 
 
 def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None:
-    """Show the whole chain, or of a long one the part around the leader's place [m]."""
+    """Set the range of x to a whole chain, or to a part of a long one.
+
+    Parameters
+    ----------
+    view
+        Range of x [m], which is changed.
+    layout
+        The layout.
+    leader
+        x of the leading domino [m], around which the part is shown; None to keep its start.
+    """
     height = float(layout.height.max())
-    first = -float(layout.thickness[0]) - 0.3 * MARGIN * height
-    length = float(layout.pivots[-1, 0]) + MARGIN * height - first
+    low = -float(layout.thickness[0]) - 0.3 * MARGIN * height
+    length = float(layout.pivots[-1, 0]) + MARGIN * height - low
     width = min(length, MAX_LENGTH * height)
     begin = view.start if leader is None else leader - LEADER_PLACE * width
-    begin = max(first, min(begin, first + length - width))
-    view.bounds = first, first + length  # set first, as bounds limit start and end
+    begin = max(low, min(begin, low + length - width))
+    view.bounds = low, low + length  # set first, as bounds limit start and end
     view.update(start=begin, end=begin + width)
 
 
@@ -55,7 +66,7 @@ class Chain:
     Parameters
     ----------
     view
-        Range of places [m].
+        Range of x [m], shared by all figures.
     """
 
     def __init__(self, view: Range1d) -> None:
@@ -63,7 +74,7 @@ class Chain:
         self.figure.y_range = y_range = self._y_range = Range1d(-0.05, 0.1)
         self.figure.yaxis.visible = self.figure.xaxis.visible = False
         self.figure.grid.visible = False
-        # equal scales of both axes, whose size in pixels only the browser knows
+        # equal scales of both axes; their sizes in pixels are available in the browser only
         equal_scale = CustomJS(
             args={"f": self.figure, "x": view, "y": y_range},
             code="const h = (x.end - x.start) * f.inner_height / f.inner_width;"
@@ -84,7 +95,7 @@ class Chain:
             self.figure.add_layout(annotation)
 
     def draw(self, layout: Layout, leans: Floats, leader: int, stop: int | None) -> None:
-        """Draw the chain at one instant, with an arrow at the domino with which it stops.
+        """Draw the chain at one instant, with an arrow where the wave stops.
 
         Parameters
         ----------
@@ -93,12 +104,12 @@ class Chain:
         leans
             (N,) leans from the vertical [rad].
         leader
-            Number of the leading domino; -1 before the push.
+            Index of the leading domino; -1 before the push.
         stop
-            Number of the leading domino with which the wave stops; None if it completes.
+            Index of the leading domino with which the wave stops; None if it completes.
         """
         pivots, centres = layout.pivots, outlines(layout, leans).mean(axis=1)
-        state = np.sign(np.arange(layout.count) - leader) + 1
+        state = np.sign(np.arange(layout.count) - leader) + 1  # index in COLOURS
         values = *centres.T, layout.thickness, layout.height, -leans, np.take(COLOURS, state)
         self._dominoes.data = dict(zip(COLUMNS, values, strict=True))
         height = float(layout.height.max())
@@ -106,67 +117,81 @@ class Chain:
         self._ground.data = {"x": line[:, 0], "y": line[:, 1]}
         self._y_range.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * height)
         self._finish.location = float(pivots[-1, 0])
-        at, text = pivots[stop or 0], f"the wave stops at domino {stop}"
+        pivot, text = pivots[stop or 0], f"the wave stops at domino {stop}"
         right = (stop or 0) > layout.count // 2  # then a text has more room on the left
         self._stop.update(
-            x=float(at[0]), y=float(at[1]) + 1.15 * height, visible=stop is not None,
+            x=float(pivot[0]), y=float(pivot[1]) + 1.15 * height, visible=stop is not None,
             x_offset=5 if right else -5, text_align="right" if right else "left",
             text=f"{text} ▼" if right else f"▼ {text}",
         )  # fmt: skip
 
 
 class Curve:
-    """Curve along the chain, beside those of the uniform baseline and of another layout.
+    """Gap, thickness or local speed along the chain, for a design and two other layouts.
 
     Parameters
     ----------
     view
-        Range of places [m].
-    part
+        Range of x [m], shared by all figures.
+    quantity
         One of `TITLES`.
     """
 
-    def __init__(self, view: Range1d, part: str) -> None:
-        self._part = part
-        self.figure = _figure(view, 190, "", TITLES[part])
+    def __init__(self, view: Range1d, quantity: str) -> None:
+        self._quantity = quantity
+        self.figure = _figure(view, 190, "", TITLES[quantity])
         self.figure.y_range = self._y_range = Range1d(0.0, 1.0)
-        self.figure.xaxis.axis_label = "place along the chain [m]" if part == SPEED else None
-        self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
+        # only the lowest figure has a label
+        self.figure.xaxis.axis_label = "horizontal position [m]" if quantity == SPEED else None
+        self.sources = [ColumnDataSource({"x": [], "y": [], "index": []}) for _ in range(3)]
         styles = ((RESULT, "solid"), (UNIFORM, "dashed"), (BEST_KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, styles, strict=True):
             style = {"color": colour, "line_dash": dash, "nonselection_alpha": 1.0}
             self.figure.line("x", "y", source=source, **style)
 
     def draw(self, waves: Sequence[Wave | None]) -> None:
-        """Draw the layout's wave, that of the uniform baseline and another one; None for none."""
+        """Draw three curves.
+
+        Parameters
+        ----------
+        waves
+            Waves of the design, of the uniform baseline and of a compared layout; None for none.
+        """
         for source, wave in zip(self.sources, waves, strict=True):
             x = y = np.empty(0)
             if wave is not None:
-                place, thickness = wave.layout.pivots[:, 0], wave.layout.thickness[1:]
-                x, y = 0.5 * (place[:-1] + place[1:] - thickness), MM * wave.layout.spacing
-                if self._part == SPEED:
+                pivots, thickness = wave.layout.pivots[:, 0], wave.layout.thickness[1:]
+                x, y = 0.5 * (pivots[:-1] + pivots[1:] - thickness), MM * wave.layout.spacing
+                if self._quantity == SPEED:
                     y = wave.local_speed
-                elif self._part == THICKNESS:
-                    x, y = place[1:] - 0.5 * thickness, MM * thickness
-            number = np.arange(len(x)) + (self._part == THICKNESS)
-            source.data = {"x": x, "y": y, "number": number}
-        if self._part == SPEED:
+                elif self._quantity == THICKNESS:
+                    x, y = pivots[1:] - 0.5 * thickness, MM * thickness
+            # of gaps 0 to N-2, or of dominoes 1 to N-1
+            index = np.arange(len(x)) + (self._quantity == THICKNESS)
+            source.data = {"x": x, "y": y, "index": index}
+        if self._quantity == SPEED:
             highest = [np.nan_to_num(source.data["y"]).max(initial=0.0) for source in self.sources]
             self.fit(0.0, max(highest))
 
     def fit(self, low: float, high: float) -> None:
-        """Set the range of values."""
-        room = 0.08 * (high - low) or 0.1 * high or 1.0
-        self._y_range.update(start=low - room, end=high + room)
+        """Set the range of y to values from `low` to `high` [unit of the curve] and a margin."""
+        margin = 0.08 * (high - low) or 0.1 * high or 1.0
+        self._y_range.update(start=low - margin, end=high + margin)
 
     def enable_drag(self, begin: Handler, move: Handler, end: Handler) -> None:
-        """Make the points draggable; the functions are called with the events of the pointer."""
+        """Make the points of the first curve draggable.
+
+        Parameters
+        ----------
+        begin, move, end
+            Functions that are called with the events of the pointer.
+        """
         points = self.figure.scatter(
             "x", "y", source=self.sources[0], color=RESULT, size=8, nonselection_alpha=1.0,
             selection_color=BEST_KNOWN, hover_color=BEST_KNOWN,
         )  # fmt: skip
-        tips = [("number", "@number"), (TITLES[self._part].split()[0].lower(), "@y{0.000} mm")]
-        # the tool prevents a touch from scrolling the page; it moves no points itself
+        tips = [("number", "@index"), (TITLES[self._quantity].split()[0].lower(), "@y{0.000} mm")]
+        # this tool has no points to move; it prevents a touch from scrolling the page
         tool = PointDrawTool(renderers=[self.figure.scatter([], [])], add=False)
         self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips), tool)
         self.figure.toolbar.active_drag = tool

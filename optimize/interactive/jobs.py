@@ -1,4 +1,4 @@
-"""Searches whose layouts are shown while they run, and that can be stopped."""
+"""Searches that show their best layouts while they run, and that can be stopped."""
 
 from __future__ import annotations
 
@@ -19,25 +19,34 @@ if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
 SHOW_INTERVAL = 0.05  # [s] between two layouts that are shown
-STEP_PAUSE = 0.01  # [s] between two steps along the gradient, so that a user can watch them
+STEP_PAUSE = 0.01  # [s] between two steps along the gradient, so that a user sees them
 
 Show = Callable[[Layout, float], None]
-"""Function that shows a layout of a search and the completed fraction of the search."""
+"""Function that shows the best layout of a search and the completed fraction of the search."""
 
 
 def run_search(
     scene: Scene, method: str | Method, stop: threading.Event, show: Show
 ) -> tuple[Layout, str]:
-    """Search until the method ends or is stopped; return the best layout and a summary.
+    """Search until the method ends or is stopped.
 
     Parameters
     ----------
-    scene, method
-        See `search`.
+    scene
+        The scene.
+    method
+        Name of a search method, or a function, as for `search`.
     stop
         Event that ends the search when it is set.
     show
         Function that is called with the best layout so far, at most every `SHOW_INTERVAL`.
+
+    Returns
+    -------
+    layout : Layout
+        Best layout.
+    summary : str
+        Number of layouts, time, and the reason why the search ended.
     """
     last_shown = 0.0
 
@@ -55,7 +64,7 @@ def run_search(
 
 
 def improvement_method(layout: Layout) -> Method:
-    """Return the method that follows the gradient from a layout, slowly enough to watch."""
+    """Return a search method that follows the gradient from a layout, one step at a time."""
 
     def improve(evaluator: Evaluator, _: np.random.Generator) -> None:
         problem = evaluator.problem

@@ -1,4 +1,4 @@
-"""Page: a design with its pictures, numbers, controls and actions, for one tab of a browser."""
+"""Page: pictures, numbers, controls and actions of a design, for one tab of a browser."""
 
 from __future__ import annotations
 
@@ -32,11 +32,10 @@ from optimize.interactive.jobs import improvement_method, run_search
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
-FRAMES, INTERVAL = 150, 40  # of the animation, and [ms] from one to the next
-LONGEST_LINK = 30_000  # characters that servers and browsers accept in an address
-FLOOR_SECONDS = 30.0  # [s] that a uniform baseline on a floor may take
-# [s] without a change of the scene, after which its uniform baseline is computed
-UNIFORM_DELAY = 0.3
+FRAMES, INTERVAL = 150, 40  # frames of the animation, [ms] from one to the next
+MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an address
+FLOOR_SECONDS = 30.0  # [s] that the search of a uniform baseline on a floor may take
+UNIFORM_DELAY = 0.3  # [s] without a change of the scene before its uniform baseline is computed
 WIDE = {"sizing_mode": "stretch_width"}
 STYLE = """
 h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
@@ -45,19 +44,31 @@ h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p
 .message { padding: 10px 16px; font-size: 14px; background: #fff; border-top: 2px solid #5c636d; }
 .error { color: #b03a00; border-color: #b03a00; }
 """
-# at the bottom of the window, visible next to every button
+# at the bottom of the window, visible wherever the page is scrolled
 FOOT = {"position": "fixed", "bottom": "0", "left": "0", "z-index": "9"}
-NOTHING, KEPT = "nothing", "kept layout"
+NOTHING, KEPT = "nothing", "kept layout"  # choices of "Compare with"
 
 Schedule = Callable[[Callable[[], None]], object]
 """Function that schedules another one in the thread of the page."""
 
 
 class Control(NamedTuple):
-    """Number of a scene on the page.
+    """Control of a number of the scene, or of a pair of bounds.
 
-    `read` returns its value, None where the scene has no such number; `fields` returns the fields
-    of the scene that a new value changes.
+    Attributes
+    ----------
+    label
+        Label on the page, with the unit.
+    low, high
+        Range of the widget, widened to values outside of it.
+    step
+        Step of the widget.
+    read
+        Function that returns the value in a scene; None if the scene has no such number.
+    fields
+        Function that returns the new fields of a scene for a new value.
+    kind
+        Class of the widget.
     """
 
     label: str
@@ -69,22 +80,24 @@ class Control(NamedTuple):
     kind: Any = pn.widgets.EditableFloatSlider
 
 
-def _bounds(part: str) -> tuple[Callable[[Scene], Any], Callable[[Scene, Any], dict[str, Any]]]:
-    """Return functions that read and change the bounds of gaps or thicknesses [mm]."""
+def _bounds(quantity: str) -> tuple[Callable[[Scene], Any], Callable[[Scene, Any], dict[str, Any]]]:
+    """Return `read` and `fields` of a control for the bounds of gaps or thicknesses [mm]."""
 
     def read(scene: Scene) -> Any:
-        free = getattr(scene, f"free_{part}") and not (part == THICKNESS and scene.stock)
-        low, high = getattr(scene, part)
+        free = getattr(scene, f"free_{quantity}") and not (quantity == THICKNESS and scene.stock)
+        low, high = getattr(scene, quantity)
         return (_mm(low), _mm(high)) if free and not scene.in_heights else None
 
-    return read, lambda _, v: {part: (v[0] / MM, v[1] / MM), f"{part}_values": None}
+    return read, lambda _, v: {quantity: (v[0] / MM, v[1] / MM), f"{quantity}_values": None}
 
 
 def _mm(value: float) -> float:
+    """Return a length [m] in millimetres, without the rounding error of the conversion."""
     return round(MM * value, 9)
 
 
 def _one_thickness(scene: Scene) -> float | None:
+    """Return the thickness of all dominoes [mm]; None if they may differ."""
     varies = scene.free_thickness or scene.stock or scene.in_heights
     return None if varies else _mm(scene.thickness[0])
 
@@ -114,7 +127,7 @@ CONTROLS = (
 
 
 class Page:
-    """Contents of one tab of the browser: a design with pictures, numbers and controls.
+    """Contents of one tab of a browser: pictures, numbers and controls of a design.
 
     Parameters
     ----------
@@ -128,24 +141,24 @@ class Page:
     design
         The design.
     view
-        The page, an object of Panel.
+        Panel object of the page.
     """
 
     def __init__(self, design: Design, schedule: Schedule) -> None:
         self.design, self._schedule = design, schedule
-        self._pending: dict[Callable[..., None], Any] = {}  # values of pending calls
-        self._stop_event: threading.Event | None = None  # ends the search that runs
-        self._last_control: Control | None = None  # whose changes are one step of the history
-        self._uniform_scene: Scene | None = None  # scene of the uniform baseline
-        self._kept_layout: Layout | None = None
-        self._waves: list[Wave] = []  # of this layout, and of the one that it is compared with
-        self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
+        self._pending: dict[Callable[..., None], Any] = {}  # arguments of scheduled calls
+        self._stop_event: threading.Event | None = None  # stops the running search; None: no search
+        self._last_control: Control | None = None  # its next change replaces its last one
+        self._uniform_scene: Scene | None = None  # scene whose uniform baseline was requested
+        self._kept_layout: Layout | None = None  # choice `KEPT` of "Compare with"
+        self._waves: list[Wave] = []  # of the design, and of the layout that it is compared with
+        self._motions: list[Motion] = []  # of these waves; empty until the player is used
         self._view = Range1d(-1.0, 1.0)
         self.chain, self.compared = Chain(self._view), Chain(self._view)
         self.chain.figure.title.text = "Your layout"
-        self.curves = {part: Curve(self._view, part) for part in TITLES}
-        for part in (SPACING, THICKNESS):
-            self._enable_drag(part)
+        self.curves = {quantity: Curve(self._view, quantity) for quantity in TITLES}
+        for quantity in (SPACING, THICKNESS):
+            self._enable_drag(quantity)
         self.view = self._make_view()
         self._show()
 
@@ -160,7 +173,7 @@ class Page:
         def card(title: str, *parts: Any) -> Any:
             return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
 
-        def with_change(widget: Any, handler: Callable[[Any], None]) -> Any:
+        def connect(widget: Any, handler: Callable[[Any], None]) -> Any:
             widget.param.watch(lambda event: self._call_newest(handler, event.new), "value")
             return widget
 
@@ -176,27 +189,27 @@ class Page:
         )
         self.message.param.update(styles=FOOT, margin=0)
         self.clock = pn.pane.HTML(width=150)
-        self.progress = pn.indicators.Progress(value=-1, visible=False, **WIDE)
+        self.progress = pn.indicators.Progress(value=-1, visible=False, **WIDE)  # -1: unknown
         player = pn.widgets.Player(
             start=0, end=FRAMES, interval=INTERVAL, loop_policy="once", show_loop_controls=False,
             visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=72,
         )  # fmt: skip
-        self.player = with_change(player, self._draw_chains)
+        self.player = connect(player, self._draw_chains)
         compare = pn.widgets.Select(name="Compare with", options=[NOTHING], **WIDE)
-        self.compare = with_change(compare, lambda _: self._show())
+        self.compare = connect(compare, lambda _: self._show())
         self.controls = {}
         for control in CONTROLS:
             widget = control.kind(
                 name=control.label, start=control.low, end=control.high, step=control.step, **WIDE
             )
-            self.controls[control] = with_change(widget, partial(self._change, control))
+            self.controls[control] = connect(widget, partial(self._change, control))
         self.floor, self.noise = (
             pn.widgets.FloatInput(name=name, value=0.5, start=0.0, step=0.1, width=150)
             for name in ("Floor friction", "Placement noise [mm]")
         )
         self.buttons: dict[str, Any] = {}
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
-        with_change(upload, lambda data: self._receive(upload.filename, data))
+        connect(upload, lambda data: self._receive(upload.filename, data))
         self.download = pn.widgets.FileDownload(filename="layout", styles={"display": "none"})
         main = pn.Column(
             self.title, self.numbers,
@@ -233,34 +246,34 @@ class Page:
         )  # fmt: skip
         return pn.FlexBox(main, side, align_items="flex-start", **WIDE)
 
-    def _enable_drag(self, part: str) -> None:
-        """Make the points of a curve change gaps or thicknesses when dragged."""
-        points, offset = self.curves[part].sources[0], 0.0
+    def _enable_drag(self, quantity: str) -> None:
+        """Make gaps or thicknesses follow the points of their curve that are dragged."""
+        points, offset = self.curves[quantity].sources[0], 0.0  # [mm] from the pointer to the point
 
         def begin(event: Any) -> None:
             nonlocal offset
             self.stop()
-            at = int(np.argmin(np.abs(points.data["x"] - event.x)))
-            offset = points.data["y"][at] - event.y
+            nearest = int(np.argmin(np.abs(points.data["x"] - event.x)))
+            offset = points.data["y"][nearest] - event.y
             self.player.param.update(direction=0, value=0)
-            points.selected.indices = [at]
+            points.selected.indices = [nearest]
 
         def move(event: Any) -> None:
-            number = int(points.data["number"][points.selected.indices[0]])
-            self._call_newest(self.drag, part, number, max(event.y + offset, 0.0) / MM)
+            index = int(points.data["index"][points.selected.indices[0]])
+            self._call_newest(self.drag, quantity, index, max(event.y + offset, 0.0) / MM)
 
         def end(_: Any) -> None:
             points.selected.indices = []
-            self._call_newest(self._edit, self.design.commit)  # after the drags that wait
+            self._call_newest(self._edit, self.design.commit)  # after a drag that is scheduled
 
-        self.curves[part].enable_drag(begin, move, end)
+        self.curves[quantity].enable_drag(begin, move, end)
 
     # calls --------------------------------------------------------------------------------------
 
     def _call_newest(self, function: Callable[..., None], *values: Any) -> None:
-        """Schedule a call with values; newer values replace those of a pending call.
+        """Schedule a call with values; newer values replace those of a scheduled call.
 
-        It is called with the lock of the document, which Panel's watchers may lack.
+        Scheduled calls have the lock of the document, which Panel's watchers may lack.
         """
         is_pending = function in self._pending
         self._pending[function] = values
@@ -268,7 +281,10 @@ class Page:
             self._schedule(lambda: self._call(function, *self._pending.pop(function)))
 
     def _in_thread(self, work: Callable[[], Any], function: Callable[[Any], None]) -> None:
-        """Run `work` in a thread, and call a function with its result or show its error."""
+        """Run `work` in a thread, then schedule a call with its result or a message of its error.
+
+        The function is called in the thread of the page.
+        """
 
         def run() -> None:
             try:
@@ -280,21 +296,29 @@ class Page:
         threading.Thread(target=run, daemon=True).start()
 
     def _call(self, action: Callable[..., Any], *values: Any) -> None:
-        """Call a function, or show its error."""
+        """Call a function, and show the message of its error, if any."""
         try:
             action(*values)
         except (ValueError, ArithmeticError) as error:
             self.notify(str(error), "error")
 
     def notify(self, text: str, kind: str = "") -> None:
-        """Show a message; the kind "error" has its own colour."""
+        """Show a message.
+
+        Parameters
+        ----------
+        text
+            The message; empty to remove the last one.
+        kind
+            "error" for the colour of errors.
+        """
         message = f'<p role="status" class="message {kind}">{escape(text)}</p>'
         self.message.object = message if text else ""
 
     # from the design to the page ----------------------------------------------------------------
 
     def _show(self) -> None:
-        """Show the design after a step of the history; start slow computations in threads."""
+        """Show the design after a step of the history; slow computations run in threads."""
         design, scene, wave = self.design, self.design.scene, self.design.wave
         self.title.object = f"<h1>Domino studio: {escape(str(scene.title))}</h1>"
         for control, widget in self.controls.items():
@@ -304,13 +328,13 @@ class Page:
                 low, high = min(control.low, np.min(value)), max(control.high, np.max(value))
                 widget.param.update(start=low, end=high, value=value)
         scale = MM * (float(design.layout.height.max()) if scene.in_heights else 1.0)
-        for part, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
-            self.curves[part].figure.visible = free
-            self.curves[part].fit(*(scale * bound for bound in getattr(scene, part)))
+        for quantity, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
+            self.curves[quantity].figure.visible = free
+            self.curves[quantity].fit(*(scale * bound for bound in getattr(scene, quantity)))
         link = make_link(design)
         self.link.object = (
             f'<a href="{link}" target="_blank">Link that contains this layout</a>'
-            if len(link) < LONGEST_LINK else "The layout is too long for a link: save its files."
+            if len(link) < MAX_LINK_LENGTH else "The layout is too long for a link: save its files."
         )  # fmt: skip
         for name, steps in (("Undo", -1), ("Redo", 1)):
             self.buttons[name].disabled = not design.can_move(steps)
@@ -324,11 +348,15 @@ class Page:
         self._fit_view()
 
     def _uniform(self, scene: Scene) -> UniformBaseline | None:
+        """Return the uniform baseline; None if the scene has changed in the meantime."""
         time.sleep(UNIFORM_DELAY)
         return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
 
     def _complete(self, name: str, work: Callable[[], Any], is_current: Callable[[], bool]) -> None:
-        """Compute an attribute of the design in the background; it may change in the meantime."""
+        """Set an attribute of the design to the result of `work`, which runs in a thread.
+
+        The result is dropped if it is not current any more when `work` ends.
+        """
 
         def update(value: Any) -> None:
             if is_current():
@@ -346,7 +374,7 @@ class Page:
             "best known layout": record.layout if record else None,
             KEPT: kept_layout if kept_layout and not scene.violations(kept_layout) else None,
         }
-        # a name stays while its layout is computed
+        # the uniform baseline can be chosen while it is computed
         self.compare.options = [NOTHING, UNIFORM_NAME, *(n for n in [*layouts][1:] if layouts[n])]
         compared = layouts.get(self.compare.value)
         other = None if compared is None else scene.simulate(compared)
@@ -359,7 +387,7 @@ class Page:
         compared_layouts = [ComparedLayout(name, wave) for name, wave in waves.items()]
         verdict = f"<p><b>{escape(headline(compared_layouts)['winner'])}</b></p>" if other else ""
         numbers = design.numbers().items()
-        cells = (f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in numbers)
+        cells = (f"<div><b>{escape(text)}</b><br>{escape(name)}</div>" for name, text in numbers)
         self.numbers.object = (
             f'<div class="numbers">{"".join(cells)}</div>'
             f"<p>{escape(design.wave.explanation)}</p>{verdict}"
@@ -367,10 +395,10 @@ class Page:
         self._draw_chains()
 
     def _draw_chains(self, frame: int | None = None) -> None:
-        """Draw the dominoes at the time of the player; with a new frame the view follows them."""
+        """Draw the dominoes at the time of the player; for its new frame the view follows them."""
         layouts, fraction = [wave.layout for wave in self._waves], self.player.value / FRAMES
-        poses, clock = [(layout.tilt, -1) for layout in layouts], "0 s"
-        if fraction:  # a chain at rest needs no motion, so that a drag is fast
+        poses, clock = [(layout.tilt, -1) for layout in layouts], "0 s"  # leans, leader (-1: none)
+        if fraction:  # no motion is computed for a chain at rest, so that a drag is fast
             self._motions = self._motions or [Motion(w.layout, w.physics) for w in self._waves]
             end = max(motion.end for motion in self._motions)
             times = [fraction * end]
@@ -386,19 +414,19 @@ class Page:
             self._fit_view(float(layouts[0].pivots[max(poses[0][1], 0), 0]))
 
     def _fit_view(self, leader: float | None = None) -> None:
-        """Show the longest chain by `set_view`."""
+        """Show the longest chain, or its part around a leader at this x [m]."""
         longest = max((wave.layout for wave in self._waves), key=lambda layout: layout.length)
         set_view(self._view, longest, leader)
 
     # from the page to the design ----------------------------------------------------------------
 
-    def drag(self, part: str, number: int, value: float) -> None:
-        """Drag and show the design; see `Design.drag` for the arguments."""
-        self.design.drag(part, number, value)
+    def drag(self, quantity: str, index: int, value: float) -> None:
+        """Change a gap or a thickness and show the design; see `Design.drag` for the arguments."""
+        self.design.drag(quantity, index, value)
         self._redraw()
 
     def _edit(self, action: Callable[..., Any], *values: Any) -> None:
-        """Change the design, and show it."""
+        """Call a function that changes the design, and show the design."""
         self.stop()
         self.notify("")
         self._last_control = None
@@ -415,17 +443,20 @@ class Page:
             self._last_control = control if self.design.scene != scene else None
 
     def _equal_gaps(self) -> None:
+        """Change the layout to the uniform baseline."""
         if self.design.uniform is None:
             raise ValueError("the best equal gaps are still being computed: try again")
         self.design.show(self.design.uniform.layout)
         self.design.commit()
 
     def _keep(self) -> None:
+        """Keep the layout as a choice of "Compare with", and compare with it."""
         self._kept_layout = self.design.layout
         self._redraw()
         self.compare.value = KEPT
 
     def _receive(self, names: list[str], data: list[bytes] | None) -> None:
+        """Open uploaded files; None: the upload was reset."""
         if data:
             files = dict(zip(names, data, strict=True))
             self._edit(lambda: self.notify(receive(self.design, files)))
@@ -437,7 +468,7 @@ class Page:
 
         def send(data: BytesIO) -> None:
             self.download.param.update(file=data, filename=filename)
-            self.download._clicks += 1  # acts like a click on its hidden button
+            self.download._clicks += 1  # as a click on its hidden button does
             self.notify(f"saved {filename} in the downloads of the browser")
 
         self._in_thread(lambda: make_file(write, filename), send)
@@ -450,7 +481,7 @@ class Page:
         self._stop_event, self.progress.visible = None, False
 
     def _stop_here(self) -> None:
-        """End a search with the best so far."""
+        """End a search with its best layout so far."""
         if self._stop_event is not None:
             self._stop_event.set()
 
@@ -480,12 +511,14 @@ class Page:
         self._in_thread(lambda: run_search(design.scene, method, stop_event, show), update)
 
     def _show_search(self, stop_event: threading.Event, layout: Layout, fraction: float) -> None:
+        """Show the best layout and the progress of a search, if it is still the current one."""
         if self._stop_event is stop_event:
             self.progress.value = round(100 * fraction) or -1
             self.design.show(layout)
             self._redraw()
 
     def _check_floor(self) -> None:
+        """Simulate the free-standing dominoes in a thread, and show a summary."""
         wave, friction = self.design.wave, self.floor.value
         self.notify("simulating the free-standing dominoes …")
 
@@ -497,5 +530,6 @@ class Page:
         self._in_thread(lambda: simulate_standing(wave.layout, wave.physics, friction), update)
 
     def _try_noise(self) -> None:
+        """Simulate placement noise in a thread, and show a summary."""
         wave, scene, deviation = self.design.wave, self.design.scene, self.noise.value / MM
         self._in_thread(lambda: noise_summary(placement_noise(wave, scene, deviation)), self.notify)

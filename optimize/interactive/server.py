@@ -12,14 +12,13 @@ from domino_env.core.checks import require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
-from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, open_design, read_link
+from optimize.interactive.exchange import KEY, MAX_UPLOAD, open_design, read_link
 from optimize.searching import compile_simulations
 
 HOST = "localhost"
-CHECK = 1_000  # [ms] between checks for closed tabs
-# checks in a row without a tab that end the server; one may be a tab that reloads
-MAX_UNUSED = 3
-LIFETIME = 60_000  # [ms] until a slow browser has to connect
+CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
+CHECKS_WITHOUT_TAB = 3  # after as many in a row the server ends; a tab that reloads misses one
+CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
 HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = """
 {% extends base %}
@@ -42,12 +41,12 @@ class Studio:
     design
         The design with which every tab begins.
     port
-        Port on this machine; 0 for a free one.
+        Port on this machine; 0 for any free one.
 
     Attributes
     ----------
     design
-        The design of the tab that was opened last.
+        Design of the tab that was opened last; before any, the first one.
     url
         Address of the page; empty while it is not served.
     """
@@ -58,7 +57,7 @@ class Studio:
 
     @property
     def layout(self) -> Layout:
-        """Layout of the tab that was opened last."""
+        """Layout of `design`."""
         return self.design.layout
 
     def serve(self, callback: Callable[[str], object], *, until_closed: bool = True) -> None:
@@ -69,37 +68,38 @@ class Studio:
         callback
             Function that is called with the address once the page can be opened.
         until_closed
-            True to end with the last tab.
+            If True, the server also ends a few seconds after the last tab is closed.
 
         Raises
         ------
         OSError
-            If the port is taken.
+            If the port is in use.
         """
         from panel.io.server import get_server
         from tornado.ioloop import PeriodicCallback
 
-        # otherwise the first search would block the page
+        # the compilation in a first search would block the page
         compile_simulations(self._first_step[0], gradients=True)
-        asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
+        asyncio.set_event_loop(asyncio.new_event_loop())  # only the main thread has one already
         server: Any = get_server(
             self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
-            location=False, websocket_max_message_size=2 * LARGEST_UPLOAD,
-            check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=LIFETIME,
+            location=False, websocket_max_message_size=2 * MAX_UPLOAD,
+            check_unused_sessions_milliseconds=CHECK_INTERVAL,
+            unused_session_lifetime_milliseconds=CONNECTION_TIMEOUT,
         )  # fmt: skip
-        checks_left = 0  # checks without a tab before the end
+        checks_left = 0  # checks without a tab until the end; 0 before the first tab
 
         def end_without_tabs() -> None:
             nonlocal checks_left
             if any(session.connection_count for session in server.get_sessions()):
-                checks_left = MAX_UNUSED
+                checks_left = CHECKS_WITHOUT_TAB
             elif checks_left == 1:
                 server.io_loop.stop()
             checks_left = max(checks_left - 1, 0)
 
         server.start()
         if until_closed:
-            PeriodicCallback(end_without_tabs, CHECK).start()
+            PeriodicCallback(end_without_tabs, CHECK_INTERVAL).start()
         self.url = f"http://{HOST}:{server.port}/"
         callback(self.url)
         try:
@@ -110,7 +110,7 @@ class Studio:
             self.url = ""
 
     def _new_tab(self) -> Any:
-        """Return the page of a new tab."""
+        """Return the page of a new tab, with the design in its link or else the first one."""
         import panel as pn
 
         from optimize.interactive.page import Page
@@ -130,6 +130,7 @@ class Studio:
         return template
 
     def _repr_html_(self) -> str:
+        """Serve the page in a thread, and return a frame that shows it."""
         if not self.url:
             ready = threading.Event()
 
@@ -152,19 +153,19 @@ def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Stu
     source
         A scene or a layout, the name or path of one, a run folder, or a link of the page.
     port
-        Port on this machine; 0 for a free one.
+        Port on this machine; 0 for any free one.
 
     Returns
     -------
     Studio
-        Object that a notebook shows as the page; `layout` is the layout designed there.
+        Object that a notebook shows as the page; its `layout` is the one designed there.
 
     Raises
     ------
     ImportError
         If Panel is missing; the message has the command that installs it.
     ValueError
-        If the scene or layout cannot be read, or if it leaves nothing free.
+        If the scene or layout cannot be read, or if the scene has no free values.
 
     Examples
     --------

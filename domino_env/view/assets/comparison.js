@@ -227,9 +227,9 @@
   const signed = (x) => (x > 0 ? "+" : "") + (100 * x).toFixed(2) + " %";
   // gains are over the last layout that completes, with a scene its uniform baseline
   const base = compared.findLast((entry) => entry.mean_speed > 0);
-  // scores that are no speeds have a column
+  // scores that are no speeds have a column of their texts
   const scored = compared.some((entry) => entry.score_text && !entry.score_text.endsWith("m/s"));
-  const head = ["layout", ...(scored ? ["score"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
+  const head = ["layout", ...(scored ? ["result"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();

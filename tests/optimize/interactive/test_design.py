@@ -101,7 +101,7 @@ def test_a_scene_that_cannot_be_changes_nothing() -> None:
         design.change(length=9.0)
     assert (design.scene, design.layout) == before
     for wrong, message in (
-        ((THICKNESS, 5, 0.01), "part = 'thickness': choose one of spacing"),
+        ((THICKNESS, 5, 0.01), "quantity = 'thickness': choose one of spacing"),
         ((SPACING, 39, 0.01), "index = 39: give a whole number from 0 to 38"),
         ((SPACING, 5, float("nan")), "value = nan m: give a finite number"),
     ):

@@ -102,7 +102,7 @@ def test_a_wrong_file_gets_the_sentence_of_the_command_line(
     ({"one.csv": b"spacing,thickness\n,.01\n"}, "one domino has no gap: give a layout of two"),
     ({"a.csv": b"", "b.csv": b""}, r"a\.csv, b\.csv: give a layout"),
     ({"../../etc/passwd": b"root"}, r"etc/passwd: give a layout"),
-    ({"big.csv": b" " * (exchange.LARGEST_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
+    ({"big.csv": b" " * (exchange.MAX_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
     ({"long.csv": b"spacing,thickness\n" + b".02,.01\n" * 5999 + b",.01\n"}, "6,000 dominoes: g"),
 ])  # fmt: skip
 def test_other_uploads_are_refused(design: Design, files: dict[str, bytes], words: str) -> None:
