@@ -1,4 +1,4 @@
-"""Train algorithms on scenes with many seeds, compare them with searches, and write a page.
+"""Train algorithms on scenes with several seeds, compare them with searches, and write a page.
 
 An algorithm is one of those of `domino train`, a scripted policy (ramp), a search method (cma,
 auto) or a third-party algorithm: `package.module:fit` with a function fit(make_env, steps, seed)
@@ -7,10 +7,10 @@ that returns an object with `predict`.
 Every result is stored when its run ends, and each training has a folder in runs/benchmark. The same
 command executes missing runs, continues stopped trainings and rewrites the page. Runs in the table
 benchmark.csv of the output folder are not repeated and remain on the page. After Ctrl-C the page
-with all complete runs is written. Times are processor times.
+has all complete runs. Times are processor times.
 
 The default scenes are sprint, course, sprint-thickness, ideal and varied. In varied every episode
-has a new scene, and scores are those in its test set.
+has a new scene, and scores are those in the test set.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Execute missing runs, write the page and print its table."""
+    """Execute missing runs, write the page, print its table; return 1 if a run failed, else 0."""
     from agents.algorithms import ALGORITHMS, require_learning
     from agents.benchmark import BASELINES, SCENES, benchmark_tasks, read_target
     from agents.benchmark_report import FILES, RUNS, merge_runs, read_runs, table, write
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> str:
-    """Return the command line that writes this page."""
+    """Return the command line that writes the page, without options that have their defaults."""
     words = ["domino", "benchmark", *arguments.scenes]
     for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
         value = getattr(arguments, name)

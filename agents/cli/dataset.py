@@ -1,8 +1,9 @@
 """Write a dataset of scenes, of the best layouts of searches, and of episodes that build them.
 
 FOLDER receives layouts.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
-README.md, which describes them. 5000 scenes take some tens of minutes of one core; --workers
-distributes the searches. The same command continues a stopped one. Needs the extra "minari".
+README.md, which describes them. 5000 scenes take some tens of minutes on one core; --workers
+distributes the searches. The same command continues after an interruption. The command needs the
+extra "minari".
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the dataset and print its card."""
+    """Write the dataset and print its README.md."""
     from agents.dataset import make_dataset
 
     with open_executor(arguments.workers, arguments.dask) as executor:

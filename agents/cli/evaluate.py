@@ -1,11 +1,11 @@
-"""Compare the layout that an agent builds with the uniform baseline and the best known layout.
+"""Compare the layout that a policy builds with the uniform baseline and the best known layout.
 
 RUN is the folder of a training, the name of a shipped policy (sprint, designer), a scripted policy,
-or an archive (.zip) of Stable-Baselines3 or sb3-contrib with a --scene. Scripted policies are
+or an archive (.zip) of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are
 uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule) and rule (takes
-pieces from a hand). Plain multilayer perceptrons are read without running code, other archives need
---trust. `designer` designs a layout for a new --scene in milliseconds. --scenes evaluates it, or a
-policy trained on `varied`, on many scenes that it was not trained on.
+pieces from a hand). Archives with plain multilayer perceptrons are read without running code;
+others need --trust. `designer` designs a layout for a new --scene in milliseconds. --scenes
+evaluates it, or a policy trained on `varied`, in many scenes that were not used in the training.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from agents.rollout import Rollout
     from agents.scripted import ScriptedPolicy
 
-SUMMARY = "evaluate a trained agent or a scripted policy"
+SUMMARY = "evaluate a trained or scripted policy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     if isinstance(policy, Designer):
         for difference in range_violations(rollout.scene):
             print(f"outside the scenes of its training: {difference}")
-    print(sentence(rollout))
+    print(describe(rollout))
     if arguments.layout:
         from domino_env.scenes.io.reading import write_layout
 
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _evaluate_scenes(
     policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
 ) -> int:
-    """Print a table of the scores in many scenes."""
+    """Print a table of the scores in many scenes, and write it if --csv is given."""
     from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
     from domino_env import SceneDistribution
 
@@ -106,10 +106,16 @@ def _evaluate_scenes(
     return 0
 
 
-def sentence(rollout: Rollout) -> str:
-    """Return a score, its gain over the uniform baseline and its distance to the best known.
+def describe(rollout: Rollout) -> str:
+    """Return a line with the score of a layout, compared with two references.
 
-    If episodes are random, it is compared with the open-loop plan over the same episodes instead.
+    One is the uniform baseline. The other is the best known layout or, if episodes are random, the
+    open-loop plan over the same episodes.
+
+    Parameters
+    ----------
+    rollout
+        The layout and its score.
     """
     from agents.rollout import evaluation_seeds
     from agents.scripted import plan
@@ -125,9 +131,9 @@ def sentence(rollout: Rollout) -> str:
     reference = "the best known"
     if (number := len(evaluation_seeds(scene))) > 1:
         best, reference = None, f"the open-loop plan over the same {number} episodes"
-        with suppress(ValueError):  # the scene has no plan
+        with suppress(ValueError):  # there is no plan for the scene
             best = plan(scene).score
-    gap = None if best is None else gain(score, best)
-    if gap is not None:
-        text += f", {format_gain(gap, 3)} {reference} ({best:.6f})"
+    difference = None if best is None else gain(score, best)
+    if difference is not None:
+        text += f", {format_gain(difference, 3)} {reference} ({best:.6f})"
     return f"{text}; built in {rollout.seconds * 1e3:.1f} ms"

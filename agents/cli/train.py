@@ -1,6 +1,7 @@
-"""Train an agent that builds layouts for a scene, one domino after the other.
+"""Train a policy that builds layouts for a scene, one domino after the other.
 
-Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume continues it.
+The command needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume
+continues it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import argparse
 
 from domino_env.cli.options import NATURAL, SEED, add_flags, add_options, add_out_option, output
 
-SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
+SUMMARY = "train a policy that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser,
         ("algorithm", str, "NAME", "ppo", "apg, ppo, ars, sac, td3 or tqc"),
-        ("steps", NATURAL, "N", None, "number of actions in all"),
+        ("steps", NATURAL, "N", None, "number of dominoes placed (that of the algorithm)"),
         SEED,
         ("num-scenes", NATURAL, "N", None, number),
         ("save-zip", output(".zip"), "FILE", None, archive),
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train, and print the result."""
-    from agents.cli.evaluate import sentence
+    from agents.cli.evaluate import describe
     from agents.training import train
 
     result = train(
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     if result.rollout is None:
         print(f"median gain over the uniform baselines of some scenes: {result.curve[-1][3]:+.2%}")
     else:
-        print(sentence(result.rollout))
+        print(describe(result.rollout))
     print(
         f"{'interrupted after ' if result.interrupted else ''}{result.steps:,} dominoes placed in "
         f"{result.seconds:.0f} s, written to {result.folder}"

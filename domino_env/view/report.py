@@ -38,6 +38,7 @@ from domino_env.view.animation import require_drawable
 from domino_env.view.comparison import ComparedLayout, comparison_data
 
 UNIFORM_NAME = "uniform baseline"
+MAX_TEXT = 1_000  # characters of a text in a verification.json
 
 
 class FloorDocument(Document):
@@ -193,8 +194,6 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
         return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
     with errors_with_path(path):
         check = read_model(VerificationDocument, read_json(path))
-    return {
-        "simulator": one_line(check.engine, 1000),
-        "verdict": one_line(check.verdict, 1000),
-        "last": [(floor_name(result.floor), result.difference) for result in check.floors],
-    }
+    simulator, verdict = one_line(check.engine, MAX_TEXT), one_line(check.verdict, MAX_TEXT)
+    last = [(floor_name(result.floor), result.difference) for result in check.floors]
+    return {"simulator": simulator, "verdict": verdict, "last": last}

@@ -1,9 +1,9 @@
 """List the best known layouts of the shipped scenes, write one of them, or verify them.
 
 --verify simulates each layout and the uniform baseline of its scene with the reference simulator,
-on fixed pivots and free-standing on floors. The reference simulator lets closed contacts open.
---engine adds a third-party engine (extra 'verify'). Only the first hundred dominoes of longer
-layouts are simulated.
+in which closed contacts may open, on fixed pivots and free-standing on floors. --engine adds a
+third-party engine (extra 'verify'). Only the first hundred dominoes of longer layouts are
+simulated.
 """
 
 from __future__ import annotations
@@ -71,10 +71,10 @@ def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]
     for name, record in records.items():
         scene = scenes[name]
         score = scene.format_score(record.score, scene.simulate(record.layout))
-        verifications = known_verification(record.layout, scene.physics)
+        verification = known_verification(record.layout, scene.physics)
         difference = "not verified"
-        if verifications is not None:
-            difference = f"at most {verifications.checks[0].largest:.3%} apart"
+        if verification is not None:
+            difference = f"at most {verification.checks[0].largest:.3%} apart"
         lines.append((name, score, record.method, difference))
     return text_table(("scene", "best known", "method", "reference simulator"), lines)
 
@@ -97,7 +97,7 @@ def _verify(
         write_verified(read_verified() | verifications)
     verdicts = Counter(checks.verdict.partition(":")[0] for checks in verifications.values())
     if arguments.json != "-":
-        numbers = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
+        counts = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
         print("\n" + "\n".join(known_table(verifications)))
-        print(f"\nlayouts on fixed pivots: {numbers}")
+        print(f"\nlayouts on fixed pivots: {counts}")
     return int(verdicts["DIFFERS"] > 0)

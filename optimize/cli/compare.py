@@ -7,10 +7,10 @@ Ctrl-C ends it with the runs that are complete.
 
 Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
 independent: --workers or --dask distribute them. With --budget the results are bitwise
-reproducible; equal --seconds are fair only on cores that have nothing else to do.
+reproducible; equal --seconds are fair only on cores without other work.
 
-Learned methods (apg, ppo, ars), trained agents (agent:RUN, whose clock includes the training) and
-your own methods (package.module:function, in this folder or installed) run where --methods names
+Learned methods (apg, ppo, ars), trained agents (agent:RUN, whose time includes the training) and
+your own methods (package.module:function, in this folder or installed) run only if --methods names
 them.
 """
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
-DEFAULT_SECONDS = 4.0
+DEFAULT_SECONDS = 4.0  # [s]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare, write the folder, print the tables."""
+    """Run or continue the comparison, print its tables and write the folder."""
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.compare import known_score, plan_tasks
     from optimize.experiments.report import table, write_comparison

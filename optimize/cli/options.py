@@ -30,7 +30,17 @@ def split_names(text: str) -> list[str]:
 def add_limit_options(
     parser: argparse.ArgumentParser, run: str, budget: str = "none", seconds: str = "none"
 ) -> None:
-    """Add --budget and --seconds, the limits of a run, with their defaults in words."""
+    """Add --budget and --seconds, the limits of each run.
+
+    Parameters
+    ----------
+    parser
+        Parser of the command.
+    run
+        Name of a run in the help, such as "each search".
+    budget, seconds
+        Defaults in the help.
+    """
     time = f"time of {run} at most [s], not reproducible ({seconds})"
     add_options(
         parser,
@@ -40,7 +50,15 @@ def add_limit_options(
 
 
 def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) -> None:
-    """Add --workers, --dask, --store, --name and, without a default name, --resume."""
+    """Add --workers, --dask, --store, --name and, without a default name, --resume.
+
+    Parameters
+    ----------
+    parser
+        Parser of the command.
+    name
+        Default of --name; None if the command derives one from its scenes.
+    """
     add_executor_options(parser)
     group = parser.add_argument_group("study", "where results are stored, see domino studies")
     text = f"name of the study{' (from that of the scene)' * (name is None)}"
@@ -52,7 +70,7 @@ def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) 
 def open_study(
     arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task]
 ) -> Study:
-    """Create the study of a command, or continue it with ``--resume`` if it exists.
+    """Create the study of a command, or open the one that ``--resume`` continues.
 
     Parameters
     ----------
@@ -61,16 +79,21 @@ def open_study(
     kind
         "comparison" or "sweep".
     default
-        Name if none is given; a number is added if it is taken. ``--resume`` continues the last
+        Name if none is given; a number is added if a study has it. ``--resume`` continues the last
         study of the same tasks, if there is one.
     tasks
         All tasks of the experiment.
 
+    Returns
+    -------
+    Study
+        The study.
+
     Raises
     ------
     ValueError
-        If the name is taken and ``--resume`` is not given, if the folder of a new study's report
-        holds another, or if the study has other tasks.
+        If a study has the name and ``--resume`` is not given, if the output folder of a new study
+        contains another report, or if the study has other tasks.
     """
     from optimize.experiments.report import COMPARISON_FILES, SWEEP_FILES
     from optimize.experiments.store import open_store
@@ -88,10 +111,10 @@ def open_study(
             "continue it by --resume, or give another --name"
         )
     if name is None:
-        equal = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
+        same = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
         names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
         unused_name = next(name for name in names if name not in studies)
-        name = equal[-1] if arguments.resume and equal else unused_name
+        name = same[-1] if arguments.resume and same else unused_name
     if name not in studies:
         folder = Path(arguments.out or f"runs/{name}")
         require_unused(folder, (*COMPARISON_FILES, *SWEEP_FILES))
@@ -111,7 +134,7 @@ def run_study(
     Parameters
     ----------
     arguments, kind, default, tasks
-        See `open_study`. Without ``--out`` the report goes to runs/STUDY.
+        See `open_study`. Without ``--out`` the report is written to runs/STUDY.
     write
         Function that writes the report of an experiment into a folder and returns the names of its
         files.
@@ -121,7 +144,16 @@ def run_study(
     Returns
     -------
     int
-        See `exit_code`.
+        Exit code, as of `exit_code`.
+
+    Raises
+    ------
+    ValueError
+        For the reasons of `open_study`.
+    OSError
+        If a file cannot be written; the message names the study that has the results.
+    KeyboardInterrupt
+        If the experiment was interrupted; the message has the number of complete runs.
     """
     from optimize.experiments.runner import run_experiment
 
@@ -131,9 +163,9 @@ def run_study(
         study = open_study(arguments, kind, default, tasks)
         folder = Path(arguments.out or f"runs/{study.name}")
         next_step = f"results are in study '{study.name}'; the same command with --resume continues"
-        progress = f", {study.result_count} of them done before" if study.result_count else ""
+        stored = f", {study.result_count} of them done before" if study.result_count else ""
         number = amount(len(tasks), "search")
-        print(f"study '{study.name}' in {arguments.store}: {number}{progress}", flush=True)
+        print(f"study '{study.name}' in {arguments.store}: {number}{stored}", flush=True)
         try:
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options
@@ -149,7 +181,17 @@ def run_study(
 
 
 def exit_code(experiment: Experiment) -> int:
-    """Print the failures of an experiment and return 1 if there are any, else 0.
+    """Print the failures of an experiment.
+
+    Parameters
+    ----------
+    experiment
+        The experiment.
+
+    Returns
+    -------
+    int
+        1 if there are failures, else 0.
 
     Raises
     ------

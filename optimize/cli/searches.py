@@ -2,10 +2,10 @@
 
 SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The folder of the run
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
-picture; a folder that holds a run is rejected without --resume. Ctrl-C ends the search and
-writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
-result is that of a search that was never stopped. If pieces are drawn in random order (`draw`),
-the search chooses their order, which a builder cannot.
+picture; a folder that contains a run is rejected without --resume. Ctrl-C ends the search and
+writes the best layout so far. --resume continues a search that was stopped or killed, also with a
+larger budget; the result is that of a search that was never stopped. If pieces are drawn in random
+order (`draw`), the search chooses their order, which a builder cannot do.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
     from optimize.result import SearchResult
 
-SUMMARY = "search a layout better than the uniform baseline"
+SUMMARY = "search for a layout that is better than the uniform baseline"
 EQUAL_SCORE = 1e-6  # relative shortfall from the best known that counts as none
 
 
@@ -55,12 +55,12 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize.run_folder import FILES
     from optimize.searching import search
 
-    load(arguments.method)  # raises for an unknown method, before anything is printed
+    load(arguments.method)  # raises for an unknown method, before the scene is printed
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)
     if scene.hand:
-        print(f"free order:       of all pieces; environments draw them, with {scene.hand} in hand")
+        print(f"order of pieces:  chosen; in environments it is random, with {scene.hand} in hand")
     with open_executor(arguments.workers, arguments.dask) as executor:
         result = search(
             scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _uniform(scene: Scene) -> str:
-    """Describe the uniform baseline."""
+    """Return the score, the sizes and the outcome of the uniform baseline as a text."""
     uniform = scene.uniform()
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
     score, outcome = scene.format_score(uniform.score, uniform.wave), uniform.wave.outcome.name
@@ -87,7 +87,7 @@ def _uniform(scene: Scene) -> str:
 
 
 def _best_known(result: SearchResult) -> str:
-    """Describe the best known layout, compared with that of a search."""
+    """Return the score of the best known layout, and the shortfall of a search, as a text."""
     from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known
 
     scene, record = result.scene, best_known().get(result.scene.name)
@@ -102,7 +102,7 @@ def _best_known(result: SearchResult) -> str:
 
 
 def _best(result: SearchResult) -> str:
-    """Describe the best layout of a search."""
+    """Return the score of the best layout of a search, and its effort, as a text."""
     wave, score = result.wave, result.scene.format_score(result.score, result.wave)
     # the ratio of scores without a unit has no meaning
     gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"

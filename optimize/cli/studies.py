@@ -5,7 +5,7 @@ domino studies show NAME                          best and median of each scene 
 domino studies export NAME --to FILE              every result, as .csv or .parquet
 domino studies export NAME --best SCENE --to FILE the best layout of a scene, as .csv or .json
 
-A store is an SQLite file; any tool for these can query it too.
+A store is an SQLite file, which any tool for SQLite can query.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List, show or export."""
+    """List the studies, or show or export one."""
     from domino_env.core.files import amount, one_line
     from domino_env.scenes.io.reading import write_layout
     from optimize.experiments import report, store
@@ -52,8 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
         number = store.export_study(studies.study(name), Path(arguments.to))
         print(f"written to {arguments.to}: {amount(number, 'result')}")
     else:
-        r = store.best_result(studies.study(name), arguments.best)
-        path = write_layout(r.layout, arguments.to, read_scene(r.scene))
-        text = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
-        print(one_line(f"written to {arguments.to}, the scene to {path}: the layout of {text}"))
+        best = store.best_result(studies.study(name), arguments.best)
+        path = write_layout(best.layout, arguments.to, read_scene(best.scene))
+        search = f"{best.scene_name}, {best.method}, seed {best.seed}, score {best.score:.6g}"
+        print(one_line(f"written to {arguments.to}, the scene to {path}: the layout of {search}"))
     return 0

@@ -1,7 +1,7 @@
 """Design a layout in the browser: drag gaps and see the speed, search, check on a floor, print.
 
 SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
-of the page. The page is served on this machine alone, until its last tab is closed or by Ctrl-C.
+of the page. The page is served on this machine only, until its last tab is closed or until Ctrl-C.
 """
 
 from __future__ import annotations

@@ -3,9 +3,10 @@
     domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12
 
 KEY is any key of a scene file, see scene.toml in the folder of a run. --set takes
-KEY=FROM:TO:NUMBER (with :log at the end evenly in the logarithm) or KEY=VALUE,VALUE,…. Every point
-is checked before anything runs. Results are stored in the study at once; --resume continues a sweep
-that was stopped. The folder receives a page of Markdown, a table (CSV) and a picture.
+KEY=FROM:TO:NUMBER, evenly spaced values (with :log at the end evenly in their logarithms), or
+KEY=VALUE,VALUE,…. All points are checked before the first search. Results are stored in the study
+at once; --resume continues a sweep that was stopped. The folder receives a page of Markdown, a
+table (CSV) and a picture.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check, search, and write the folder."""
+    """Check all points, run or continue the searches, and write the folder."""
     from optimize.experiments.report import write_sweep
     from optimize.experiments.sweep import plan_sweep
 
