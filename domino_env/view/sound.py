@@ -238,17 +238,16 @@ def _find_period(loudness: Floats, lowest: float, highest: float) -> tuple[float
     peaks, _ = signal.find_peaks(inside, height=0.8 * best)
     lag = low + int(peaks[0] if len(peaks) else inside.argmax())
     # A multiple of the period gives a finer value. It grows while there is a clear peak within 12 %
-    # of a period from the expected lag.
+    # of a period from the lag that it predicts.
     period = _parabola_peak(correlation, lag)
     multiple = 1
     while True:
-        expected = round((multiple + 1) * period)
+        guess = round((multiple + 1) * period)
         reach = max(round(0.12 * period), 2)
-        if expected + reach >= high or expected + reach >= len(correlation) - 1:
+        if guess + reach >= high or guess + reach >= len(correlation) - 1:
             break
-        around = correlation[expected - reach : expected + reach + 1]
-        peak = expected - reach + int(around.argmax())
-        if correlation[peak] < 0.5 * best or peak in (expected - reach, expected + reach):
+        peak = guess - reach + int(correlation[guess - reach : guess + reach + 1].argmax())
+        if correlation[peak] < 0.5 * best or peak in (guess - reach, guess + reach):
             break
         multiple += 1
         period = _parabola_peak(correlation, peak) / multiple
