@@ -146,8 +146,8 @@ def draw_strip(
         colour = LEADER_COLOUR if i == leader else FALLEN_COLOUR if i < leader else STANDING_COLOUR
         draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=BACKGROUND)
     # a triangle under the leader's pivot points at it
-    x, y, r = left + leader_x * k, base - leader_z * k, 5 * ZOOM
-    triangle = [(x, y + ZOOM), (x - r, y + 2 * r), (x + r, y + 2 * r)]
+    x, top, r = left + leader_x * k, base - leader_z * k, 5 * ZOOM
+    triangle = [(x, top + ZOOM), (x - r, top + 2 * r), (x + r, top + 2 * r)]
     draw.polygon(triangle, fill=LEADER_COLOUR)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), text, fill=INK, font=font(15))
