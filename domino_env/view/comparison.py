@@ -60,17 +60,17 @@ class ComparedLayout:
 
 
 def require_compared(compared: Sequence[ComparedLayout]) -> None:
-    """Raise an error for an argument that is not a sequence of compared layouts, at least one.
+    """Raise an error for an argument that is not a sequence of at least one compared layout.
 
     Parameters
     ----------
     compared
-        The argument.
+        The argument to check.
 
     Raises
     ------
     TypeError
-        For another type of sequence or entry.
+        For anything else than a sequence, and for another type of entry.
     ValueError
         For an empty sequence.
     """
@@ -134,19 +134,19 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
     by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
     # equal merits stay in their order
     ranked = sorted(zip(_merits(compared), compared, strict=True), key=lambda pair: -pair[0])
-    best, first = ranked[0]
+    highest, best = ranked[0]
     results, leads = [], []
     for merit, entry in ranked:
         result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else entry.score_text
         if entry.wave.mean_speed == 0.0:
             result = entry.wave.explanation
         results.append(f"{entry.name}: {result}")
-        if merit > 0.0 and entry is not first:
-            leads.append(f"{best / merit - 1.0:.2%} faster than {entry.name}")
-    winner = f"{first.name[0].upper()}{first.name[1:]} "
-    if best <= 0.0:
-        keeps = "keeps the limits of the scene" if first.wave.mean_speed else "topples to its end"
-        winner = f"No layout {keeps}"
+        if merit > 0.0 and entry is not best:
+            leads.append(f"{highest / merit - 1.0:.2%} faster than {entry.name}")
+    winner = f"{best.name[0].upper()}{best.name[1:]} "
+    if highest <= 0.0:
+        failure = "keeps the limits of the scene" if best.wave.mean_speed else "topples to its end"
+        winner = f"No layout {failure}"
     elif len(ranked) == 1:
         winner += "topples to its end"
     elif by_speed:
@@ -157,7 +157,7 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
 
 
 def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
-    """Return the scores if all layouts have one, else the mean speeds [m/s]; more is better."""
+    """Return the scores if all layouts have one, else the mean speeds [m/s]; higher is better."""
     scores = [entry.score for entry in compared if entry.score is not None]
     return scores if len(scores) == len(compared) else [entry.wave.mean_speed for entry in compared]
 

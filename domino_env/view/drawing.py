@@ -124,11 +124,11 @@ def draw_strip(
     image = Image.new("RGB", (w, h), BACKGROUND)
     draw = ImageDraw.Draw(image)
     pivots = layout.pivots
-    leader_x, leader_z = map(float, pivots[leader])
+    leader_x, leader_z = map(float, pivots[leader])  # [m]
     left = 20 * ZOOM + 1.2 * float(layout.thickness[0]) * k
     left -= max(0.0, left + (leader_x if camera is None else camera) * k - max_place * w)
     # The lowest ground is at the floor; if the relief is too high, the leader is in the middle.
-    surface = ground_line(layout, max(left / k, 0.0), w / k, ground)
+    surface = ground_line(layout, max(left / k, 0.0), w / k, ground)  # [m], as the next four names
     shown = pivots if ground is None else surface[surface[:, 0] < (w - left) / k]
     lowest, highest = float(shown[:, 1].min()), float(shown[:, 1].max())
     room = scale.room / scale.pixels
@@ -168,7 +168,7 @@ def draw_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale
     scale
         Scale of the strip.
     """
-    draw, k = ImageDraw.Draw(image), scale.pixels
+    draw, k = ImageDraw.Draw(image), scale.pixels  # per metre
     top, right = 34.0, scale.width - 20.0
     for d in thickness[::-1]:
         box = right - d * k, top, right, top + height * k
@@ -227,8 +227,8 @@ def palette() -> Image.Image:
     """
     shades = []
     for colour in (INK, PALE, STANDING_COLOUR, FALLEN_COLOUR, LEADER_COLOUR):
-        for part in np.linspace(1.0, 0.0, 9)[:-1]:
-            mixed = part * np.array(colour) + (1.0 - part) * np.array(BACKGROUND)
+        for opacity in np.linspace(1.0, 0.0, 9)[:-1]:
+            mixed = opacity * np.array(colour) + (1.0 - opacity) * np.array(BACKGROUND)
             shades += [round(x) for x in mixed]
     image = Image.new("P", (1, 1))
     image.putpalette(shades + list(BACKGROUND))

@@ -27,7 +27,7 @@ class Energy:
     time
         Instants [s], 33 from just after every hit to just before the next.
     pushed
-        Energy of the push, one number [J].
+        Energy of the push [J], a single number.
     released
         Potential energy released so far [J].
     kinetic
@@ -75,7 +75,7 @@ def energies(motion: Motion) -> Energy:
     samples = motion.samples[: layout.count - 1]
     shape, leader = samples.shape, np.repeat(np.arange(len(samples)), PIECES + 1)
     sums = stack_sums(layout, leader, samples["angle"].ravel(), STEP, STEP)
-    released, inertia = (part.reshape(shape) for part in sums)
+    released, inertia = (values.reshape(shape) for values in sums)
     released *= physics.gravity
     kinetic = 0.5 * inertia * samples["speed"] ** 2
     hits = np.zeros(shape)

@@ -26,9 +26,9 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
 
-# [in] of a figure: its width and margins, the width of axes, and heights from top to bottom
-WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
-SPAN = WIDTH - LEFT - RIGHT
+WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35  # [in] of a figure, of its margins
+SPAN = WIDTH - LEFT - RIGHT  # [in] width of axes
+# [in] heights: text above a layout, panel, space above a panel, below an x axis, at the foot
 LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55
 
 # width of the axes in heights of the tallest domino
@@ -77,7 +77,7 @@ def draw_layouts(
     layouts
         Layouts; the curves of the last one have markers.
     headline, subtitle
-        Text above all.
+        Texts above all layouts.
     scene
         Scene whose bounds are drawn; None for none.
     draw_last
@@ -122,7 +122,7 @@ def draw_layouts(
         axes = _axes(figure, y, strip)
         axes.set_xlim(low, end)
         _draw_dominoes(axes, entry, strip / scale)
-        place = LEFT / WIDTH, (y + strip - 0.15) / height
+        place = LEFT / WIDTH, (y + strip - 0.5 * LABEL) / height
         note = "; the first dominoes are drawn" * (end < high)
         figure.text(*place, _label(entry) + note, va="center", size=9.5, color=entry.colour)
     for panel in panels:
@@ -160,6 +160,7 @@ def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -
     TypeError
         For `ax` that are not Matplotlib axes.
     """
+    # such as "Layout(12 dominoes over 0.3 m: gaps 4 to 30 mm, 4 to 12 mm thick, 48 mm high)"
     headline, _, subtitle = repr(layout)[len("Layout(") : -1].partition(": ")
     layouts = [DrawnLayout(layout, None, "the layout")]
     return draw_layouts(layouts, headline, subtitle, ax=ax, register=register)
@@ -261,8 +262,8 @@ def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]
 
 def _x_label(layouts: Sequence[DrawnLayout]) -> str:
     """Return the label of the x axis."""
-    place = "position" if all(entry.layout.is_flat for entry in layouts) else "horizontally"
-    return f"{place} from the first pivot [mm]"
+    flat = all(entry.layout.is_flat for entry in layouts)
+    return f"{'position' if flat else 'horizontal position'} from the first pivot [mm]"
 
 
 def _range(layouts: Sequence[DrawnLayout], scene: Scene | None, unit: float) -> tuple[float, float]:
@@ -292,13 +293,13 @@ def _label(entry: DrawnLayout) -> str:
     return f"{name}: {length} in {wave.arrival_times[-1]:.4f} s, {wave.mean_speed:.4f} m/s"
 
 
-def _draw_dominoes(axes: Axes, entry: DrawnLayout, room: float) -> None:
+def _draw_dominoes(axes: Axes, entry: DrawnLayout, height: float) -> None:
     """Draw the standing dominoes to scale from the side, pale if the wave did not hit them.
 
-    room: height of the axes [mm].
+    height: height of the axes [mm].
     """
     layout, wave, (low, high) = entry.layout, entry.wave, axes.get_xlim()
-    axes.set_ylim(-0.02 * room, 0.98 * room)
+    axes.set_ylim(-0.02 * height, 0.98 * height)  # the line of the ground is not clipped
     axes.grid(visible=False)
     axes.set_xticks([])
     axes.set_yticks([])
@@ -337,7 +338,7 @@ def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]
     for entry, curve in zip(layouts, values, strict=True):
         x = 1e3 * entry.layout.pivots[:, 0]
         middles = 0.5 * (x[:-1] + x[1:])
-        marker = "o" if entry is layouts[-1] or len(curve) == 1 else ""
+        marker = "o" if entry is layouts[-1] or len(curve) == 1 else ""  # one value has no line
         line: dict[str, Any] = {"color": entry.colour, "linewidth": 1.5, "markersize": 3.0}
         axes.plot(middles, curve, marker=marker, label=entry.name, **line)
 
@@ -348,9 +349,9 @@ def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene |
     values = [1e3 * getattr(entry.layout, name)[1 - entry.layout.count :] for entry in layouts]
     if name != "height" and len(values[0]):
         low, high = min(v.min() for v in values), max(v.max() for v in values)
-        room = max(0.12 * (high - low), 0.02 * high)
-        axes.set_ylim(low - room, high + room)
-        # with `in_heights` bounds differ from domino to domino
+        margin = max(0.12 * (high - low), 0.02 * high)
+        axes.set_ylim(low - margin, high + margin)
+        # with `in_heights` the bounds differ from domino to domino
         for bound in getattr(scene, name) if scene and not scene.in_heights else ():
             axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
     _curves(axes, layouts, values)

@@ -18,8 +18,9 @@ def ground_line(
 ) -> Floats:
     """Return the line of the ground, x forward and z up, pivot 0 at (0, 0).
 
-    A layout holds only the bases of its dominoes. The line is straight under each domino, a cubic
-    with continuous slope between two bases, and straight before the first and after the last.
+    A layout defines the ground under its dominoes only. The line is straight under each domino, a
+    cubic with continuous slope between two dominoes, and straight behind the first and ahead of the
+    last.
 
     Parameters
     ----------

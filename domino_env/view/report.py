@@ -38,7 +38,7 @@ from domino_env.view.animation import require_drawable
 from domino_env.view.comparison import ComparedLayout, comparison_data
 
 UNIFORM_NAME = "uniform baseline"
-MAX_TEXT = 1_000  # characters of a text in a verification.json
+MAX_NAME, MAX_TEXT = 100, 1_000  # characters of a layout's name, of a text in a verification.json
 
 
 class FloorDocument(Document):
@@ -142,7 +142,7 @@ def read_compared(
         layout = read_layout(file, scene)
         require_drawable(one_line(str(file)), layout.count)
         entry = ComparedLayout(
-            one_line(path.resolve().name if folder else path.stem, 100),
+            one_line(path.resolve().name if folder else path.stem, MAX_NAME),
             simulate(layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),

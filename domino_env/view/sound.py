@@ -29,7 +29,7 @@ MIN_HITS = 8  # in a part
 
 
 def clicks(wave: Wave) -> Floats:
-    """Return the sound of a wave: a click at every hit, louder the larger the impact velocity.
+    """Return the sound of a wave: a click at every hit, as loud as its impact is fast.
 
     Parameters
     ----------
@@ -77,8 +77,8 @@ def write_wav(samples: Floats, path: Path) -> None:
     """
     from scipy.io import wavfile
 
-    whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
-    write_bytes(path, lambda file: wavfile.write(file, RATE, whole))
+    raw = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
+    write_bytes(path, lambda file: wavfile.write(file, RATE, raw))
 
 
 def read_wav(path: Path) -> tuple[Floats, int]:
@@ -110,24 +110,24 @@ def read_wav(path: Path) -> tuple[Floats, int]:
             with warnings.catch_warnings():
                 # of chunks that are unknown or that are missing after the samples
                 warnings.simplefilter("ignore", wavfile.WavFileWarning)
-                rate, whole = wavfile.read(io.BytesIO(data))
+                rate, raw = wavfile.read(io.BytesIO(data))
         except Exception as error:  # SciPy raises many types for a wrong header
             reason = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
             raise ValueError(
                 f"not a plain WAV file, or cut off amid a sample ({reason}); convert it to PCM WAV"
             ) from None
         require("rate", rate, MIN_RATE, MAX_RATE, "samples per second")
-        _require_samples(whole.size, "it holds")
-        return _scale_samples(whole).reshape(len(whole), -1).mean(1), rate
+        _require_samples(raw.size, "it holds")
+        return _scale_samples(raw).reshape(len(raw), -1).mean(1), rate
 
 
-def _scale_samples(whole: NDArray[np.generic]) -> Floats:
+def _scale_samples(raw: NDArray[np.generic]) -> Floats:
     """Return the samples of a file as floats; integers, unsigned up to 8 bits, become -1 … 1."""
-    samples = whole.astype(np.float64)
-    if whole.dtype.kind == "f":
+    samples = raw.astype(np.float64)
+    if raw.dtype.kind == "f":
         return samples
-    half = 2.0 ** (8 * whole.dtype.itemsize - 1)
-    return samples / half - (1.0 if whole.dtype.kind == "u" else 0.0)
+    half = 2.0 ** (8 * raw.dtype.itemsize - 1)
+    return samples / half - (1.0 if raw.dtype.kind == "u" else 0.0)
 
 
 def _require_samples(number: int, subject: str) -> None:
@@ -225,9 +225,9 @@ def _find_period(loudness: Floats, lowest: float, highest: float) -> tuple[float
     from scipy import signal
 
     centred = loudness - loudness.mean()
-    raw = signal.correlate(centred, centred, method="fft")[len(centred) - 1 :]
+    sums = signal.correlate(centred, centred, method="fft")[len(centred) - 1 :]
     # values at larger lags are sums of fewer terms
-    correlation = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
+    correlation = sums / max(float(sums[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
     low = max(int(1.0 / highest / HOP), 1)
     high = min(int(1.0 / lowest / HOP) + 2, 2 * len(centred) // 3)
     if high - low < 3:

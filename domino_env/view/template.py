@@ -95,30 +95,30 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     """
     require_choice("paper", paper, PAPERS)
     wide, high = PAPERS[paper]
-    across = layout.width + 2.0 * BESIDE
-    on_a_sheet = int((high - HEAD - FOOT) / across)
-    if on_a_sheet < 1:
+    across = layout.width + 2.0 * BESIDE  # width of a strip
+    per_sheet = int((high - HEAD - FOOT) / across)  # strips
+    if per_sheet < 1:
         most = high - HEAD - FOOT - 2.0 * BESIDE
         raise ValueError(f"width = {layout.width} m: give at most {most:.3g} m for {paper} paper")
     front = positions_along(layout)
     rear = front - layout.thickness
     begin, margin = float(rear[0]) - LEAD, MARGIN
-    whole = float(front[-1]) + LEAD - begin
-    total = math.ceil(whole / (wide - 2.0 * margin))
-    fewer = (total - 1) // on_a_sheet * on_a_sheet  # strips of one sheet less
-    if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
-        total, margin = fewer, 0.5 * (wide - whole / fewer)
+    paper_length = float(front[-1]) + LEAD - begin
+    total = math.ceil(paper_length / (wide - 2.0 * margin))
+    fewer = (total - 1) // per_sheet * per_sheet  # strips of one sheet less
+    if fewer and paper_length <= fewer * (wide - 2.0 * LEAST_MARGIN):
+        total, margin = fewer, 0.5 * (wide - paper_length / fewer)
     length = wide - 2.0 * margin
-    if total > MAX_SHEETS * on_a_sheet:
+    if total > MAX_SHEETS * per_sheet:
         raise ValueError(
-            f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
+            f"a layout of {layout.length:.6g} m takes {-(-total // per_sheet):,} sheets of paper: "
             f"at most {MAX_SHEETS:,} are drawn; check that its sizes are in metres"
         )
     plan = []
     for k in range(total):
         left, right = begin + k * length, begin + (k + 1) * length
         inside = np.flatnonzero((front > left) & (rear < right))
-        sheet, place = divmod(k, on_a_sheet)
+        sheet, place = divmod(k, per_sheet)
         middle = high - HEAD - (place + 0.5) * across
         plan.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
     return plan

@@ -225,7 +225,7 @@
 
   // the table
   const signed = (x) => (x > 0 ? "+" : "") + (100 * x).toFixed(2) + " %";
-  // gains are over the last layout that completes, with a scene its uniform baseline
+  // gains are over the last layout that completes, the uniform baseline if there is a scene
   const base = compared.findLast((entry) => entry.mean_speed > 0);
   // scores that are no speeds have a column of their texts
   const scored = compared.some((entry) => entry.score_text && !entry.score_text.endsWith("m/s"));
