@@ -46,11 +46,11 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     if scene.length is None:
         return np.where(is_tight, least, np.clip(proposal, least, largest)), thickness
     if thin < thick:  # some thicknesses leave too little or too much length for the gaps
-        for total_gap, compare in ((pairs * least, np.greater), (pairs * largest, np.less)):
-            total = scene.length - total_gap
-            is_out = compare(thickness.sum(axis=1), total)
-            bounds = np.full(pairs, thin), np.full(pairs, thick)
-            thickness[is_out] = nearest_with_sum(thickness[is_out], *bounds, total)
+        bounds = np.full(pairs, thin), np.full(pairs, thick)
+        for gap_sum, compare in ((pairs * least, np.greater), (pairs * largest, np.less)):
+            limit = scene.length - gap_sum
+            is_out = compare(thickness.sum(axis=1), limit)
+            thickness[is_out] = nearest_with_sum(thickness[is_out], *bounds, limit)
     totals = scene.length - thickness.sum(axis=1)
     low, high = np.full((candidates, 1), -MAX_SHIFT), np.full((candidates, 1), MAX_SHIFT)
     for _ in range(HALVINGS):
@@ -62,7 +62,7 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
     is_free = (gaps > least) & (gaps < largest)
     # the error that bisection leaves
     gaps += is_free * (error / np.maximum(is_free.sum(axis=1), 1))[:, None]
-    # the length needs wider gaps than tight ones at the end
+    # [m] of length are left: the last gaps cannot stay tight
     for k in np.flatnonzero(np.abs(totals - gaps.sum(axis=1)) > 1e-12):
         bounds = np.full(pairs, least), np.full(pairs, largest)
         gaps[k] = nearest_with_sum(gaps[k : k + 1], *bounds, float(totals[k]))[0]

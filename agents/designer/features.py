@@ -60,8 +60,8 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
     free, has_length = scene.free_thickness, scene.length is not None
     if free and has_length:
         return ("free thickness with a given length",)
-    name = "varied-thickness" if free else "varied-course" if has_length else "varied"
-    distribution = _distribution(name)
+    kind = "varied-thickness" if free else "varied-course" if has_length else "varied"
+    distribution = _distribution(kind)
     values = dict(zip(FEATURES, scene_features(scene), strict=True))
     values["length"] = values["pitch"] * (scene.count - 1)
     if not free:
@@ -125,12 +125,12 @@ def scale_features(features: Floats) -> Floats:
     # entries that are not LOGARITHMIC may be 0, and their logarithms are not used
     low, high = (np.where(LOGARITHMIC, np.log(np.maximum(x, 1e-3)), x) for x in (LOW, HIGH))
     entries = np.where(LOGARITHMIC, np.log(np.maximum(entries, 1e-9)), entries)
-    given = pitch > 0.0
-    relative = (pitch - least - thin) / (largest + thick - least - thin)
-    log_gap = np.log(np.where(given, np.maximum(pitch - thin, least), 1.0))
-    length = given, np.where(given, 2.0 * relative - 1.0, 0.0), np.where(given, log_gap + 1.0, 0.0)
+    has_length = pitch > 0.0
+    relative = 2.0 * (pitch - least - thin) / (largest + thick - least - thin) - 1.0
+    log_gap = np.log(np.where(has_length, np.maximum(pitch - thin, least), 1.0)) + 1.0
+    length = np.where(has_length, np.stack([np.ones_like(pitch), relative, log_gap]), 0.0)
     scaled = 2.0 * (entries - low) / (high - low) - 1.0
-    return np.concatenate([scaled, np.stack(length, axis=-1)], axis=-1)
+    return np.concatenate([scaled, np.moveaxis(length, 0, -1)], axis=-1)
 
 
 def observations(features: Floats, tight: Floats) -> Floats:

@@ -22,14 +22,12 @@ from optimize.interactive.design import SPACING, THICKNESS
 Handler = Callable[[Any], None]
 
 MM = 1e3  # [mm/m]
-# [heights of the tallest domino]
-MARGIN = 2.0  # space in front of a chain
-MAX_LENGTH = 60.0  # largest width of the view
+MARGIN = 2.0  # [heights of the tallest domino] space ahead of a chain; 0.3 of it is behind
+MAX_LENGTH = 60.0  # [heights of the tallest domino] largest width of the view
 LEADER_PLACE = 0.7  # distance of the leading domino from the left, over the width of the view
 SPEED = "speed"
 COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of the rectangles that are dominoes
 COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR)]
-
 
 TITLES = {
     SPACING: "Gap [mm] – drag the points up and down",
@@ -115,10 +113,11 @@ class Chain:
         height = float(layout.height.max())
         line = ground_line(layout, height, height)
         self._ground.data = {"x": line[:, 0], "y": line[:, 1]}
+        # space below the ground, more on a slope
         self._y_range.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * height)
         self._finish.location = float(pivots[-1, 0])
         pivot, text = pivots[stop or 0], f"the wave stops at domino {stop}"
-        right = (stop or 0) > layout.count // 2  # then a text has more room on the left
+        right = (stop or 0) > layout.count // 2  # in the right half; the text is left of the arrow
         self._stop.update(
             x=float(pivot[0]), y=float(pivot[1]) + 1.15 * height, visible=stop is not None,
             x_offset=5 if right else -5, text_align="right" if right else "left",

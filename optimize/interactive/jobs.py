@@ -70,7 +70,7 @@ def improvement_method(layout: Layout) -> Method:
         problem = evaluator.problem
         local = LocalSearch(problem.design(layout), problem.projection)
         while not local.done:
-            run_local_searches(evaluator, [local], 1)
+            run_local_searches(evaluator, [local], gradients=1)
             time.sleep(STEP_PAUSE)
         hint = "; values from a list or a stock have no gradient: use Search"
         evaluator.status = "nothing nearby is better" + hint * problem.discrete
