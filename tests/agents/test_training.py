@@ -135,7 +135,7 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monke
     summary = json.loads((run.folder / "summary.json").read_text())
     assert (summary["finished"], summary["score"]) == (True, run.rollout.score)
 
-    checkpoint, count = Training.checkpoint, [0]
+    checkpoint, count = Training.write_checkpoint, [0]
 
     def failing(self: Training) -> None:
         checkpoint(self)
@@ -144,7 +144,7 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monke
             raise RuntimeError("failure")
 
     with monkeypatch.context() as patch:
-        patch.setattr(Training, "checkpoint", failing)
+        patch.setattr(Training, "write_checkpoint", failing)
         with pytest.raises(RuntimeError, match="failure"):
             train(SMALL, algorithm, seed=3, folder=tmp_path / "cut", hyperparameters=chosen)
     before = _curve(tmp_path / "cut")
