@@ -14,16 +14,17 @@ from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
 from optimize.constraints.feasible_set import FeasibleSet
 
-ROUNDING = 1e-9  # distance outside of the box that counts as rounding
+ROUNDING = 1e-9  # distance outside of [0, 1] that counts as rounding
 
 
 class DesignSpace:
     """Design vectors of a scene, and their layouts.
 
-    A design vector x has one entry in [0, 1] for each free gap, then one for each free thickness,
-    then one for each free height (over that of the domino before), from its least to its largest
-    value. Every design vector stands for the nearest layout (in metres) that keeps the rules of the
-    scene: length, largest change, lists of allowed values, stock.
+    A design vector is a point of the unit box: it has one entry in [0, 1] for each free gap, then
+    for each free thickness, then for each growth (height over that of the domino before). 0 stands
+    for the least value and 1 for the largest. The layout of a design vector is the nearest one (in
+    metres) that keeps the rules of the scene: length, largest change, lists of allowed values,
+    stock.
 
     Parameters
     ----------
@@ -35,7 +36,8 @@ class DesignSpace:
     dimension
         n, length of a design vector.
     low, high
-        (n,) values at 0 and 1 [m], or in heights if the scene gives them so.
+        (n,) least and largest values [m], in domino heights if the scene gives them so; growths are
+        ratios.
     discrete
         True if some values come from a list or the stock, so that scores have steps.
 
@@ -68,22 +70,22 @@ class DesignSpace:
 
     @property
     def linear(self) -> tuple[Floats, Floats] | None:
-        """A (m, n) and b (m,) of A x ≤ b [m], the largest change of the gaps; None without one."""
-        if not self._feasible.coupled:
+        """Matrix A (m, n) and right side b (m,) of A x ≤ b [m]; None without a largest change."""
+        if not self._feasible.limits_changes:
             return None
-        ties = np.flatnonzero(np.isfinite(self._feasible.change))
-        rise = np.diff(np.eye(self.dimension), axis=0)[ties]
-        matrix, limit = np.concatenate([rise, -rise]), np.tile(self._feasible.change[ties], 2)
+        tied = np.flatnonzero(np.isfinite(self._feasible.change))
+        change = np.diff(np.eye(self.dimension), axis=0)[tied]
+        matrix, limit = np.concatenate([change, -change]), np.tile(self._feasible.change[tied], 2)
         return matrix * (self.high - self.low), limit - matrix @ self.low
 
     @property
     def coupled(self) -> bool:
-        """True if several design vectors of the box stand for the same layout: see `project`."""
-        return self.scene.length is not None or self.discrete or self._feasible.coupled
+        """True if several design vectors stand for the same layout, see `project`."""
+        return self.scene.length is not None or self.discrete or self._feasible.limits_changes
 
     @property
     def is_continuous(self) -> Bools:
-        """(n,) True for entries that change continuously; the others are from a list or stock."""
+        """(n,) True for continuous entries; the others are from a list or the stock."""
         return ~self._feasible.is_discrete
 
     def project(self, designs: Floats) -> Floats:
@@ -108,7 +110,7 @@ class DesignSpace:
 
     @property
     def projection(self) -> Callable[[Floats], Floats] | None:
-        """`project`; None if every design vector of the box stands for itself."""
+        """Method `project`; None if every design vector stands for itself."""
         return self.project if self.coupled else None
 
     def layout(self, design: Floats) -> Layout:
@@ -122,13 +124,19 @@ class DesignSpace:
         return self.layout_from(self.values(self.check(self.as_batch(design))))
 
     def layout_from(self, values: Floats) -> Layout:
-        """Return the layout of free values (1, n), without regard to the rules."""
+        """Return the layout of free values (1, n), see `values`, without applying the rules."""
         gaps, *sizes = self.split(values)
         thickness, height = (None if size is None else size[0] for size in sizes)
         return self.scene.layout(gaps[0], thickness, height)
 
     def design(self, layout: Layout) -> Floats:
-        """Return the design vector (n,) of a layout that keeps the rules of the scene."""
+        """Return the design vector (n,) of a layout that keeps the rules of the scene.
+
+        Raises
+        ------
+        ValueError
+            If the layout has another number of dominoes than the scene.
+        """
         require_layout(layout)
         scene = self.scene
         if layout.count != scene.count:
@@ -144,16 +152,23 @@ class DesignSpace:
         return self._unit_values(np.concatenate(values))
 
     def values(self, designs: Floats) -> Floats:
-        """Find the free gaps, thicknesses and growths (B, n) [m] of design vectors (B, n)."""
+        """Return the free values (B, n) of design vectors (B, n), after the rules are applied.
+
+        They are gaps, thicknesses and growths in the units of `low` and `high`.
+        """
         return self._feasible.project(self._targets(designs))
 
     def split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
-        """Split free values (B, n) into gaps and, if free, thicknesses and heights.
+        """Convert free values (B, n) to gaps, thicknesses and heights.
 
         Returns
         -------
-        tuple of ndarray or None
-            (B, N-1) each, of dominoes 1 … N-1 [m].
+        gaps : ndarray
+            (B, N-1) all gaps [m].
+        thickness : ndarray or None
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None if they are not free.
+        height : ndarray or None
+            (B, N-1) heights of dominoes 1 … N-1 [m]; None if all heights are equal.
         """
         scene, pairs = self.scene, self.scene.count - 1
         start = 0
@@ -168,20 +183,20 @@ class DesignSpace:
             growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
             height = np.asarray(scene.height * np.cumprod(growth, axis=1))
         if scene.in_heights:
-            unit = np.full_like(gaps, scene.height) if height is None else height
-            gaps = gaps * self._heights_before(unit)
-            thickness = None if thickness is None else thickness * unit
+            scale = np.full_like(gaps, scene.height) if height is None else height
+            gaps = gaps * self._heights_before(scale)
+            thickness = None if thickness is None else thickness * scale
         return gaps, thickness, height
 
     def _heights_before(self, height: Floats) -> Floats:
-        """Return the heights (B, N-1) of dominoes 0 … N-2 by those of dominoes 1 … N-1 [m]."""
+        """Return the heights (B, N-1) of dominoes 0 … N-2 [m] from those of dominoes 1 … N-1."""
         first = np.full((len(height), 1), self.scene.height)
         return np.concatenate([first, height[:, :-1]], axis=1)
 
     def design_gradient(
         self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
     ) -> Floats:
-        """Convert derivatives by gaps, thicknesses and heights to derivatives by design vectors.
+        """Convert derivatives of scores to derivatives with respect to the design vectors.
 
         Parameters
         ----------
@@ -190,15 +205,16 @@ class DesignSpace:
         values
             (B, n) their free values, see `values`.
         gradient
-            Derivatives (B, N-1) by the quantities of dominoes 1 … N-1 [1/m].
+            (B, N-1) derivatives with respect to the gaps, and to the thicknesses and heights of
+            dominoes 1 … N-1 [unit of the score per m].
         relaxed
-            True to treat values from a list or the stock as if they could move; otherwise their
-            derivative is 0, because they do not change when a design vector changes a little.
+            True to treat values from a list or the stock as continuous; otherwise their derivative
+            is 0, because they do not change when a design vector changes a little.
 
         Returns
         -------
         ndarray
-            (B, n) derivatives; at an edge of the rules those of the nearest layout within them.
+            (B, n) derivatives; where the rules bind, those of the nearest layout that keeps them.
         """
         by_value = self._by_value(values, gradient)
         targets = self._targets(designs)
@@ -223,12 +239,12 @@ class DesignSpace:
         designs
             (B, n) design vectors.
         unbounded
-            True to accept entries outside of [0, 1] as they are.
+            True to accept all finite entries as they are.
 
         Raises
         ------
         ValueError
-            If the shape is another one, or if entries are outside of [0, 1].
+            If the shape is another one, or if entries are not finite or outside of [0, 1].
         """
         designs = numbers("designs", designs, None, ("B", self.dimension))
         is_valid = np.isfinite(designs)
@@ -238,11 +254,12 @@ class DesignSpace:
             b, i = np.argwhere(~is_valid)[0]
             entry = designs[b, i]
             hint = "; `project` gives the nearest design that is" * bool(np.isfinite(entry))
-            raise ValueError(f"design {b} has {entry} at place {i}: every entry is in [0, 1]{hint}")
+            accepted = "is finite" if unbounded else f"is in [0, 1]{hint}"
+            raise ValueError(f"design {b} has {entry} at place {i}: every entry {accepted}")
         return designs if unbounded else np.clip(designs, 0.0, 1.0)
 
     def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:
-        """Return derivatives (B, n) by the free values, in heights if the scene gives them so."""
+        """Return derivatives (B, n) with respect to the free values, in their units."""
         scene, pairs = self.scene, self.scene.count - 1
         by_gap, by_thickness = derivatives.spacing, derivatives.thickness
         by_height = derivatives.height
@@ -252,7 +269,7 @@ class DesignSpace:
                 by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
             else:
                 thickness = scene.thickness[0] * height if thickness is None else thickness
-                # a height scales the thickness of its domino and the gap behind it
+                # a height scales the thickness of its domino and the gap to the next one
                 by_scale = by_height * height + by_thickness * thickness
                 by_scale[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
                 growth = values[:, -pairs:] if scene.free_height else np.ones_like(height)
@@ -265,9 +282,9 @@ class DesignSpace:
         return np.concatenate([part for part, is_free in parts if is_free], axis=1)
 
     def _targets(self, designs: Floats) -> Floats:
-        """Return the values (B, n) [m] before the rules are applied."""
+        """Return the values (B, n) of design vectors before the rules are applied."""
         return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
 
     def _unit_values(self, values: Floats) -> Floats:
-        """Scale values (B, n) that keep the rules to design vectors."""
+        """Return the design vectors of values (B, n) that keep the rules."""
         return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))

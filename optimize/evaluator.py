@@ -1,4 +1,4 @@
-"""Evaluator: scores for a search method, within limits, with the best so far and a journal."""
+"""Evaluator: scores of design vectors for a search method, within limits."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
 CHUNK_DOMINOES = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
-MAX_CHUNK = 256  # designs between two checks, so that enough good ones become finalists
+MAX_CHUNK = 256  # layouts between two checks, so that enough good ones become finalists
 EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
-TOLERANCE = 1e-4  # relative gain of the second half of a search without a limit that ends it
-# Evaluations of a search without a limit, times the mean of dominoes and variables: before its gain
-# is considered, and at most with the default tolerance. They are some 12 and 13 s of one core.
+TOLERANCE = 1e-4  # a search without a limit ends if its second half gains relatively less
+# The size of a problem is the mean of its numbers of dominoes and variables, clipped to LEAST_SIZE
+# and LARGEST_SIZE. A search with a tolerance has an effort of at least LEAST_EFFORT / size (some
+# 12 s of one core) and, with the default tolerance, of at most MOST_EFFORT / size (some 13 s).
 LEAST_EFFORT, MOST_EFFORT = 5_000_000, 5_500_000
-# such means below and above which the number of evaluations is the same
 LEAST_SIZE, LARGEST_SIZE = 40, 250
-MAX_FINALISTS = 8  # best designs kept, to be simulated closely at the end
+MAX_FINALISTS = 8  # improvements kept, to be simulated at a tight tolerance at the end
 
 # evaluations, simulated intervals between hits, seconds and best score at an improvement
 TraceEntry = tuple[int, int, float, float]
 
 
 class BudgetSpent(BaseException):  # no error: the ordinary end of a search
-    """Raised into a method when its evaluator has reached a limit.
+    """Exception that ends a method when its evaluator has reached a limit.
 
-    An `except Exception` of a method does not catch it.
+    An `except Exception` of the method does not catch it.
     """
 
 
@@ -49,8 +49,8 @@ class Evaluator:
     """Evaluator of design vectors for a method, within limits.
 
     It counts evaluations, keeps the best layouts, and stores every answer in a journal, from which
-    a stopped search can resume. At a limit it raises `BudgetSpent`. Its clock starts with the
-    object.
+    a stopped search can resume. At a limit it raises `BudgetSpent`. Its time begins when it is
+    constructed.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ class Evaluator:
     max_evaluations
         Largest number of layouts that may be simulated; None for no limit.
     max_seconds
-        Time that may be spent; None for no limit.
+        Time that may be spent [s]; None for no limit.
     tolerance
-        Relative gain of the second half of the effort below which the search ends, after a least
-        effort; the largest effort is inverse to it. None for no such end.
+        Relative gain of the second half of the effort below which the search ends, after
+        `least_effort`; `most_effort` is inversely proportional to it. None for no such end.
     callback
-        Function that is called with the evaluator after every batch; by default, nothing is.
+        Function that is called with the evaluator after every batch; it does nothing by default.
     journal
         Journal of the search; None for none.
     executor
@@ -82,11 +82,15 @@ class Evaluator:
     trace
         (evaluations, falls, seconds, best score) at every improvement.
     finalists
-        The last improvements, (score, design) each, the best last.
+        The last improvements, at most eight, as (score, design vector), the best last.
     status
         Text of the method about the reliability of its best layout.
     effort
         Number of evaluations so far, each gradient counted as four.
+    least_effort
+        Effort from which on `tolerance` may end the search.
+    most_effort
+        Effort at which a search with a tolerance ends; inf without a tolerance.
     """
 
     def __init__(
@@ -110,19 +114,20 @@ class Evaluator:
         self.trace: list[TraceEntry] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=MAX_FINALISTS)
         self.status = ""
-        self._efforts: list[int] = []  # at the improvements
-        cost = min(max(0.5 * (problem.scene.count + problem.dimension), LEAST_SIZE), LARGEST_SIZE)
-        cost *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
-        self.most_effort = MOST_EFFORT / cost * TOLERANCE / tolerance if tolerance else np.inf
-        self.least_effort = min(LEAST_EFFORT / cost, self.most_effort)
+        self._efforts: list[int] = []  # effort at each improvement
+        size = min(max(0.5 * (problem.scene.count + problem.dimension), LEAST_SIZE), LARGEST_SIZE)
+        # a score that takes k simulations is computed less often, by a factor of √k
+        size *= (problem.dominoes / problem.scene.count) ** 0.5
+        self.most_effort = MOST_EFFORT / size * TOLERANCE / tolerance if tolerance else np.inf
+        self.least_effort = min(LEAST_EFFORT / size, self.most_effort)
         self._callback, self._journal, self._executor = callback, journal, executor
         self._chunk = min(max(8, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
-            self._chunk = min(self._chunk, allowed_threads())  # each may take seconds
+            self._chunk = min(self._chunk, allowed_threads())  # each simulation may take seconds
             self._stop = lambda: bool(self.finalists) and self.seconds >= max_seconds
         self._clock = clock
-        # [s] spent before the search, and at the last replay
+        # time spent before the search, and time of the search at the last replayed answer [s]
         self._seconds_before = self._seconds_replayed = 0.0
         self._start = clock()
 
@@ -142,12 +147,12 @@ class Evaluator:
 
     @property
     def remaining_seconds(self) -> float | None:
-        """Time that is left [s], more than 0; None without a limit."""
+        """Time that is left [s], at least 1e-9 as for `max_seconds`; None without a limit."""
         return None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
 
     @property
     def progress(self) -> float:
-        """Spent fraction, 0 to 1, of the limit that is reached first."""
+        """Spent fraction, 0 to 1, of the limit that is nearest."""
         evaluations = self.evaluations / (self.max_evaluations or np.inf)
         seconds = self.seconds / (self.max_seconds or np.inf)
         return min(max(self.effort / self.most_effort, evaluations, seconds), 1.0)
@@ -155,7 +160,7 @@ class Evaluator:
     @property
     def stop_reason(self) -> str:
         """Limit that is reached, in words; empty while more may be evaluated."""
-        if not self.finalists:  # even a limit of no time allows a first evaluation
+        if not self.finalists:  # the first evaluation is allowed even if no time is left
             return ""
         if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
             return f"limit of {amount(self.max_evaluations, 'layout')} reached"
@@ -174,8 +179,8 @@ class Evaluator:
     def late_gain(self) -> float:
         """Gain of the second half of the effort, relative to the score.
 
-        The best score rises about with the logarithm of the effort, or more slowly, so that as much
-        effort again is not expected to gain more.
+        The best score rises about with the logarithm of the effort, or more slowly. So doubling the
+        effort is not expected to gain more than this.
         """
         i = bisect_right(self._efforts, self.effort // 2) - 1
         earlier = self.trace[i][3] if i >= 0 else -np.inf
@@ -189,7 +194,7 @@ class Evaluator:
 
     @property
     def batch_size(self) -> int:
-        """Size of a batch that fills an executor, for methods that evaluate any number at once."""
+        """Number of layouts that fill an executor, for methods that evaluate any number at once."""
         return max(1, EXECUTOR_LOAD // (self.problem.dominoes * self._chunk)) * self._chunk
 
     def add_seconds(self, seconds: float) -> None:
@@ -197,7 +202,7 @@ class Evaluator:
         require("seconds", seconds, 0.0, unit="s")
         self._seconds_before += seconds
 
-    # the best so far ----------------------------------------------------------------------------
+    # best so far --------------------------------------------------------------------------------
 
     @property
     def best_score(self) -> float:
@@ -218,12 +223,12 @@ class Evaluator:
         return self.finalists[-1][1]
 
     def record(self, scores: Scores, design: Callable[[int], Floats]) -> None:
-        """Count layouts that were simulated elsewhere at the tolerance of the problem.
+        """Count layouts that were simulated elsewhere, and keep the best of them.
 
         Parameters
         ----------
         scores
-            Scores of the layouts.
+            Scores of the layouts, at the tolerance of the problem.
         design
             Function that returns the design vector of layout i; called only for a new best.
 
@@ -265,6 +270,8 @@ class Evaluator:
         ------
         BudgetSpent
             If fewer evaluations remain; as many as remain are simulated first.
+        ValueError
+            If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
         designs = numbers("designs", designs, None)
         single = designs.ndim < 2
@@ -274,13 +281,13 @@ class Evaluator:
         results: list[Scores] = []
         rtol = self.problem.rtol if rtol is None else rtol
         # the same chunks with and without an executor: no result may depend on it
-        step = max(1, self._chunk // GRADIENT_COST) if gradient else self._chunk
-        batch = step if gradient or self._executor is None else self.batch_size
+        size = max(1, self._chunk // GRADIENT_COST) if gradient else self._chunk
+        batch = size if gradient or self._executor is None else self.batch_size
         start = 0
         while start < len(designs):
             self.require_more()
             end = start + int(min(batch, len(designs) - start, self.remaining))
-            chunks = [designs[i : min(i + step, end)] for i in range(start, end, step)]
+            chunks = [designs[i : min(i + size, end)] for i in range(start, end, size)]
             outputs = self._evaluate(chunks, gradient, rtol, relaxed)
             try:
                 for chunk, scores in zip(chunks, outputs, strict=True):
@@ -297,12 +304,14 @@ class Evaluator:
         return scores.squeeze() if single else scores
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Compute how late each domino of a layout is hit: see `Problem.lateness`.
+        """Compute how late each domino of a layout is hit, see `Problem.lateness`.
 
         Raises
         ------
         BudgetSpent
             If no evaluation remains.
+        ValueError
+            If the scene has no schedule.
         """
         self.require_more()
         design = np.asarray(design, dtype=np.float64)
@@ -319,9 +328,11 @@ class Evaluator:
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
-        """Provide an evaluator of shorter layouts, which are counted by their dominoes.
+        """Open a context with an evaluator of shorter layouts.
 
-        It has no journal: a resumed search evaluates these layouts again.
+        This evaluator counts each of them in proportion to its dominoes. A limit of the shorter one
+        ends the context without an exception. The shorter one has no journal: a resumed search
+        evaluates these layouts again.
 
         Parameters
         ----------
@@ -329,6 +340,11 @@ class Evaluator:
             Problem of the shorter layouts.
         evaluations
             Largest number of shorter layouts; at most half of the remaining evaluations is used.
+
+        Yields
+        ------
+        Evaluator
+            Evaluator of the shorter layouts.
 
         Raises
         ------
@@ -355,7 +371,7 @@ class Evaluator:
     def _evaluate(
         self, chunks: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
     ) -> Iterator[Scores]:
-        """Yield the scores of one chunk after the other, from the journal as far as it goes."""
+        """Yield the scores of one chunk after the other, from the journal if it has them."""
         kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
         chunks = list(chunks)
         results: Iterator[Scores]
@@ -375,7 +391,7 @@ class Evaluator:
                 yield scores
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
-        """Return the answer of the journal, if there is one, and continue from its time."""
+        """Return the answer in the journal and continue from its time; None if there is none."""
         entry = None if self._journal is None else self._journal.find(kind, designs)
         if entry is None:
             return None
@@ -389,13 +405,13 @@ class Evaluator:
             self._journal.store(kind, designs, self.seconds - self._seconds_before, arrays)
 
     def _count(self, scores: Scores) -> None:
-        """Add the effort of simulated layouts."""
+        """Count simulated layouts, their effort and their intervals between hits."""
         self.evaluations += len(scores.score)
         self.effort += len(scores.score) * (1 if scores.gradient is None else GRADIENT_COST)
         self.falls += int(scores.falls.sum())
 
     def _update_best(self, scores: Scores, design: Callable[[int], Floats]) -> None:
-        """Keep the best of the layouts, if it is a new best, and call the callback."""
+        """Keep the best of the layouts if it improves on the best so far; call the callback."""
         i = int(np.argmax(scores.score))
         score = float(scores.score[i])
         if score > self.best_score:
@@ -407,12 +423,12 @@ class Evaluator:
 
 
 def _pack(scores: Scores) -> list[Floats]:
-    """Return the arrays that a journal stores."""
+    """Return the arrays of scores that a journal stores."""
     arrays = [scores.score, scores.reach, scores.falls.astype(np.float64)]
     return arrays if scores.gradient is None else [*arrays, scores.gradient]
 
 
 def _unpack(arrays: Sequence[Floats]) -> Scores:
-    """Return the scores of arrays that a journal has stored."""
+    """Return the scores from the arrays of a journal."""
     score, reach, falls, *gradient = arrays
     return Scores(score, reach, falls.astype(np.int64), *gradient)

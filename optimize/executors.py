@@ -1,11 +1,9 @@
 """Executors, which run the tasks of an experiment or score thousands of layouts.
 
-None               this process, one task after the other
-ProcessExecutor    processes of this machine
-Dask               workers of this machine or many, behind a scheduler
-
-Each is a `concurrent.futures.Executor`; any other executor can be used too. Results are bitwise the
-same with each of them, because a task contains everything that determines its result.
+`open_executor` opens a `ProcessExecutor`, with processes of this machine, or an executor of Dask,
+with workers of one machine or many behind a scheduler. Any other `concurrent.futures.Executor` can
+be used too. Without an executor, tasks run in this process, one after the other. Results are
+bitwise the same in all cases, because a task contains everything that determines its result.
 """
 
 from __future__ import annotations
@@ -29,11 +27,11 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # of a task whose worker process dies, which may be by chance
+ATTEMPTS = 3  # runs of a task whose worker process dies, because the death may be by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
-    # Dask counts the loss of a worker as a failure of every task that it holds: one at a time.
+    # Dask counts the loss of a worker as a failure of every task that it holds: it gets one task.
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
     "distributed.worker.profile.enabled": False,  # it would slow the tasks down
@@ -41,11 +39,11 @@ DASK_SETTINGS = {
 
 
 class ExecutorLost(ConnectionError):  # noqa: N818 - a state, not a mistake
-    """The executor itself has ended; its unfinished tasks have no result."""
+    """Error of an executor that has ended; its unfinished tasks have no result."""
 
 
 class WorkerLost(RuntimeError):  # noqa: N818
-    """A task ends its worker process in every attempt."""
+    """Error of a task that has ended its worker process in every attempt."""
 
 
 def require_executor(executor: object) -> None:
@@ -69,8 +67,8 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
     """Worker processes that are replaced when one of them dies.
 
     A `ProcessPoolExecutor` breaks as a whole when one process dies, and does not report which task
-    caused it. Here each of several threads has a pool of a single process and gives it one task at
-    a time: the task whose worker died runs again in a new process, and fails after three attempts.
+    caused it. Here each of several threads has a pool of one process and gives it one task at a
+    time. A task whose worker dies runs again in a new process, and fails after three attempts.
 
     Parameters
     ----------
@@ -80,23 +78,23 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
 
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
-        self._pools: dict[int, futures.ProcessPoolExecutor] = {}  # by thread
+        self._pools: dict[int, futures.ProcessPoolExecutor] = {}  # by identifier of the thread
         self._lock = threading.Lock()
         self._killed = False
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> futures.Future[Any]:
-        """Call `fn` in a worker.
+        """Call `fn(*args, **kwargs)` in a worker.
 
         Returns
         -------
         concurrent.futures.Future
-            It fails with the error of the call, with WorkerLost if the call ends its worker, and
-            with ExecutorLost if the executor ends first.
+            Future result. It raises the error of the call, WorkerLost if the call ends its worker,
+            or ExecutorLost if the executor ends first.
         """
         return super().submit(self._run, partial(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Accept no more tasks; with `wait`, return when the submitted ones are finished."""
+        """Accept no more tasks; if `wait`, return when the submitted ones are finished."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         for pool in self._pools.values() if wait else ():
             pool.shutdown()
@@ -134,13 +132,13 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
                     pool = self._pools.pop(thread)
                 pool.shutdown()
         raise WorkerLost(
-            f"its worker process died each of the {ATTEMPTS} times that it ran (killed, out of "
-            "memory, or started by a script without `if __name__ == '__main__':`)"
+            f"its worker process died each of the {ATTEMPTS} times that it ran: check the memory, "
+            "and that a script starts it after `if __name__ == '__main__':`"
         )
 
 
 def begin_worker() -> None:
-    """Prepare a worker process, before NumPy and Numba are loaded in it."""
+    """Prepare a worker process, before NumPy and Numba are imported in it."""
     os.environ.update(ONE_THREAD)
     from domino_env.core.progress import Advice
 
@@ -167,7 +165,7 @@ def without_ctrl_c() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # its own start would unblock the signal again
+    resource_tracker.ensure_running()  # if it started inside, it would unblock the signal
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -177,7 +175,7 @@ def without_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Executor]:
-    """Connect to Dask workers; a task whose worker dies is run again by another."""
+    """Yield an executor of Dask workers; another worker repeats a task whose worker dies."""
     import dask
     from distributed import Client, LocalCluster
     from distributed.comm import parse_host_port
@@ -197,15 +195,16 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
                     scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                     env=ONE_THREAD,
-                    config=DASK_SETTINGS,  # of workers that are started later too
+                    config=DASK_SETTINGS,  # for workers that are started later too
                 )
             address = stack.enter_context(cluster).scheduler_address
         try:
-            parse_host_port(address.rpartition("/")[2])  # a client without an address hangs later
+            parse_host_port(address.rpartition("/")[2])  # an invalid address would block the client
             client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
         except (OSError, ValueError) as error:
-            raise ExecutorLost(f"no Dask scheduler answers at {address}: {error}") from None
+            reason = f"{error}; start it with `dask scheduler`"
+            raise ExecutorLost(f"no Dask scheduler answers at {address}: {reason}") from None
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
         except OSError:
@@ -218,7 +217,13 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
 
 
 def require_same_versions(client: Any, address: str) -> None:
-    """Check that Dask workers have the same versions; others may have other results."""
+    """Check that Dask workers have the versions of this process, without which results may differ.
+
+    Raises
+    ------
+    ValueError
+        If a worker has other versions, or cannot import this package.
+    """
     from domino_env.core.results import versions
 
     try:
@@ -240,22 +245,29 @@ def require_same_versions(client: Any, address: str) -> None:
 def open_executor(
     workers: int | None = None, dask: str | None = None
 ) -> Iterator[futures.Executor | None]:
-    """Open an executor as a context; None if neither argument is given.
+    """Open a context with an executor.
 
     An exception inside the context ends the workers at once; otherwise they finish first.
 
     Parameters
     ----------
     workers
-        Number of processes of this machine; with dask="local", of Dask workers.
+        Number of processes of this machine; with dask="local", of Dask workers, by default one per
+        core.
     dask
-        Address of a scheduler, such as "tcp://127.0.0.1:8786", or "local" for a cluster of this
+        Address of a scheduler, such as "tcp://127.0.0.1:8786", or "local" for a cluster on this
         machine, bound to the loopback address.
+
+    Yields
+    ------
+    concurrent.futures.Executor or None
+        The executor; None if neither argument is given.
 
     Raises
     ------
     ValueError
-        If the number or the address is invalid, or if the workers have other versions.
+        If `workers` is no whole number of at least 1 or is given with an address, or if the Dask
+        workers have other versions.
     ImportError
         If the extra `dist` is missing.
     ExecutorLost
@@ -267,7 +279,7 @@ def open_executor(
     if dask is not None:
         require_extra("a Dask cluster", "dist", "dask", "distributed")
         if dask != "local" and workers is not None:
-            raise ValueError(f"--workers: the Dask scheduler at {dask} has its own; leave it out")
+            raise ValueError(f"workers = {workers}: Dask at {dask} has its own; leave it out")
         with _dask_executor(dask, workers) as executor:
             yield executor
     elif workers is not None:
@@ -278,13 +290,15 @@ def open_executor(
 
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:
-    """Add --workers and --dask."""
+    """Add the options --workers and --dask."""
     from domino_env.cli.options import NATURAL, add_options
 
     group = parser.add_argument_group(
         "executor", "processes that do the work (this one); the results are the same"
     )
-    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
+    dask = (
+        "tcp://HOST:PORT of a Dask scheduler, or local for a cluster of N workers on this machine"
+    )
     add_options(
         group,
         ("workers", NATURAL, "N", None, "number of processes"),

@@ -6,7 +6,7 @@ the same, and continues from there.
 
 The file is an SQLite database, which guards against torn writes. Its table `answers` has one line
 per request: a digest of the request (scene, versions, kind, design vectors), the seconds of the
-search so far, and the arrays of the answer.
+search so far [s], and the arrays of the answer.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from msgspec import MsgspecError, msgpack
 
 from domino_env.core.types import Floats
 
-SAVE_INTERVAL = 1.0  # [s] between two writes: work that is lost if the process is killed
+SAVE_INTERVAL = 1.0  # [s] between two writes; answers since the last are lost if the process dies
 PRAGMAS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
 TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
 
 
 class Journal:
-    """The journal of one search, which no other search may open at the same time.
+    """Journal of one search, which no other search may open at the same time.
 
     Parameters
     ----------
@@ -41,6 +41,8 @@ class Journal:
 
     Attributes
     ----------
+    path
+        The file.
     replaying
         True while answers come from the file.
 
@@ -54,14 +56,14 @@ class Journal:
         self.path = path
         self.replaying = resume and path.exists()
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
-        self._pending: list[tuple[bytes, float, bytes]] = []
-        self._last_save = float("-inf")
+        self._pending: list[tuple[bytes, float, bytes]] = []  # answers that are not yet in the file
+        self._last_save = float("-inf")  # seconds of the search
         with self._file_errors():
             self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
             for setting in PRAGMAS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)
-            if not resume:  # not the file, which another search may have open
+            if not resume:  # delete the answers, not the file, which another search may have open
                 self._database.execute("DELETE FROM answers")
 
     def _digest(self, kind: str, designs: Floats) -> bytes:
@@ -72,14 +74,20 @@ class Journal:
         return state.digest()
 
     def find(self, kind: str, designs: Floats) -> tuple[float, list[Floats]] | None:
-        """Return the seconds and the arrays of an answer; the first one missing ends the replay.
+        """Find the answer to a request; the first request without an answer ends the replay.
 
         Parameters
         ----------
         kind
-            Kind of the request.
+            Kind of the request, such as "scores 1e-06".
         designs
             (B, n) its design vectors.
+
+        Returns
+        -------
+        tuple of (float, list of ndarray), or None
+            Time of the search at the answer [s], and the arrays of the answer; None if the file has
+            no answer, or if the replay has ended.
 
         Raises
         ------
@@ -99,7 +107,7 @@ class Journal:
         return None
 
     def store(self, kind: str, designs: Floats, seconds: float, arrays: list[Floats]) -> None:
-        """Store an answer.
+        """Store the answer to a request.
 
         Parameters
         ----------
@@ -108,7 +116,12 @@ class Journal:
         seconds
             Time of the search so far [s].
         arrays
-            Answer.
+            Arrays of the answer.
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be written.
         """
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
         self._pending.append((self._digest(kind, designs), seconds, answer))
@@ -128,7 +141,7 @@ class Journal:
         insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)"
         with self._file_errors(), self._database as database:
             database.execute("BEGIN")
-            # after Ctrl-C between this line and the next the answers are written again
+            # after Ctrl-C before `_pending` is emptied, IGNORE allows that they are written again
             database.executemany(insert, self._pending)
         self._pending = []
 

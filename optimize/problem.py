@@ -1,4 +1,4 @@
-"""Problem: the score of a scene as a function of numbers between 0 and 1."""
+"""Problem: the score of a scene as a function of design vectors in the unit box."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
 from optimize.design_space import DesignSpace
 
-GRADIENT_RTOL = 1e-8  # relative error of the arrival times of gradients
-# The error of a score is smooth but for jumps of its tolerance, where the simulator changes its
-# rule. Differences over this step need the closer tolerance, and then are good to about 1e-8.
-STEP = 1e-5  # of a difference, as a part of the box
-STEP_RTOL = 1e-10  # relative error of the arrival times of differences
+GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradient
+# The error of a score is smooth, except for jumps within the tolerance where the simulator changes
+# its quadrature rule. With this step and this tolerance, differences are exact to about 1e-8.
+STEP = 1e-5  # change of an entry of a design vector for a difference
+STEP_RTOL = 1e-10  # relative error allowed in the arrival times for a difference
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores of B design vectors; of a single one, without the first axis.
+    """Scores of B design vectors; for a single one, all fields lack the first axis.
 
     Attributes
     ----------
     score
-        (B,) higher is better.
+        (B,) scores; higher is better.
     reach
-        (B,) part of the layout that the wave passed; 1 if it completes.
+        (B,) fraction of the layout that the wave passed; 1 if it completes.
     falls
-        (B,) number of simulated intervals between hits.
+        (B,) numbers of simulated intervals between hits.
     gradient
-        (B, n) gradients by the design vectors; None if not requested.
+        (B, n) gradients with respect to the design vectors; None if not requested.
     """
 
     score: Any
@@ -50,7 +50,7 @@ class Scores:
 
     @property
     def without_gradient(self) -> Bools:
-        """(B,) True without an exact gradient: the wave stopped or broke a limit."""
+        """(B,) True where the wave stops or violates a limit: there is no exact gradient."""
         return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
     def squeeze(self) -> Scores:
@@ -60,25 +60,25 @@ class Scores:
 
 
 class Problem(DesignSpace):
-    """The score of a scene as a function of numbers between 0 and 1, for any optimiser.
+    """The score of a scene as a function of design vectors in the unit box, for any optimiser.
 
-    **Higher scores are better**: an optimiser that minimises is given their negative. A layout that
-    completes and keeps its limits scores more than 0 (with `objective = "mean_speed"`, its speed
-    [m/s]). One whose wave stops scores less than 0, the more the further it came, so that a search
-    can ascend. See `Scene.score`.
+    **Higher scores are better**: minimise their negative. A layout that completes and keeps the
+    limits of the scene scores more than 0 (with `objective = "mean_speed"`, its speed [m/s]). One
+    whose wave stops scores less than 0, and higher the further the wave comes, so that a search can
+    ascend. See `Scene.score`.
 
-    A design vector is an array (n,) of entries in [0, 1], a batch of them (B, n): one entry for
-    each free gap, from its least to its largest value, then for each free thickness, then for each
-    free height (over that of the domino before). Every design vector of the box stands for one
-    layout that keeps all rules of the scene, the nearest one in metres: if a length, a largest
-    change, a list of values or a stock ties entries together, `coupled` is true, many design
-    vectors stand for the same layout, and `project` gives the one that stands for itself. No layout
-    that breaks a rule is simulated.
+    A design vector is an array (n,) of entries in [0, 1], and a batch of them is (B, n). A design
+    vector has one entry for each free gap, then for each free thickness, then for each growth
+    (height over that of the domino before). 0 stands for the least value and 1 for the largest. The
+    layout of a design vector is the nearest one (in metres) that keeps all rules of the scene. If
+    a length, a largest change, a list of values or a stock ties entries together, `coupled` is
+    true: many design vectors stand for the same layout, and `project` returns the one of these that
+    has its values. No layout that breaks a rule is simulated.
 
-    It has no memory and no randomness: equal design vectors have bitwise equal scores. It can be
-    pickled for other processes, and threads may share it. Batches are faster than single designs.
-    Its attributes, `evaluate`, `project`, `layout`, `design`, `equality`, `linear` and `coupled`
-    are a stable interface.
+    A problem has no state and no randomness: equal design vectors have bitwise equal scores. It can
+    be pickled for other processes, and threads may share it. Batches are faster than single design
+    vectors. Its attributes, `evaluate`, `project`, `layout`, `design`, `equality`, `linear` and
+    `coupled` are a stable interface.
 
     Parameters
     ----------
@@ -94,7 +94,8 @@ class Problem(DesignSpace):
     dimension
         n, length of a design vector.
     low, high
-        (n,) values at 0 and 1 [m], or in heights if the scene gives them so.
+        (n,) least and largest values [m], in domino heights if the scene gives them so; growths are
+        ratios.
     discrete
         True if some values come from a list or the stock, so that scores have steps.
     dominoes
@@ -103,7 +104,7 @@ class Problem(DesignSpace):
     Raises
     ------
     ValueError
-        If the scene has no free values, or if its rules contradict each other.
+        If the scene is unknown or has no free values, or if its rules contradict each other.
 
     Examples
     --------
@@ -134,8 +135,8 @@ class Problem(DesignSpace):
     ) -> Scores:
         """Simulate design vectors and score them; higher is better.
 
-        A gradient costs some four simulations for each design vector, whatever n. At an edge of the
-        rules (a face of the box, the given length) it is that of the nearest layout within them.
+        A gradient costs some four simulations for each design vector, for any n. Where a rule binds
+        (a face of the box, the given length) it is that of the nearest layout that keeps the rule.
 
         Parameters
         ----------
@@ -147,11 +148,11 @@ class Problem(DesignSpace):
             Relative error allowed in the arrival times; None for that of the problem. Gradients
             always use 1e-8.
         differences
-            True to take a gradient by differences, with 2n simulations, if there is no exact
-            one, because the wave stopped or broke a limit; otherwise it is zero.
+            True to compute a gradient by differences, with 2n simulations, where the wave stops or
+            violates a limit, so that there is no exact one; otherwise that gradient is zero.
         relaxed
-            True to differentiate by values from a list or the stock as if they could move;
-            otherwise these derivatives are 0.
+            True to treat values from a list or the stock as continuous in derivatives; otherwise
+            these derivatives are 0.
         stop
             Function that returns True to stop a simulation on a floor; None to run it to its end.
 
@@ -165,7 +166,7 @@ class Problem(DesignSpace):
         ValueError
             If the shape is another one, or if entries are outside of [0, 1].
         StoppedError
-            If `stop` returned True.
+            If `stop` returns True.
         """
         designs = numbers("designs", designs, None)
         single = designs.ndim == 1
@@ -187,16 +188,16 @@ class Problem(DesignSpace):
     def fill_gradients(
         self, designs: Floats, scores: Scores, evaluate: Callable[..., Scores]
     ) -> None:
-        """Fill in gradients by differences if a score has no exact one.
+        """Compute gradients by differences where a score has no exact one.
 
         Parameters
         ----------
         designs
             (B, n) design vectors.
         scores
-            Their scores, with zero gradients if there is no exact one.
+            Their scores; gradients are replaced where `without_gradient` is true.
         evaluate
-            Function called as `evaluate` of this class.
+            Function with the arguments of `evaluate`, which scores the 2n points of a difference.
         """
         n = self.dimension
         for b in np.flatnonzero(scores.without_gradient):
@@ -209,9 +210,9 @@ class Problem(DesignSpace):
             scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.is_continuous
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Compute how late each domino of a scene with a schedule is hit, for least squares.
+        """Compute how late each domino is hit in a scene with a schedule, for least squares.
 
-        It takes as long as N gradients.
+        The time of this is that of N gradients.
 
         Parameters
         ----------
@@ -223,18 +224,20 @@ class Problem(DesignSpace):
         scores : Scores
             Its score, reach and falls, (1,) each.
         lateness : ndarray
-            (N-1,) arrival minus schedule of dominoes 1 … N-1 [s]; empty for a wave that stops.
+            (N-1,) arrival time minus schedule of dominoes 1 … N-1 [s]; empty if the wave stops.
         gradient : ndarray
-            (N-1, n) derivatives by the design vector [s]; empty for a wave that stops.
+            (N-1, n) derivatives of the lateness with respect to the design vector [s]; empty if the
+            wave stops.
 
         Raises
         ------
         ValueError
-            If the scene has no schedule.
+            If the scene has no schedule, or scores its mean over draws of placement noise; if the
+            shape is another one; or if entries are outside of [0, 1].
         """
         tempo, pairs = self.scene.tempo, self.scene.count - 1
         if tempo is None:
-            raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
+            raise ValueError(f"scene '{self.scene.name}' has no schedule: use one of 'tempo'")
         wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
         result = self.scene.evaluate_waves([wave])
         scores = Scores(result.score, result.reach, result.falls)

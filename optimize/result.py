@@ -1,4 +1,4 @@
-"""Result of a search: its best layout and the uniform baseline."""
+"""Result of a search: its best layout, beside the uniform baseline."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain
 from domino_env.view.notebook import SceneResult
 
-Trace = tuple[tuple[int, int, float, float], ...]
+Trace = tuple[tuple[int, int, float, float], ...]  # see `SearchResult.trace`
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class SearchResult(SceneResult):
     uniform
         The uniform baseline: the best layout with equal gaps, its wave and score.
     trace
-        (evaluations, simulated intervals, seconds, best score) at every improvement and at the end.
-        The search computes its scores at a relative error of 1e-6.
+        (evaluations, simulated intervals between hits, seconds, best score) at every improvement
+        and at the end. Scores of the search are computed at a relative error of 1e-6.
     evaluations
         Number of layouts simulated.
     falls
@@ -52,7 +52,7 @@ class SearchResult(SceneResult):
     interrupted
         True if the search was interrupted with Ctrl-C.
     stop_reason
-        Reason why the search ended, in words: reported by the method, or the limit reached.
+        Reason why the search ended, in words: the report of the method, or the limit reached.
     """
 
     scene: Scene
@@ -96,7 +96,7 @@ class SearchResult(SceneResult):
         draw_scores(axes, times, curves, lines, self.scene.unit, f"search ({settings})")
 
     def summary(self) -> dict[str, Any]:
-        """Return the contents of summary.json in SI units."""
+        """Return the contents of summary.json, in SI units, as a dict."""
         wave, uniform = self.wave, self.uniform
         search = document(self, "method seed score gain evaluations seconds interrupted")
         quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
@@ -106,7 +106,7 @@ class SearchResult(SceneResult):
             "score_in_words": self.scene.format_score(self.score, wave),
             "length": self.layout.length,
             "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
-            "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
+            "lowest_stall_margin": float(np.nanmin(wave.stall_margin)),
             "uniform_mean_speed": uniform.wave.mean_speed,
             "uniform_outcome": uniform.wave.outcome.name,
             "uniform_score": uniform.score,
@@ -125,7 +125,7 @@ def draw_scores(
     unit: str,
     process: str,
 ) -> None:
-    """Draw scores over the time of a search or a training.
+    """Draw scores over the time of a search or a training, as steps.
 
     Parameters
     ----------
@@ -134,9 +134,9 @@ def draw_scores(
     seconds
         (K,) times [s].
     curves
-        Scores (K,) by label; first those of the best layout so far.
+        Scores (K,) by label, at most two; first those of the best layout so far.
     lines
-        Constant scores for comparison by label; first that of the uniform baseline.
+        Constant scores for comparison by label, at most two; first that of the uniform baseline.
     unit
         Unit of the scores.
     process
@@ -150,7 +150,7 @@ def draw_scores(
     for (label, scores), colour in zip(curves.items(), (RESULT, SKY), strict=False):
         axes.step(seconds, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
-    if min(ends) > 0.0:  # leave out the low scores at the beginning
+    if min(ends) > 0.0:  # show the range of the final scores, not the low ones at the beginning
         low, high = min(ends), max(ends)
         axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
     set_time_axis(axes, seconds)

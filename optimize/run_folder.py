@@ -3,7 +3,7 @@
 scene.toml     the scene
 layout.csv     the best layout, one line per domino; layout.json: the same data
 trace.csv      evaluations, simulated intervals between hits, seconds and best score at every
-               improvement
+               improvement and at the end
 summary.json   the result, SI units
 result.png     drawing of the layout, its wave and the progress of the search
 journal.sqlite the evaluations of the search, from which it can resume; see `optimize.journal`
@@ -60,7 +60,7 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     scene, method, seed
         See `optimize.search`.
     resume
-        If True, a run in the folder is continued.
+        True to continue a run in the folder.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     Raises
     ------
     ValueError
-        If the folder is a file, cannot be written, or holds another search or, without `resume`, a
-        run.
+        If the folder is a file or cannot be written, if it holds another search, or if it holds a
+        run and `resume` is false.
     """
     require_writable(folder)
     if not resume:
@@ -94,7 +94,7 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
 def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> None:
     """Write the result of a search, the summary last.
 
-    Each file is replaced in one step, so that no reader finds a half-written file.
+    Each file is replaced in one step, so that no file is ever incomplete.
 
     Parameters
     ----------
@@ -108,10 +108,11 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
     Raises
     ------
     ValueError
-        If writing fails, or if the run in the folder has more evaluations; its files are then not
-        changed.
+        If writing fails, or if the run in the folder has more evaluations; in the second case no
+        file is changed.
     KeyboardInterrupt
-        If the search was interrupted with fewer evaluations than the run in the folder.
+        If the search was interrupted with fewer evaluations than the run in the folder; no file is
+        changed.
     """
     if result.evaluations < evaluations_before:
         error = KeyboardInterrupt if result.interrupted else ValueError

@@ -27,7 +27,7 @@ from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
 from optimize.executors import require_executor
 from optimize.journal import Journal
 from optimize.methods import registry
-from optimize.problem import Problem, Scores
+from optimize.problem import GRADIENT_RTOL, Problem, Scores
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL, begin_run, write_run
 
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
 Callback = Callable[[Evaluator], None]
 
-NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
-PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
-BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
-LONG_SEARCH = 20.0  # [s] of processor time from which on a search announces its duration
-TRIALS = 8  # gradients that are timed for that
-EQUAL_COST = 130  # variables of which the local search takes as long as the simulation
+NO_SUCCESS = "no layout succeeds: push harder, or allow other gaps, thicknesses or friction"
+PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # of lines without a terminal
+BASELINE_SHARE = 0.5  # fraction of the seconds of a search for the uniform baseline on a floor
+LONG_SEARCH = 20.0  # [s] processor time above which the duration of a search is announced
+TRIALS = 8  # gradients that are timed to estimate the duration
+EQUAL_COST = 130  # number of variables at which a local search takes as long as its simulations
 BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 
 
@@ -64,8 +64,8 @@ def search(
     """Search for a layout of a scene that is better than the uniform baseline.
 
     A search ends when its method is done; budget and seconds limit it. Without a limit it also ends
-    when as much time again is expected to gain less than a tolerance. Ctrl-C ends the search with
-    the best so far.
+    when doubling its time is expected to gain less than a tolerance. Ctrl-C ends the search with
+    the best layout so far.
 
     Parameters
     ----------
@@ -75,34 +75,34 @@ def search(
         One of `METHODS`, or your own: a function `run(evaluator, rng)`, or its name as
         "package.module:function".
     budget
-        Largest number of layouts that may be simulated; None for no limit. The best few are
-        simulated once more, closely, at the end; that is not counted. On a floor free-standing
-        layouts count, and not the analytic ones that select them.
+        Largest number of layouts that may be simulated; None for no limit. At the end the best
+        few are simulated again at a tighter tolerance, which is not counted. On a floor only the
+        free-standing simulations count, not the analytic ones that select their layouts.
     seed
         Seed of all randomness. Without a limit of seconds, the same seed gives bitwise the same
         result for any number of threads.
     seconds
         Time that may be spent [s], including that of the uniform baseline if the scene object does
-        not have it yet; None for no limit. On a floor, the uniform baseline counts as the
-        first evaluation.
+        not have it yet; None for no limit. If it is given on a floor, the uniform baseline counts
+        as the first evaluation.
     tolerance
-        Relative gain of the second half of the evaluations below which a search ends, after at
-        least some 10 s (for up to 250 dominoes), and after at most some 14 s times 1e-4 over the
-        tolerance. None for 1e-4 without a budget or seconds, and for no such end with them.
+        Relative gain of the second half of the search below which it ends, after at least some
+        12 s (for up to 250 dominoes) and at most some 13 s times 1e-4 / tolerance. None for 1e-4
+        without a budget or seconds, and for no such end with them.
     progress
-        True for a line with the best so far; None for one on a terminal, and elsewhere a new line
-        from time to time.
+        True for a line with the best score so far, False for none; None for one on a terminal, and
+        elsewhere a new line from time to time.
     folder
         Folder to write the run to, see `optimize.run_folder`; None to write nothing.
     callback
-        Function that is called with the `Evaluator` after every batch; by default, nothing is.
+        Function that is called with the `Evaluator` after every batch; it does nothing by default.
     executor
         Executor that simulates batches of thousands of layouts, see `optimize.executors`; smaller
         ones are not sent. None for threads of this process. The result is bitwise the same.
     resume
-        True to continue the search in the folder, from where its journal ends (from the start if
-        there is none), or further with a larger budget. The result is bitwise that of a search that
-        was never stopped; earlier seconds count.
+        True to continue the search in the folder from where its journal ends (from the start if
+        there is none), or with a larger budget. The result is bitwise that of a search that was
+        never stopped; earlier seconds count.
     clock
         Function that returns seconds, such as `time.process_time`: processor time, which does not
         include other work of the machine.
@@ -121,6 +121,12 @@ def search(
         If method or scene are unknown, the method evaluates nothing, a number is out of its range,
         the scene has no free values, the folder holds a run or, with `resume`, another search or
         more evaluations of this one, or the result cannot be written.
+    TypeError
+        If an argument is of another type.
+    ImportError
+        If the method needs a package that is not installed.
+    KeyboardInterrupt
+        If Ctrl-C ends the search before its first evaluation.
 
     Examples
     --------
@@ -170,7 +176,7 @@ def search(
         if method == "auto":
             _announce_duration(evaluator)
         try:
-            # Matrices are small here: threads of the linear algebra only wait for each other.
+            # The matrices are small: threads of the linear algebra would only wait for each other.
             with threadpool_limits(1, user_api="blas"):
                 run(evaluator, np.random.default_rng(seed))
             stop_reason = f"done: {evaluator.status or 'the method has nothing left to try'}"
@@ -182,10 +188,10 @@ def search(
         except Exception as error:
             if folder is None or not evaluator.finalists:
                 raise
-            # the best so far is written
+            # the best layout so far is written before the error is raised
             failure, stop_reason = error, f"the method failed: {error}"
         if evaluator.best_score <= 0.0 and not interrupted:
-            stop_reason = f"{stop_reason.partition(';')[0]}; {NONE_COMPLETES}"
+            stop_reason = f"{stop_reason.partition(';')[0]}; {NO_SUCCESS}"
         duration = evaluator.seconds
     if not evaluator.finalists:
         if interrupted:
@@ -208,26 +214,27 @@ def search(
 
 
 def find_baseline(scene: Scene, seconds: float | None) -> UniformBaseline:
-    """Return the uniform baseline of a scene, found within the limit [s] of a search."""
+    """Return the uniform baseline of a scene; on a floor within half the seconds of a search."""
     return scene.uniform(None if seconds is None else BASELINE_SHARE * seconds)
 
 
 def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
-    """Make the uniform baseline the first evaluation, unless its gaps are on no list of the scene.
+    """Record the uniform baseline as the first evaluation, unless its gaps are on no list.
 
-    A free-standing layout may take longer than the time that is left.
+    To simulate it again may take longer than the time that is left.
     """
     problem = evaluator.problem
     design = problem.design(uniform.layout)
     layout = problem.layout(design)
-    if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):
+    if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):  # [m] rounding
         falls = Waves.from_waves([uniform.wave], problem.scene.count).falls
         score = np.array([uniform.score])
+        # a wave that stops scores its reach minus 1
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
 
 
 def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
-    """Compile the simulations of a scene, before a clock starts.
+    """Compile the simulations of a scene, so that the time of a search does not include this.
 
     Parameters
     ----------
@@ -238,14 +245,14 @@ def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool
     episodes
         True to compile the steps of `DominoChain` too.
     """
-    if scene.floor_friction is not None:  # two dominoes compile what a long simulation needs
+    if scene.floor_friction is not None:  # a simulation of two dominoes compiles all functions
         simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics, scene.floor_friction)
         scene = scene.replace(floor_friction=None)
     layouts = uniform_layouts(scene)
     gaps, thickness, height = layouts.sizes_at(0.5 * (layouts.low + layouts.high)[None])
     scene.evaluate(scene.batch(gaps, thickness, height))
     if gradients:
-        scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)
+        scene.evaluate(scene.batch(gaps, thickness, height, rtol=GRADIENT_RTOL), gradient=True)
     if episodes:
         from domino_env import DominoChain
 
@@ -258,12 +265,17 @@ def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool
 def progress_line(
     scene: Scene, method: str, progress: bool | None, callback: Callback
 ) -> Iterator[Callback]:
-    """Show a line on the terminal; yield a function that updates it and calls `callback`.
+    """Open a context with a line of progress.
 
     Parameters
     ----------
     scene, method, progress, callback
         See `search`.
+
+    Yields
+    ------
+    callable
+        Function of the evaluator that updates the line and calls `callback`.
     """
     name, uniform = f"{scene.name}, {method}", scene.uniform().score
     options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": BAR_FORMAT, "leave": False}
@@ -275,7 +287,7 @@ def progress_line(
             text = f"best {score:.5f} {scene.unit}".rstrip()
             text += "" if own_gain is None else f", {own_gain:+.2%} against uniform"
             if score <= 0.0:
-                text = f"no layout completes yet, the best comes to {1.0 + score:.0%}"
+                text = f"no layout succeeds yet, best score {score:.3f}"
             line.set_postfix_str(text, refresh=False)
             line.update(evaluator.progress - line.n)
             callback(evaluator)
@@ -286,11 +298,11 @@ def progress_line(
 def _best_finalist(
     scene: Scene, evaluator: Evaluator, uniform: UniformBaseline
 ) -> tuple[Layout, Wave, float]:
-    """Simulate the finalists closely and return the best of them.
+    """Simulate the finalists at a tight tolerance and return the best of them.
 
-    Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
+    Near a stall, a wave may complete at the tolerance of the search and not at a tight one.
     """
-    if scene.floor_friction is not None:  # free-standing scores have one tolerance
+    if scene.floor_friction is not None:  # free-standing scores have the same tolerance in a search
         score, design = evaluator.finalists[-1]
         if score == uniform.score:
             return uniform.layout, uniform.wave, score
@@ -303,9 +315,9 @@ def _best_finalist(
 
 
 def _announce_duration(evaluator: Evaluator) -> None:
-    """Log the approximate time of a search by `auto` without a limit, if it is long.
+    """Log the approximate time of a long search by `auto` with a tolerance.
 
-    A search of more than `LONG_SEARCH` ends by its effort: within a factor of two of this estimate.
+    The effort ends such a search, so that its time is within a factor of two of this estimate.
     """
     problem = evaluator.problem
     if evaluator.tolerance is None or problem.scene.floor_friction is not None:

@@ -1,10 +1,11 @@
 """Projection onto bounds, a given sum and a largest change between neighbours.
 
-With a largest change it is a dynamic programme along the layout: the cost of the best beginning, as
-a function of its last gap, is convex, and its slope is piecewise linear. A next gap that is free
-within ± the largest change shifts the falling part of the slope to the left and the rising part to
-the right; the cost of the next gap adds a linear function. It takes n² steps at worst, a
-millisecond for a thousand gaps.
+With a largest change it is a dynamic programme along the layout. Its cost function is the least
+squared distance (halved) of the gaps so far, as a function of the last of them; this is convex, and
+its slope is piecewise linear. The next gap may differ by ± the largest change, which shifts the
+part of negative slope to the left and that of positive slope to the right; its own squared distance
+adds a linear function to the slope. The programme takes n² steps at worst, a millisecond for a
+thousand gaps.
 
 References
 ----------
@@ -20,7 +21,7 @@ from domino_env.core.projection import correct_sum
 from domino_env.core.types import Floats
 from domino_env.kernels.jit import compile_alone
 
-XTOL = 1e-15  # error of the shift over the largest range: a few times the rounding of a float
+XTOL = 1e-15  # error of the shift over the largest range of a value, near the rounding of a float
 
 
 def nearest_smooth(
@@ -38,7 +39,7 @@ def nearest_smooth(
         (n-1,) largest changes; inf for no limit. Neighbours with a finite largest change have the
         same bounds.
     total
-        Between Σ low and Σ high; None for any.
+        Required sum, clipped to the range from Σ low to Σ high; None for any sum.
 
     Returns
     -------
@@ -47,8 +48,8 @@ def nearest_smooth(
 
     Notes
     -----
-    All values are shifted by the same amount until the sum is right, as without a largest change;
-    the sum increases with the shift.
+    The projection for a sum is that without a sum of values that are all shifted by the same
+    amount. The sum increases with the shift, which is found by bracketing.
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
     if total is None:
@@ -71,19 +72,19 @@ def nearest_smooth(
 
 @compile_alone
 def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
-    """Find the nearest point (n,) with limited changes of neighbours."""
+    """Find the nearest point (n,) within the bounds and largest changes, for any sum."""
     n = len(values)
-    # knots x of the slope and its values there; each step adds one knot to either side
+    # knots x of the slope and its values there; each step adds one knot on either side
     size = 4 * n + 4
     x, slope = np.empty(size), np.empty(size)
     first, last = 2 * n, 2 * n + 1
     x[first], x[last] = low[0], high[0]
     slope[first], slope[last] = low[0] - values[0], high[0] - values[0]
-    minimisers = np.empty(n)  # last values with the smallest cost of the beginning
+    minimisers = np.empty(n)  # value i at the minimum of the cost function of values 0 … i
     for i in range(n):
-        # the root of the slope
+        # root of the slope; k is the first knot at which the slope is not negative
         if slope[first] >= 0.0:
-            root, k = x[first], first  # k: knots before it fall
+            root, k = x[first], first
         elif slope[last] <= 0.0:
             root, k = x[last], last + 1
         else:
@@ -101,7 +102,7 @@ def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Float
             x[first], x[last] = low[i + 1], high[i + 1]
             slope[first], slope[last] = 0.0, 0.0
         else:
-            # falling part to the left, a flat of slope 0 around the root, rising part to the right
+            # negative part to the left, slope 0 around the root, positive part to the right
             for j in range(first, k):
                 x[j - 1], slope[j - 1] = x[j] - limit, slope[j]
             for j in range(last, k - 1, -1):
@@ -109,7 +110,7 @@ def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Float
             first, last = first - 1, last + 1
             x[k - 1], slope[k - 1] = root - limit, 0.0
             x[k], slope[k] = root + limit, 0.0
-            # cut off beyond the bounds
+            # cut the function off at the bounds
             while x[first + 1] <= low[i + 1] and first + 1 < last:
                 first += 1
             if x[first] < low[i + 1]:

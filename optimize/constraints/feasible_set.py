@@ -1,4 +1,4 @@
-"""FeasibleSet: the values that the rules of a scene allow, and the projection onto them."""
+"""Feasible set: the values that the rules of a scene allow, and the projection onto them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
-ROUNDING = 1e-13  # relative to the largest range; a smaller shift by the projection counts as zero
-LIMIT_TOLERANCE = 1e-9  # relative distance to the largest change that counts as none
+ROUNDING = 1e-13  # shift by the projection, relative to the largest range, that counts as zero
+LIMIT_TOLERANCE = 1e-9  # relative distance to the largest change that counts as zero
 
 
 class FeasibleSet:
@@ -21,21 +21,29 @@ class FeasibleSet:
     Parameters
     ----------
     scene
-        Scene whose rules they are.
+        Scene that has the rules.
 
     Attributes
     ----------
     low, high
-        (n,) bounds [m], or in heights if the scene gives them so; growths are ratios.
+        (n,) bounds [m], in domino heights if the scene gives them so; growths are ratios.
     total
         Sum of all values [m]; None for any.
+    gap_count
+        Number of free gaps, 0 if the scene fixes them.
+    is_listed
+        (n,) True for values from a list.
+    lists
+        Lists of these values; None without a list.
+    stock
+        Stock without the first domino; None if thicknesses are not from a stock.
     is_discrete
         (n,) True for values from a list or the stock.
     discrete
-        True if some values are.
+        True if some values are discrete.
     change
-        (n-1,) largest differences of neighbours [m]; inf for any.
-    coupled
+        (n-1,) largest differences of neighbouring values [m]; inf for any.
+    limits_changes
         True if some differences are limited.
 
     Raises
@@ -45,8 +53,8 @@ class FeasibleSet:
 
     Notes
     -----
-    Nearest means least sum of squares [m²]. If values from a list or the stock share a length
-    with others, they are chosen first, so that the others can still give the length.
+    Nearest means least sum of squares [m²]. If discrete and other values add up to a length, the
+    discrete ones are chosen first, so that the others can still meet the length.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -67,18 +75,18 @@ class FeasibleSet:
             fixed += scene.thickness[0] * (not scene.free_thickness)
             self.total = scene.length - pairs * fixed
         n = len(bounds)
-        self.gaps = gaps = pairs * scene.free_spacing
+        self.gap_count = gap_count = pairs * scene.free_spacing
         self.change = np.full(n - 1, np.inf)
         if scene.largest_change is not None:
-            self.change[: max(gaps - 1, 0)] = scene.largest_change
-        self.coupled = bool(np.isfinite(self.change).any())
-        stock = scene.stock if n > gaps else None
+            self.change[: max(gap_count - 1, 0)] = scene.largest_change
+        self.limits_changes = bool(np.isfinite(self.change).any())
+        stock = scene.stock if n > gap_count else None
         self.stock = None if stock is None else stock.without(scene.first_thickness)
         thicknesses = scene.thickness_values if stock is None else None
-        lists = [scene.spacing_values] * gaps + [thicknesses] * (n - gaps)
+        lists = [scene.spacing_values] * gap_count + [thicknesses] * (n - gap_count)
         self.is_listed = is_listed = np.array([values is not None for values in lists], dtype=bool)
-        self.is_discrete = is_listed.copy()  # listed, or from the stock
-        self.is_discrete[gaps:] |= self.stock is not None
+        self.is_discrete = is_listed.copy()
+        self.is_discrete[gap_count:] |= self.stock is not None
         self.discrete = bool(self.is_discrete.any())
         self.lists: Lists | None = None
         if is_listed.any():
@@ -87,18 +95,24 @@ class FeasibleSet:
             self.lists = Lists(values, change, self._total_of_lists())
 
     def _total_of_lists(self) -> tuple[float, float] | None:
-        """Return the range of the sum of the listed values in which the others can meet it."""
+        """Return the range of the sum of the listed values in which the others can meet `total`."""
         if self.total is None:
             return None
-        if self.stock is not None:
-            gaps = self.total - float(self.stock.dominoes.sum())
-            return gaps, gaps
+        if self.stock is not None:  # a scene with a length uses the whole stock
+            gap_sum = self.total - float(self.stock.dominoes.sum())
+            return gap_sum, gap_sum
         is_unlisted = ~self.is_listed
         largest, smallest = float(self.high[is_unlisted].sum()), float(self.low[is_unlisted].sum())
         return self.total - largest, self.total - smallest
 
     def project(self, values: Floats) -> Floats:
-        """Find the nearest allowed values to each of `values` (B, n)."""
+        """Find the nearest allowed values (B, n) to each of `values` (B, n).
+
+        Raises
+        ------
+        ValueError
+            If the lists allow no such values.
+        """
         if not self.discrete:
             return self._project(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
@@ -106,7 +120,8 @@ class FeasibleSet:
         if self.lists is not None:
             nearest[:, self.is_listed] = self.lists.nearest(values[:, self.is_listed])
         if self.stock is not None:
-            nearest[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
+            start = self.gap_count
+            nearest[:, start:] = nearest_from_stock(values[:, start:], self.stock)
         free = ~self.is_discrete
         if free.any() and self.total is None:
             nearest[:, free] = self._project(values[:, free], free, None)
@@ -117,7 +132,7 @@ class FeasibleSet:
         return nearest
 
     def _project(self, values: Floats, mask: Bools, total: float | None) -> Floats:
-        """Project the selected entries (n,), which are on no list."""
+        """Project the entries (B, k) that `mask` (n,) selects, none of them discrete."""
         low, high = self.low[mask], self.high[mask]
         change = self.change[mask[:-1] & mask[1:]]
         if np.isfinite(change).any():
@@ -128,35 +143,35 @@ class FeasibleSet:
     def tangent(
         self, gradients: Floats, targets: Floats, values: Floats, relaxed: bool = False
     ) -> Floats:
-        """Convert gradients by the nearest allowed values to gradients by the targets.
+        """Convert gradients with respect to allowed values to those with respect to the targets.
 
-        Values that are tied move together: all if a length is given, and neighbours whose
-        difference is at its largest; values at a bound do not move. If the targets are
-        allowed, only the length ties them, so that the gradient can point in every direction out of
-        a corner. Values from a list or the stock do not change with a small change of the targets:
-        their gradient is 0.
+        Neighbours whose difference is at its limit move together, and a given length ties all
+        values; values at a bound do not move. If the targets are allowed themselves, only the
+        length ties them, so that the gradient can point from a corner in every direction. Values
+        from a list or the stock do not change with a small change of the targets: their gradient is
+        0.
 
         Parameters
         ----------
         gradients
-            (B, n) gradients by the allowed values.
+            (B, n) gradients with respect to `values`.
         targets
             (B, n) values before the rules are applied.
         values
             (B, n) allowed values nearest to them.
         relaxed
-            True to return the gradients unchanged if some values are discrete, as if all could
-            move.
+            True to return the gradients unchanged if some values are discrete, as if all were
+            continuous and free.
 
         Returns
         -------
         ndarray
-            (B, n) gradients by `targets`.
+            (B, n) gradients with respect to `targets`.
         """
         if relaxed and self.discrete:
             return gradients
         by_target = np.where(self.is_discrete, 0.0, gradients)
-        if self.total is None and not self.coupled:
+        if self.total is None and not self.limits_changes:
             return by_target
         rounding = ROUNDING * float((self.high - self.low).max())
         for b in range(len(gradients)):
@@ -164,10 +179,10 @@ class FeasibleSet:
             is_inside = (values[b] > self.low) & (values[b] < self.high)
             is_fixed = (~is_inside & (shift != 0.0)) | self.is_discrete
             is_projected = np.abs(shift).max() > rounding
-            if self.coupled and is_projected:
-                ends = self.is_discrete[:-1] | self.is_discrete[1:]
+            if self.limits_changes and is_projected:
+                has_discrete = self.is_discrete[:-1] | self.is_discrete[1:]
                 is_at_limit = np.abs(np.diff(values[b])) >= self.change * (1.0 - LIMIT_TOLERANCE)
-                group = np.concatenate([[0], np.cumsum(~is_at_limit | ends)])
+                group = np.concatenate([[0], np.cumsum(~is_at_limit | has_discrete)])
                 is_fixed = (np.bincount(group, weights=is_fixed) > 0.0)[group]
                 mean = np.bincount(group, weights=by_target[b]) / np.bincount(group)
                 by_target[b] = mean[group]

@@ -1,8 +1,9 @@
 """Assignment of the dominoes of a stock to the places of a layout.
 
-`assign` solves it for any costs: a linear programme, whose corners are whole numbers, through cvxpy
-and HiGHS. `nearest_from_stock` is the special case of squared distances, solved by sorting: the
-thinnest target gets the thinnest chosen domino.
+`assign` solves it for any costs as a linear programme, whose vertices are whole numbers, or, if the
+number of changes is limited, as an integer programme, through cvxpy and HiGHS. `nearest_from_stock`
+solves the special case of squared distances by sorting: the thinnest target gets the thinnest
+chosen domino.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from domino_env.scenes.rules import Stock
 
 
 def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
-    """Choose the kind for each place so that the sum of costs is smallest.
+    """Choose a kind of domino for each place so that the sum of costs is smallest.
 
     Parameters
     ----------
@@ -22,8 +23,10 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
         (n, kinds) cost of each kind at each place.
     count
         (kinds,) number of dominoes of each kind, n or more in all.
-    current, changes
-        (n,) present kind at each place, and largest number of places that change.
+    current
+        (n,) index of the present kind at each place.
+    changes
+        Largest number of places that change.
 
     Returns
     -------
@@ -38,7 +41,7 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     import cvxpy as cp
 
     places, kinds = costs.shape
-    is_limited = changes < places  # else the corners are whole numbers by themselves
+    is_limited = changes < places  # otherwise the vertices are whole numbers by themselves
     choice = cp.Variable((places, kinds), boolean=is_limited)
     rules = [cp.sum(choice, axis=1) == 1.0, cp.sum(choice, axis=0) <= count, choice >= 0.0]
     if is_limited:
@@ -52,14 +55,14 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
 
 
 def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
-    """Choose dominoes of the stock, nearest to target thicknesses in the sum of squares.
+    """Choose the dominoes of the stock that are nearest to target thicknesses by least squares.
 
     Parameters
     ----------
     targets
         (B, n) thicknesses [m].
     stock
-        Dominoes for these places, n or more.
+        Stock of n or more dominoes.
 
     Returns
     -------
@@ -69,27 +72,27 @@ def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
     Notes
     -----
     The chosen thicknesses have the order of the targets, so only the dominoes that are left over
-    have to be selected: a dynamic programme over the sorted stock.
+    have to be selected, by a dynamic programme over the sorted stock.
     """
     dominoes = np.sort(stock.dominoes)
     order = np.argsort(targets, axis=1, kind="stable")
     rising = np.take_along_axis(targets, order, axis=1)
-    exact = len(dominoes) == targets.shape[1]
-    choice = np.broadcast_to(dominoes, targets.shape) if exact else _best_subset(rising, dominoes)
+    spare = len(dominoes) - targets.shape[1]
+    choice = _best_subset(rising, dominoes) if spare else np.broadcast_to(dominoes, targets.shape)
     nearest = np.empty_like(rising)
     np.put_along_axis(nearest, order, choice, axis=1)
     return nearest
 
 
 def _best_subset(rising: Floats, dominoes: Floats) -> Floats:
-    """Choose n of the m sorted dominoes, in order, nearest to rising values (B, n)."""
+    """Choose n of the m sorted dominoes (B, n), nearest to rising values (B, n)."""
     batch, n = rising.shape
     spare = len(dominoes) - n
-    # cost[b, omitted]: of the places so far, without `omitted` of the sorted dominoes
+    # cost[b, k]: squared distance of the places so far, with k of the sorted dominoes omitted
     cost = np.zeros((batch, spare + 1))
     omissions = np.zeros((n, batch, spare + 1), dtype=np.int64)
     for i in range(n):
-        # number of dominoes omitted before this place at the least cost, at most so many
+        # best[b, k]: number of dominoes, at most k, whose omission before this place costs least
         best = np.zeros((batch, spare + 1), dtype=np.int64)
         for omitted in range(1, spare + 1):
             fewer = np.take_along_axis(cost, best[:, omitted - 1 : omitted], 1)[:, 0]

@@ -58,7 +58,7 @@ def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     assert "uniform baseline: no speed" in text
     assert "best found:       no speed (STALLED;" in text
     assert "push harder" in text
-    assert "; no layout completes: push harder" in text
+    assert "; no layout succeeds: push harder" in text
     assert "longer search" not in text
     assert "%" not in text
 
