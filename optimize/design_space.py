@@ -170,8 +170,7 @@ class DesignSpace:
         height : ndarray or None
             (B, N-1) heights of dominoes 1 … N-1 [m]; None if all heights are equal.
         """
-        scene, pairs = self.scene, self.scene.count - 1
-        start = 0
+        scene, pairs, start = self.scene, self.scene.count - 1, 0
         gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
         thickness: Floats | None = None
         height: Floats | None = None

@@ -109,10 +109,8 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
         self.shutdown()
 
     def __exit__(self, kind: object, *_: object) -> None:
-        if kind is None:
-            self.shutdown()
-        else:
-            self.kill()
+        end = self.shutdown if kind is None else self.kill
+        end()
 
     def _run(self, call: Callable[[], Any]) -> Any:
         """Return the result of a call in the process of this thread."""
@@ -296,9 +294,7 @@ def add_executor_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "executor", "processes that do the work (this one); the results are the same"
     )
-    dask = (
-        "tcp://HOST:PORT of a Dask scheduler, or local for a cluster of N workers on this machine"
-    )
+    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
     add_options(
         group,
         ("workers", NATURAL, "N", None, "number of processes"),

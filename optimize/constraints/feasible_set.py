@@ -116,13 +116,12 @@ class FeasibleSet:
         if not self.discrete:
             return self._project(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
-        nearest = values.copy()
+        nearest, free = values.copy(), ~self.is_discrete
+        start = self.gap_count
         if self.lists is not None:
             nearest[:, self.is_listed] = self.lists.nearest(values[:, self.is_listed])
         if self.stock is not None:
-            start = self.gap_count
             nearest[:, start:] = nearest_from_stock(values[:, start:], self.stock)
-        free = ~self.is_discrete
         if free.any() and self.total is None:
             nearest[:, free] = self._project(values[:, free], free, None)
         elif free.any():

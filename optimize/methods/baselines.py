@@ -1,4 +1,4 @@
-"""Methods to compare with: random layouts, the uniform baseline, and two third-party ones."""
+"""Methods for comparison: random layouts, the uniform baseline, and two third-party methods."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
-BUDGET = 20_000  # evaluations that NGOpt assumes where there is no limit
-FIRST_DEVIATION = 0.2  # first step of NGOpt, which it does not choose itself, as a part of the box
+BUDGET = 20_000  # evaluations that NGOpt assumes if there is no limit of evaluations
+FIRST_DEVIATION = 0.2  # standard deviation of the first steps of NGOpt, relative to the box
 
 
 def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -26,7 +26,7 @@ def uniform(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Run NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods.
+    """Run NGOpt (Meunier et al. 2021), by which Nevergrad selects one of its methods.
 
     References
     ----------

@@ -1,9 +1,9 @@
-"""Registry of search methods: names, and how they are imported.
+"""Registry of search methods: their names, and the functions that they name.
 
 A method is a function `run(evaluator, rng)`. It calls `evaluator.evaluate` with design vectors in
-the unit box until BudgetSpent ends it, or returns when it is done; `evaluator.status` may describe
-how reliable its best is. All its randomness comes from `rng`; the evaluator keeps the best layouts.
-A method in your own module is named `package.module:function`.
+the unit box until BudgetSpent ends it, or returns when it is done. It may describe the reliability
+of its best layout in `evaluator.status`. All its randomness comes from `rng`, and the evaluator
+keeps the best layouts. A method in your own module is named `package.module:function`.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ THIRD_PARTY = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe
 """Third-party methods for comparison: module and function, and the package they need."""
 
 GROUP = "domino.methods"
-"""Entry points of other packages: a method's name, and its function `run(evaluator, rng)`.
+"""Group of entry points by which other packages add methods: a name and a `run(evaluator, rng)`.
 
-The function of a name such as `agent` makes a method of the text after a colon, as in `agent:RUN`.
+The function of a name in `WITH_ARGUMENT` returns a method for the text after a colon: `agent:RUN`.
 """
 
-WITH_ARGUMENT = ("agent",)  # names that take a text after a colon
+WITH_ARGUMENT = ("agent",)  # names that need a text after a colon
 
 
 def installed_third_party() -> list[str]:
@@ -65,7 +65,7 @@ def installed_third_party() -> list[str]:
 
 
 def installed_methods() -> dict[str, EntryPoint]:
-    """Return the methods of installed packages by name, such as learned ones."""
+    """Return the entry points of methods of installed packages by name, such as learned ones."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
@@ -86,7 +86,10 @@ def load(name: str | Method) -> Method:
     Raises
     ------
     ValueError
-        If the name is unknown; the message has the nearest known one.
+        If the name is unknown (the message has the nearest known one), if the function cannot be
+        imported, or if it cannot be called as `run(evaluator, rng)`.
+    TypeError
+        If the method is neither a name nor a function.
     ImportError
         If a package is missing; the message has the extra that contains it.
     """
@@ -137,10 +140,10 @@ def import_function(name: str) -> object:
 
 
 def _check_signature(method: object, name: str) -> Method:
-    """Return a method; raise ValueError if it cannot be called as one."""
+    """Return a method; raise a ValueError if it cannot be called as one."""
     try:
-        with suppress(ValueError):  # compiled, without a signature
+        with suppress(ValueError):  # a compiled function has no signature
             inspect.signature(cast("Method", method)).bind(None, None)
     except TypeError:
-        raise ValueError(f"method '{name}': it is not called as run(evaluator, rng)") from None
+        raise ValueError(f"method '{name}': give a function run(evaluator, rng)") from None
     return cast("Method", method)

@@ -8,13 +8,14 @@
 - `cobyqa`: quadratic models through known scores, without gradients (Ragonneau 2022).
 - `powell`: conjugate directions, one line search after the other, without gradients (Powell 1964).
 - `nelder-mead`: a simplex with the step sizes of Gao and Han (2012) for several variables.
-- `direct`: the box in ever finer thirds, locally biased (Jones et al. 1993, Gablonsky and Kelley
-  2001). When a box is divided finely enough, a smaller one around the best so far is next.
+- `direct`: a box divided into ever finer thirds, locally biased (Jones et al. 1993, Gablonsky and
+  Kelley 2001). When a box is divided finely enough, a smaller one around the best so far follows.
 - `dual-annealing`: generalised simulated annealing, with local searches (Xiang et al. 1997).
 - `differential-evolution`: populations that change by differences of their members (Storn and
   Price 1997), each with the uniform baseline in it.
 
-Methods without gradients handle few variables: long layouts are interpolated between knots.
+Most methods without gradients are for few variables: with them, long layouts are interpolated
+between knots.
 
 References
 ----------
@@ -62,19 +63,22 @@ from optimize.evaluator import Evaluator
 from optimize.methods.starts import ReducedProblem, starts, uniform_design
 from optimize.problem import Problem
 
-SIMPLEX = 0.1  # size of the first simplex, as a part of the box
+# Lengths and radii are relative to the box.
+SIMPLEX = 0.1  # size of the first simplex
 MAX_BFGS = 200  # variables above which trust-constr uses the cheaper SR1
 LEAST_MARGIN = 1e-3  # least distance of a start of trust-constr to the faces of the box
-COBYQA_EVALUATIONS = 500  # of one run for each variable and one more
-DIRECT_EVALUATIONS = 100  # for each variable and box
+COBYQA_EVALUATIONS = 500  # evaluations of one run, over the number of variables plus 1
+DIRECT_EVALUATIONS = 100  # evaluations of one box, over the number of variables
 SMALLEST_BOX, SHIFT = 1e-6, 0.1  # least radius of a box of DIRECT; its random shift over the radius
+# members of a population
 MEMBERS_PER_VARIABLE, LEAST_MEMBERS, MOST_MEMBERS = 3, 16, 256
-# decimal exponent of the least distance of a first member to the uniform baseline
+# decimal exponent of the least spread of first members around the uniform baseline
 NEAREST_EXPONENT = -2.0
-UNLIMITED = 10**9  # iterations and evaluations, where only the evaluator ends a method
+UNLIMITED = 10**9  # iterations and evaluations of a method that only the evaluator ends
+# largest number of variables of methods without gradients
 MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
 
-TOLERANCES: dict[str, dict[str, Any]] = {
+OPTIONS: dict[str, dict[str, Any]] = {
     "L-BFGS-B": {"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7},
     "SLSQP": {"maxiter": 1000, "ftol": 1e-10},
     "trust-constr": {
@@ -88,7 +92,7 @@ TOLERANCES: dict[str, dict[str, Any]] = {
 
 
 def cost(evaluator: Evaluator, design: Floats) -> tuple[float, Floats]:
-    """Compute minus the score, and its gradient (n,)."""
+    """Compute the negative of the score of a design vector (n,), and its gradient (n,)."""
     scores = evaluator.evaluate(design, gradient=True)
     return -scores.score, -scores.gradient
 
@@ -99,13 +103,13 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
     Parameters
     ----------
     solver
-        Name of the solver in SciPy, a key of `TOLERANCES`.
+        Name of the solver in SciPy, a key of `OPTIONS`.
     evaluator
         Evaluator of the problem.
     start
         (n,) a design vector.
     """
-    x, options = start, TOLERANCES[solver]
+    x, options = start, OPTIONS[solver]
     arguments: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
     function: Any = partial(cost, evaluator)
     if solver in MOST_VARIABLES:
@@ -113,7 +117,7 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
         function, x = reduced.cost, reduced.nearest(start)
         arguments = {"bounds": [(0.0, 1.0)] * len(x)}
     if solver == "trust-constr":
-        x = np.clip(x, LEAST_MARGIN, 1.0 - LEAST_MARGIN)  # strictly inside, as the method begins
+        x = np.clip(x, LEAST_MARGIN, 1.0 - LEAST_MARGIN)  # the method needs an interior start
         arguments["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
         arguments["hess"] = optimize.BFGS() if len(x) <= MAX_BFGS else optimize.SR1()
     elif solver == "SLSQP":
@@ -129,7 +133,7 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
 def _restart(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="scipy")  # of gradients that did not change
+        warnings.filterwarnings("ignore", module="scipy")  # about gradients that do not change
         for start in starts(evaluator, rng):
             descend(solver, evaluator, start)
 
@@ -140,8 +144,8 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
     if problem.equality is not None:
         coefficients, total = problem.equality
         size = np.abs(coefficients).max()
-        row, total = coefficients[None] / size, total / size
-        rules.append(optimize.LinearConstraint(row, total, total))
+        matrix, total = coefficients[None] / size, total / size
+        rules.append(optimize.LinearConstraint(matrix, total, total))
     if problem.linear is not None:
         matrix, limit = problem.linear
         size = np.abs(matrix).max()
@@ -166,19 +170,19 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
         centre = reduced.nearest(evaluator.best)
         if radius < SMALLEST_BOX:
             radius = 1.0
-        # the middle of each box is evaluated first: random shifts make all of them different
+        # The middle of a box is evaluated first. Random shifts make the middles different.
         shift = SHIFT * radius * rng.uniform(-1, 1, len(centre))
         centre = np.clip(centre + shift, 0.0, 1.0)
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
             reduced.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * reduced.dimension,
-            maxiter=10**6, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
+            maxiter=UNLIMITED, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
         )  # fmt: skip
         radius *= 0.5
 
 
 def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Run dual annealing from one start after the other."""
+    """Run dual annealing from the uniform baseline, then from one random start after the other."""
     problem = evaluator.problem
     bounds = [(0.0, 1.0)] * problem.dimension
     start = uniform_design(problem)
@@ -200,7 +204,7 @@ def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> No
     uniform = uniform_design(problem)
     members = min(max(LEAST_MEMBERS, MEMBERS_PER_VARIABLE * n), MOST_MEMBERS)
     while True:
-        # around the baseline near and far: most layouts from all over the box would be poor
+        # spread around the baseline, near and far: most layouts from the whole box would be poor
         spread = 10.0 ** rng.uniform(NEAREST_EXPONENT, 0.0, (members, 1))
         first = problem.project(np.clip(uniform + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
         first[0] = uniform

@@ -1,7 +1,7 @@
 """Starts of searches, and coarse layouts, which few numbers describe.
 
-A coarse layout is linear between knots. Good layouts change quickly at both ends and
-hardly in the middle, so knots stand at every place of the ends and ever further apart towards the
+A coarse layout is linear between knots. Good layouts change quickly at both ends and hardly in the
+middle, so there is a knot at every place near the ends, and their distances grow towards the
 middle.
 """
 
@@ -15,8 +15,10 @@ from domino_env.core.types import Floats, Ints
 from optimize.evaluator import Evaluator
 from optimize.problem import Problem
 
-SPREAD = 0.1  # largest standard deviation of a perturbation, as a part of the box; least: a tenth
-FIRST_RATIO = 1.02  # of the distance from the end, from knot to knot, at first
+SPREAD = 0.1  # largest standard deviation of a change of a design vector; the least is a tenth
+# The distance of the knots from the end grows by a ratio from knot to knot. The first ratio tried,
+# and the factor by which its excess over 1 grows until the knots are few enough:
+FIRST_RATIO, RATIO_GROWTH = 1.02, 1.1
 
 
 def uniform_design(problem: Problem) -> Floats:
@@ -25,10 +27,10 @@ def uniform_design(problem: Problem) -> Floats:
 
 
 def starts(evaluator: Evaluator, rng: np.random.Generator) -> Iterator[Floats]:
-    """Yield the uniform baseline, then without end a random point or one near the best so far.
+    """Yield the uniform baseline, then endless random points and points near the best so far.
 
-    At the onset of a face contact the score has a kink, at which the steps of a smooth method
-    shrink to nothing: one local search is not enough.
+    At the onset of a face contact the score has a kink, at which the steps of a method for smooth
+    functions shrink to zero. Therefore one local search is not enough.
     """
     problem = evaluator.problem
     yield uniform_design(problem)
@@ -40,9 +42,9 @@ def starts(evaluator: Evaluator, rng: np.random.Generator) -> Iterator[Floats]:
             yield problem.project(np.clip(evaluator.best + change, 0.0, 1.0)[None])[0]
 
 
-def knots(pairs: int, most: int) -> Ints:
-    """Place at most `most` knots among 0 … pairs-1, both ends among them, as dense as possible."""
-    if pairs <= most:
+def knots(pairs: int, limit: int) -> Ints:
+    """Return at most `limit` places among 0 … pairs-1, both ends included, as dense as possible."""
+    if pairs <= limit:
         return np.arange(pairs)
     ratio = FIRST_RATIO
     while ratio <= pairs:
@@ -51,13 +53,13 @@ def knots(pairs: int, most: int) -> Ints:
             offsets.append(max(offsets[-1] + 1.0, offsets[-1] * ratio))
         from_end = np.array(offsets[:-1]).astype(np.int64)
         places = np.unique(np.concatenate([from_end, pairs - 1 - from_end]))
-        if len(places) <= most:
+        if len(places) <= limit:
             return places
-        ratio = 1.0 + 1.1 * (ratio - 1.0)
+        ratio = 1.0 + RATIO_GROWTH * (ratio - 1.0)
     return np.array([0, pairs - 1])
 
 
-def coarse_matrix(parts: int, pairs: int, most: int) -> Floats:
+def coarse_matrix(parts: int, pairs: int, limit: int) -> Floats:
     """Return the matrix from values at the knots of a coarse layout to a design vector.
 
     Parameters
@@ -66,15 +68,15 @@ def coarse_matrix(parts: int, pairs: int, most: int) -> Floats:
         Number of free quantities among gaps, thicknesses and heights.
     pairs
         Number of places of each.
-    most
-        Largest number of values.
+    limit
+        Largest number of values m.
 
     Returns
     -------
     ndarray
-        (parts pairs, m) matrix.
+        (parts·pairs, m) matrix.
     """
-    return interpolation(knots(pairs, max(2, most // parts)), pairs, parts)
+    return interpolation(knots(pairs, max(2, limit // parts)), pairs, parts)
 
 
 def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
@@ -90,20 +92,20 @@ def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
     Returns
     -------
     ndarray
-        (parts pairs, parts m) matrix.
+        (parts·pairs, parts·m) matrix.
     """
     columns = [np.interp(np.arange(pairs), places, unit) for unit in np.eye(len(places))]
     return np.asarray(np.kron(np.eye(parts), np.stack(columns, axis=1)))
 
 
 class ReducedProblem:
-    """A problem in few variables: the design vector itself, or values at knots.
+    """Problem in few variables: the design vector itself, or values at knots.
 
     Parameters
     ----------
     evaluator
         Evaluator of the problem.
-    most
+    limit
         Largest number of variables.
 
     Attributes
@@ -112,20 +114,20 @@ class ReducedProblem:
         Number of variables.
     """
 
-    def __init__(self, evaluator: Evaluator, most: int) -> None:
+    def __init__(self, evaluator: Evaluator, limit: int) -> None:
         self._evaluator = evaluator
         n, pairs = evaluator.problem.dimension, evaluator.problem.scene.count - 1
-        self._matrix = None if n <= most else coarse_matrix(n // pairs, pairs, most)
+        self._matrix = None if n <= limit else coarse_matrix(n // pairs, pairs, limit)
         self.dimension = n if self._matrix is None else self._matrix.shape[1]
 
     def nearest(self, design: Floats) -> Floats:
-        """Find the variables whose design vector is nearest to this one, within the box."""
+        """Fit variables (m,) in the box to a design vector (n,), by least squares and clipping."""
         if self._matrix is None:
             return design
         return np.asarray(np.clip(np.linalg.lstsq(self._matrix, design, rcond=None)[0], 0.0, 1.0))
 
     def cost(self, x: Floats) -> float:
-        """Compute minus the score."""
+        """Compute the negative of the score of variables (m,), which are clipped to the box."""
         design = np.clip(x, 0.0, 1.0)
         if self._matrix is not None:
             design = np.clip(self._matrix @ design, 0.0, 1.0)

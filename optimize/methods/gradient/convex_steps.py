@@ -1,8 +1,9 @@
 """Sequential convex programming: a concave model of the score in a trust region, by cvxpy.
 
-The model is the minimum of several planes: the gradients here and at points nearby, so that both
-sides of a kink are known. Every linear rule of the scene is a constraint of the step. The programme
-is built once with parameters (DPP), so that only numbers change from step to step.
+The model is the minimum of several planes, which are tangent to the score at the current point and
+at points nearby, so that it represents both sides of a kink. Every linear rule of the scene is a
+constraint of the step. The programme is built once with parameters, so that only numbers change
+from step to step.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from optimize.problem import Problem
 PLANES = 10  # gradients that the model keeps
 # radius of the trust region, relative to the box
 FIRST_RADIUS, MAX_RADIUS, MIN_RADIUS = 0.1, 0.4, 1e-6
-# ratio to the predicted gain below and above which the region changes
+# ratios of the gain to the predicted gain below and above which the radius changes
 POOR_RATIO, GOOD_RATIO = 0.1, 0.7
-GROW, SHRINK, SHRINK_FAST = 2.0, 0.4, 0.25  # factors of the radius; the last where no step gains
-NEARBY = 4.0  # largest distance of the planes of the model, over the radius
-LEAST_GAIN = 1e-10  # a smaller predicted relative gain counts as none
+GROW, SHRINK, SHRINK_FAST = 2.0, 0.4, 0.25  # factors of the radius; the last if no step gains
+NEARBY = 4.0  # largest distance from the current point to those of the planes, over the radius
+LEAST_GAIN = 1e-10  # a smaller predicted relative gain counts as zero
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -37,12 +38,12 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 class TrustRegionStep:
-    """The best step of a model of planes within a trust region and all linear rules.
+    """Convex programme for the best step of a model of planes within a trust region.
 
     Parameters
     ----------
     problem
-        Problem with the linear rules.
+        Problem with the linear rules that the step keeps.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -76,9 +77,10 @@ class TrustRegionStep:
         ----------
         design
             (n,) design vector at which the step begins.
-        gradients, heights
-            (PLANES, n) gradients of the planes, and (PLANES,) their heights above the score at
-            `design`.
+        gradients
+            (PLANES, n) gradients of the planes.
+        heights
+            (PLANES,) heights of the planes at `design` above its score.
         radius
             Largest change of a variable.
 
@@ -97,7 +99,7 @@ class TrustRegionStep:
             self._slack.value = np.maximum(self._linear[1] - self._linear[0] @ design, 0.0)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of an answer that is not exact
+                warnings.simplefilter("ignore")  # about an answer that is not exact
                 self._program.solve(solver=cp.CLARABEL)
         except cp.SolverError:
             return None
@@ -108,7 +110,7 @@ class TrustRegionStep:
 
 
 def _ascend(evaluator: Evaluator, step: TrustRegionStep, start: Floats) -> None:
-    """Search from one start until the trust region has shrunk to nothing."""
+    """Search from one start until the radius of the trust region is at most MIN_RADIUS."""
     problem = evaluator.problem
     design = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
     result = evaluator.evaluate(design, gradient=True)
@@ -117,13 +119,13 @@ def _ascend(evaluator: Evaluator, step: TrustRegionStep, start: Floats) -> None:
     radius = FIRST_RADIUS
     while radius > MIN_RADIUS:
         planes = [plane for plane in points if np.abs(plane[0] - design).max() <= NEARBY * radius]
-        # no plane may lie below the point itself: the score is not concave everywhere
+        # where the score is not concave a plane may lie below the current score: it is raised
         heights = [max(s + g @ (design - x) - score, 0.0) for x, s, g in planes]
         gradients = [g for _, _, g in planes]
         padding = PLANES - len(planes)
         gradients += [gradient] * padding
         heights += [0.0] * padding
-        size = max(float(np.abs(gradient).max()), 1e-300)  # scales the programme
+        size = max(float(np.abs(gradient).max()), 1e-300)  # scale of the programme, not 0
         best = step.best(design, np.array(gradients) / size, np.array(heights) / size, radius)
         if best is None or best[1] * size <= LEAST_GAIN * abs(score):
             radius *= SHRINK_FAST
@@ -139,4 +141,4 @@ def _ascend(evaluator: Evaluator, step: TrustRegionStep, start: Floats) -> None:
         if result.score > score:
             design, score, gradient = candidate, result.score, result.gradient
         else:
-            points.append((design, score, gradient))  # the plane here must stay in the model
+            points.append((design, score, gradient))  # the current plane must stay in the model

@@ -1,10 +1,10 @@
 """Levenberg-Marquardt within the box, for schedules (Moré 1978).
 
 The exact gradient of every arrival time is known, so least squares fit all of them at once; a
-method that uses only their mean square error converges slowly. With more variables than
-times, the damped step is the shortest one that helps, and layouts stay near the start. The search
-then begins again elsewhere, because some starts end at a layout that cannot follow the schedule, or
-at a kink. A scene without a schedule has no residuals: local searches on its score replace them.
+method that uses only their mean square error converges slowly. Damping keeps the steps short, so
+that with more variables than times the layout stays near the start. Some starts end at a kink, or
+at a layout that cannot follow the schedule; then the search begins again elsewhere. A scene without
+a schedule has no residuals: local searches on its score replace the least squares.
 
 References
 ----------
@@ -25,16 +25,17 @@ from optimize.methods.gradient.local_search import LocalSearch, run_local_search
 from optimize.methods.starts import starts
 
 ON_TIME_ERROR = 1e-9  # [s] RMS error below which a layout is on time
-DAMPING = 1e-2  # at first, relative to the largest squared derivative
-# factor of the damping after a step that fails; divisor after others
+DAMPING = 1e-2  # first damping, over the largest sum of squared derivatives of a variable
+# factor of the damping after a step that fails; divisor after one that gains
 DAMPING_FACTOR, DAMPING_DIVISOR = 4.0, 10.0
 MIN_DAMPING = 1e-14  # least damping, above the rounding of the squares
 MAX_DAMPINGS = 12  # dampings tried before a layout counts as a minimum
-MAX_STEPS = 100  # steps from one start at most
+MAX_STEPS = 100  # largest number of steps from one start
 LEAST_ROOM = 1e-12  # least room of a variable at a face of the box, which the bounded solver needs
-STARTS = 4  # after which a schedule counts as one that cannot be kept
+STARTS = 4  # starts after which a schedule counts as one that cannot be kept
 ON_SCHEDULE = f"every domino is hit on schedule, to {ON_TIME_ERROR:g} s"
-# ratio of errors that counts as no gain, and rounds of it that end it
+# least ratio of squared errors after and before a step that counts as slow; slow steps in a row
+# that end the search from a start
 SLOW_RATIO, PATIENCE = 0.999, 8
 
 
@@ -62,7 +63,7 @@ def _fit_schedule(evaluator: Evaluator, design: Floats) -> bool:
     if len(lateness) == 0:
         return False
     damping = DAMPING
-    idle = 0
+    slow_steps = 0
     for _ in range(MAX_STEPS):
         if np.sqrt(np.mean(lateness**2)) < ON_TIME_ERROR:
             return True
@@ -76,9 +77,9 @@ def _fit_schedule(evaluator: Evaluator, design: Floats) -> bool:
             damping *= DAMPING_FACTOR
         else:
             return False
-        has_gained = np.square(result[1]).sum() < SLOW_RATIO * np.square(lateness).sum()
-        idle = 0 if has_gained else idle + 1
-        if idle == PATIENCE:
+        is_slow = np.square(result[1]).sum() >= SLOW_RATIO * np.square(lateness).sum()
+        slow_steps = slow_steps + 1 if is_slow else 0
+        if slow_steps == PATIENCE:
             return False
         design, (scores, lateness, gradient) = candidate, result
         damping = max(damping / DAMPING_DIVISOR, MIN_DAMPING)
@@ -86,7 +87,7 @@ def _fit_schedule(evaluator: Evaluator, design: Floats) -> bool:
 
 
 def _step(design: Floats, lateness: Floats, gradient: Floats, damping: float) -> Floats:
-    """Minimise |lateness + gradient·step|² + damping·|step|² within the box."""
+    """Return the step (n,) of least |lateness + gradient·step|² + damping·|step|² in the box."""
     n = len(design)
     matrix = np.concatenate([gradient, np.sqrt(damping) * np.eye(n)])
     right_side = np.concatenate([-lateness, np.zeros(n)])

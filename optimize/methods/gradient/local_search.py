@@ -1,9 +1,9 @@
-"""A local search for scores with kinks, which can be paused: BFGS within the box.
+"""Local search for scores with kinks, which its caller advances: BFGS within the box.
 
-The onset of a face contact is a kink of the score, and good layouts lie on several of them at once.
-There a line search with the strong Wolfe conditions shrinks its steps to nothing; one with those of
-Armijo and weak Wolfe steps across the kink, so that the curvature represents the ridge. Variables
-that the gradient holds at a face of the box are left out of the step.
+The onset of a face contact is a kink of the score, and good layouts lie on several kinks at once.
+There a line search with the strong Wolfe conditions shrinks its steps to zero. One with the Armijo
+and weak Wolfe conditions steps across the kink, so that the curvature represents it. Variables that
+the gradient holds at a face of the box are left out of the step.
 
 References
 ----------
@@ -25,24 +25,25 @@ from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-ARMIJO, WEAK_WOLFE = 1e-4, 0.5  # conditions of Armijo and weak Wolfe, relative to the first slope
+ARMIJO, WEAK_WOLFE = 1e-4, 0.5  # factors of the first slope in the Armijo and weak Wolfe conditions
 # least cosine between a step and the gradient, below which the curvature is reset
 LEAST_COSINE = 1e-10
-LEAST_CURVATURE = 1e-12  # least cosine between a step and its change of the gradient that is kept
+# least cosine between a step and the change of minus the gradient, for an update of the curvature
+LEAST_CURVATURE = 1e-12
 BRACKET_WIDTH = 0.1  # relative width of the bracket at which a line search takes its best point
-MAX_DENSE = 200  # variables up to which the whole inverse curvature is kept
-MEMORY = 30  # pairs of step and change of the gradient that are kept for more variables
-MAX_TRIES = 14  # evaluations of one line search
-# largest change of a variable in the first try of a line search, as part of the box
+MAX_DENSE = 200  # variables up to which the whole inverse curvature is stored
+MEMORY = 30  # pairs of step and change of the gradient that are stored for more variables
+MAX_TRIES = 14  # largest number of evaluations of one line search
+# largest change of a variable in the first try of a line search, relative to the box
 MAX_CHANGE = 0.15
-# the same for a step along the gradient, before the curvature is known
+# the same for a step along the gradient before the curvature is known
 FIRST_CHANGE = MAX_CHANGE / 3.0
 WINDOW = 8  # steps over which the gain is measured
-LEAST_GAIN = 1e-7  # a smaller relative gain over them ends the search
+LEAST_GAIN = 1e-7  # largest relative gain over these steps that ends the search
 
 
 class LocalSearch:
-    """One local search from one start, advanced by its caller, so that many share a batch.
+    """Local search from one start; its caller evaluates the candidates, so that many share a batch.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ class LocalSearch:
         Function from design vectors (B, n) to the nearest that keep the rules; None if the box is
         the only rule.
     curvature
-        (n,) positive guess of the inverse curvature of the score by each variable, for the first
+        (n,) positive guess of the inverse curvature of the score along each variable, for the first
         step; None for a short step along the gradient.
 
     Attributes
@@ -60,7 +61,8 @@ class LocalSearch:
     candidate
         (n,) design vector whose score and gradient are needed next.
     design, score, gradient
-        Best so far; -inf and zeros before the first evaluation.
+        Best design vector (n,), its score and gradient (n,); score -inf and gradient 0 before the
+        first evaluation.
     evaluations
         Number of evaluations so far.
     done
@@ -99,7 +101,7 @@ class LocalSearch:
         return design if self._project is None else self._project(design[None])[0]
 
     def _ascend(self) -> Generator[None, tuple[float, Floats], None]:
-        """Step until nothing more is gained; receives the score and gradient of `candidate`."""
+        """Step until the gain is too small; `yield` receives score and gradient of `candidate`."""
         self.score, self.gradient = yield
         self._history.append(self.score)
         while True:
@@ -143,7 +145,7 @@ class LocalSearch:
     def _line_search(
         self, direction: Floats
     ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
-        """Return a point of the projected path that rises enough; None if none is near."""
+        """Search the projected path for a point of sufficient gain; return None if it has none."""
         largest = float(np.abs(direction).max())
         length = min(1.0, MAX_CHANGE / largest)
         low, high = 0.0, np.inf
@@ -171,9 +173,9 @@ class LocalSearch:
 
 
 class CoarseToFine:
-    """Local search on coarse layouts, ever finer ones, and finally the design vector itself.
+    """Local search on coarse layouts, then on ever finer ones, then on the design vector itself.
 
-    It has the interface of `LocalSearch`.
+    It has the attributes and methods of `LocalSearch`, except `gradient`.
 
     Parameters
     ----------
@@ -243,7 +245,12 @@ def advance(searches: Searches, gradients: int) -> Search:
     searches
         The local searches.
     gradients
-        Largest number of evaluations with gradient of each.
+        Largest number of gradients for each.
+
+    Yields
+    ------
+    Request
+        Scores and gradients of the candidates of all local searches that still run.
     """
     ends = {id(search): search.evaluations + gradients for search in searches}
     while running := [s for s in searches if not s.done and s.evaluations < ends[id(s)]]:
@@ -253,7 +260,7 @@ def advance(searches: Searches, gradients: int) -> Search:
 
 
 def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int) -> None:
-    """Advance local searches in lockstep until they end, see `advance`.
+    """Advance local searches in lockstep until all have ended or used their gradients.
 
     Parameters
     ----------
@@ -271,7 +278,7 @@ def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int)
 
 
 class _BFGS:
-    """Inverse curvature as a matrix (BFGS)."""
+    """Inverse curvature of the score as a matrix (BFGS)."""
 
     def __init__(self, n: int, guess: Floats | None) -> None:
         self._first = np.eye(n) if guess is None else np.diag(guess)
@@ -279,7 +286,7 @@ class _BFGS:
         self.is_initial = True
 
     def reset(self) -> None:
-        """Return to the first guess."""
+        """Restore the first guess."""
         self._inverse = self._first
         self.is_initial = True
 
@@ -304,7 +311,7 @@ class _BFGS:
 
 
 class _LBFGS:
-    """Inverse curvature as the last pairs of step and change of the gradient (L-BFGS)."""
+    """Inverse curvature of the score by the last steps and changes of the gradient (L-BFGS)."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
@@ -328,8 +335,8 @@ class _LBFGS:
             step -= coefficients[-1] * y
         s, y, product = self._pairs[-1]
         step *= product / float(y @ y)
-        for (s, y, product), a in zip(self._pairs, reversed(coefficients), strict=True):
-            step += (a - float(y @ step) / product) * s
+        for (s, y, product), first in zip(self._pairs, reversed(coefficients), strict=True):
+            step += (first - float(y @ step) / product) * s
         return np.where(free, step, 0.0)
 
     def update(self, s: Floats, y: Floats) -> None:

@@ -1,8 +1,8 @@
-"""Searches in lockstep: requests of the same time are simulated as one batch.
+"""Searches in lockstep: simultaneous requests of several searches are simulated as one batch.
 
-A search here is a generator that yields requests and is sent the answers. Large batches keep all
-cores busy, in the threads of the simulator, while one thread makes all decisions:
-results are bitwise the same for any number of threads.
+Here a search is a generator that yields requests and is sent the answers. Large batches occupy all
+cores with threads of the simulator, while one thread advances the searches: results are bitwise the
+same for any number of threads.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """Scores that a search needs.
+    """Request for scores.
 
     Attributes
     ----------
     designs
         (B, n) design vectors.
     gradient
-        True to compute gradients too; the gradient of a wave that stops is zero.
+        True to compute gradients too; they are zero for a wave that stops.
     """
 
     designs: Floats
@@ -39,18 +39,18 @@ Answer = tuple[Floats, Floats]
 """Scores (B,), and gradients (B, n) if they were requested."""
 
 Search = Generator[Request | None, Answer, None]
-"""A search; it yields None while it waits for the others."""
+"""A search, which yields None while it waits for the others."""
 
 
 def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
-    """Advance all searches in lockstep until the first of them ends.
+    """Advance all searches in lockstep until the first in the sequence ends.
 
     Parameters
     ----------
     evaluator
         Evaluator of the requests.
     searches
-        Searches, in the order in which they get their answers.
+        Searches, in the order in which they receive their answers.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Methods that use the structure of good layouts, among them the default `auto`; CMA-ES."""
+"""Methods that use the structure of good layouts, such as the default `auto`, and CMA-ES."""

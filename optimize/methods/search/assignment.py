@@ -1,11 +1,11 @@
 """Order of the dominoes of a stock: assignments by HiGHS and exchanges, with local searches.
 
 At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
-of domino at each place. The assignment with the largest predicted gain and a limited number of
-changes is an integer programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of
-two places are tried. Short local searches refine the gaps of the best few of all these, and the
-best of those is kept. Values from a list change by a step up or down instead. Without either, only
-the local searches are left.
+of domino at each place. An integer programme, solved by HiGHS, finds the assignment with the
+largest predicted gain and a limited number of changes (see `optimize.constraints.stock`). Exchanges
+of two dominoes, and moves of one to another place, are tried too. Short local searches refine the
+gaps of the best few of all these layouts, and the best one is kept. Values from a list change by a
+step up or down instead. Without a stock and a list, only the local searches remain.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from optimize.methods.starts import starts
 from optimize.problem import Problem
 
 THOROUGH, QUICK = 80, 10  # gradients of a thorough and of a quick local search
-SAME_DOMINO = 1e-9  # difference of two variables that count as the same domino
-CHANGES = (2, 4, 8, 16)  # places that a programme may change
-EXCHANGES = 200  # layouts of each kind that are tried
-MAX_REFINED = 8  # layouts of those tried that are refined
-LEAST_GAIN = 1e-6  # a smaller relative gain counts as none
-MAX_IDLE = 3  # rounds without gain that end a start
+SAME_DOMINO = 1e-9  # largest difference of the variables of two dominoes of the same kind
+CHANGES = (2, 4, 8, 16)  # numbers of places that a programme may change
+PROPOSALS = 200  # layouts of each kind of change that are tried, except assignments
+MAX_REFINED = 8  # best layouts of a round that are refined
+LEAST_GAIN = 1e-6  # a smaller relative gain counts as zero
+MAX_IDLE = 3  # rounds without gain that end the search from a start
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -35,7 +35,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> None:
-    """Change the order from one start until several rounds gain nothing."""
+    """Change the order of the dominoes of one start until several rounds gain nothing."""
     problem = evaluator.problem
     score, design = _refine(evaluator, problem.project(start[None]), THOROUGH)
     idle = 0
@@ -65,32 +65,33 @@ def _refine(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[floa
 def _neighbours(
     evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
 ) -> Floats:
-    """Propose layouts (B, n) with another order, or other values from a list.
+    """Propose layouts (B, n) with another order, or with other values from a list.
 
-    `first` is True if this design vector is changed for the first time.
+    `first` is true if this design vector is changed for the first time; assignments, which are not
+    random, are proposed only then.
     """
     problem = evaluator.problem
-    stock = problem.scene.stock is not None
-    changed = []
-    if stock:
-        changed += [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
-    if stock and first:
-        changed.append(_assignments(evaluator, design))
-    if problem.scene.spacing_values or (problem.scene.thickness_values and not stock):
-        changed.append(_steps(problem, design, rng))
-    designs = problem.project(np.concatenate(changed))
+    has_stock = problem.scene.stock is not None
+    proposals = []
+    if has_stock:
+        proposals += [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
+    if has_stock and first:
+        proposals.append(_assignments(evaluator, design))
+    if problem.scene.spacing_values or (problem.scene.thickness_values and not has_stock):
+        proposals.append(_steps(problem, design, rng))
+    designs = problem.project(np.concatenate(proposals))
     return unique_points(designs[np.any(designs != design, axis=1)])
 
 
 def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
-    """Propose the assignments of the largest predicted gain that change few places."""
+    """Propose the assignments of the largest predicted gain, one for each number in CHANGES."""
     problem = evaluator.problem
     assert problem.scene.stock is not None
     stock = problem.scene.stock.without(problem.scene.first_thickness)
     kinds = np.array(stock.thickness)
     pairs = problem.scene.count - 1
     gradient = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
-    span = (problem.high - problem.low)[-pairs:]
+    span = (problem.high - problem.low)[-pairs:]  # the last variables are the thicknesses
     thickness = problem.low[-pairs:] + design[-pairs:] * span
     current = np.abs(thickness[:, None] - kinds).argmin(axis=1)
     costs = -(gradient[-pairs:] / span)[:, None] * (kinds - thickness[:, None])
@@ -102,44 +103,45 @@ def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
 
 
 def _exchanges(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose exchanges of two dominoes, with the same gaps or the same pivots."""
+    """Propose exchanges of two dominoes, which keep the gaps or the pivots."""
     pairs = problem.scene.count - 1
     thickness = design[-pairs:]
     first, second = np.nonzero(np.triu(np.abs(thickness[:, None] - thickness) > SAME_DOMINO))
-    chosen = rng.permutation(len(first))[:EXCHANGES]
+    chosen = rng.permutation(len(first))[:PROPOSALS]
     first, second = first[chosen], second[chosen]
     designs = np.repeat(design[None], len(chosen), axis=0)
-    numbers = np.arange(len(chosen))
+    indices = np.arange(len(chosen))
     i, j = len(design) - pairs + first, len(design) - pairs + second
-    designs[numbers, i], designs[numbers, j] = design[j], design[i]
+    designs[indices, i], designs[indices, j] = design[j], design[i]
     if problem.scene.free_spacing:  # every other exchange keeps the pivots
-        odd = numbers % 2 == 1
+        odd = indices % 2 == 1
         scale = (problem.high - problem.low)[-1] / (problem.high - problem.low)[0]
         shift = scale * (design[j] - design[i])
-        designs[numbers[odd], first[odd]] -= shift[odd]
-        designs[numbers[odd], second[odd]] += shift[odd]
+        designs[indices[odd], first[odd]] -= shift[odd]
+        designs[indices[odd], second[odd]] += shift[odd]
     return np.clip(designs, 0.0, 1.0)
 
 
 def _insertions(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose moves of one domino to another place; those between move up; the gaps stay."""
+    """Propose moves of one domino to another place; those between shift by one, the gaps stay."""
     pairs = problem.scene.count - 1
     thickness = design[-pairs:]
-    designs = np.repeat(design[None], EXCHANGES, axis=0)
-    for changed in designs:
+    designs = np.repeat(design[None], PROPOSALS, axis=0)
+    for proposal in designs:
         i, j = rng.integers(pairs, size=2)
-        changed[-pairs:] = np.insert(np.delete(thickness, i), j, thickness[i])
+        proposal[-pairs:] = np.insert(np.delete(thickness, i), j, thickness[i])
     return designs
 
 
 def _steps(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose steps of one value up or down and, with a length, of another the other way."""
+    """Propose steps of one value up or down; with a length, of one up and of another down."""
     values = problem.scene.spacing_values or problem.scene.thickness_values
     assert values is not None
     step = float(np.diff(values).mean()) / (problem.high - problem.low)
-    designs = np.repeat(design[None], EXCHANGES, axis=0)
+    designs = np.repeat(design[None], PROPOSALS, axis=0)
+    # direction 0: a random one for each layout
     for direction in (1.0, -1.0) if problem.equality is not None else (0.0,):
-        place = rng.integers(len(design), size=EXCHANGES)
-        sign = direction or rng.choice([-1.0, 1.0], EXCHANGES)
-        designs[np.arange(EXCHANGES), place] += sign * step[place]
+        place = rng.integers(len(design), size=PROPOSALS)
+        sign = direction or rng.choice([-1.0, 1.0], PROPOSALS)
+        designs[np.arange(PROPOSALS), place] += sign * step[place]
     return np.clip(designs, 0.0, 1.0)

@@ -1,9 +1,9 @@
 """CMA-ES with restarts (BIPOP), by the package cma.
 
-A run starts at the uniform baseline with a wide step: on the scenes here that ends in a good basin
-more often than a small step, a start in the middle of the box, or a random one. Restarts alternate
-between populations that double and small ones, some of which start elsewhere; each kind gets about
-the same number of evaluations.
+A run starts at the uniform baseline with a wide step: on the shipped scenes this ends in a good
+basin more often than a small step, a start in the middle of the box, or a random one. Restarts
+alternate between populations that double and small ones, some of which start elsewhere; both kinds
+get about the same number of evaluations.
 
 References
 ----------
@@ -25,16 +25,17 @@ from domino_env.core.types import Floats
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
-FIRST_STEP = 0.3  # first step, as a part of the box
-MAX_FULL = 200  # variables above which the covariance is kept diagonal
-FIRST_STEP_OF_MANY = 0.003  # first step for more: a wide one would not converge
-POPULATION_FACTOR = 2  # times the usual population: such a run ends in a good basin more often
+# Lengths are relative to the box.
+FIRST_STEP = 0.3  # first step
+MAX_FULL = 200  # variables above which the covariance matrix is diagonal
+FIRST_STEP_OF_MANY = 0.003  # first step with more variables, where a wide one would not converge
+POPULATION_FACTOR = 2  # first population, over the usual one: more runs end in a good basin
 MAX_GROWTH = 64  # largest population, over the first
 MAX_NARROWING = 1.5  # decimal orders by which the first step of a small run may be narrower
 MARGIN = 0.02  # least distance of a start to the faces of the box
-# With a given length many design vectors describe the same layout. Without a penalty on the
-# distance to that layout the search drifts among them.
-PENALTY_FACTOR = 100.0  # penalty of the mean square distance, over the score
+# With a given length or a largest change many design vectors stand for the same layout. Without a
+# penalty on the distance to the one that is projected on itself, the search drifts among them.
+PENALTY_FACTOR = 100.0  # penalty over the mean square distance and the score of the baseline
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -44,9 +45,9 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     start = uniform_design(problem)
     first_step = FIRST_STEP_OF_MANY if n > MAX_FULL else FIRST_STEP
     size = default = POPULATION_FACTOR * (4 + int(3 * np.log(n)))
-    counts = {"doubling": 0, "small": 0}
+    counts = {"doubling": 0, "small": 0}  # evaluations
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
+        warnings.filterwarnings("ignore", module="cma")  # about steps that pycma then limits
         while True:
             if counts["doubling"] <= counts["small"]:
                 counts["doubling"] += _run_once(evaluator, rng, start, first_step, size)
@@ -62,10 +63,10 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 def _run_once(
     evaluator: Evaluator, rng: np.random.Generator, start: Floats, step: float, size: int
 ) -> int:
-    """Run until convergence; return the number of evaluations."""
+    """Run one CMA-ES until convergence; return the number of its evaluations."""
     problem, n = evaluator.problem, len(start)
     start_evaluations = evaluator.evaluations
-    centre = np.full(max(n, 2), 0.5)  # pycma needs two variables; the second may have no effect
+    centre = np.full(max(n, 2), 0.5)  # pycma needs two variables; with n = 1 one has no effect
     centre[:n] = np.clip(start, MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(centre, step, cma_options(rng, n, size))
     penalty = PENALTY_FACTOR * abs(problem.scene.uniform().score)
@@ -90,6 +91,11 @@ def cma_options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         Number of variables.
     size
         Number of points of a generation.
+
+    Returns
+    -------
+    dict
+        Options of `cma.CMAEvolutionStrategy`.
     """
     return {
         "bounds": [0.0, 1.0],
@@ -98,10 +104,11 @@ def cma_options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         # with nan, pycma does not seed NumPy's global generator; all its draws come from `rng`
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
+        # tolerances of score and variables: a restart can gain far more than what remains
         "tolfun": 1e-6,
-        "tolfunhist": 1e-6,  # a restart can gain far more than what is left below this
+        "tolfunhist": 1e-6,
         "tolx": 1e-5,
         "maxiter": np.inf,
-        "verbose": -10,  # at -9 it would still read a file in the working directory
+        "verbose": -10,  # no output; at -9 it would still read a file in the working directory
         "verb_log": 0,
     }

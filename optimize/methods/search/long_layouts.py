@@ -1,9 +1,9 @@
-"""Long layouts from short ones: head, plateau, tail.
+"""Long layouts from short ones: two ends and a plateau.
 
 Far from both ends a good layout is the same for thousands of dominoes, and its ends are those of a
-layout of some hundred. So a short layout of the same scene is searched and stretched in its middle,
+layout of some hundred. So a short layout of the same scene is searched, and its middle is stretched
 step by step to the count of the scene. At each step a local search refines the ends, the plateau
-and the transitions.
+and the transitions between them.
 
 References
 ----------
@@ -30,29 +30,29 @@ from optimize.methods.starts import interpolation
 from optimize.problem import Problem
 
 LONG_COUNT = 512  # dominoes from which on a layout is long
-# dominoes of the layout that is searched; ratio of the next count to it
+# dominoes of the layout that is searched; ratio of each count to the one before
 SHORT_COUNT, RATIO = 160, 4
-LAST_RATIO = 1.5  # least ratio of the count of the scene to that of the layout stretched last
-SHORT_EVALUATIONS = 600  # evaluations of the shortest
-MAX_STEPS, MIN_STEPS = 60, 12  # gradients of a layout four times as long, and of far longer ones
-WHOLE_STEPS = 200  # gradients of the whole layout
+LAST_RATIO = 1.5  # least ratio of the count of the scene to that of the last shorter layout
+SHORT_EVALUATIONS = 600  # evaluations of the shortest layout
+MAX_STEPS, MIN_STEPS = 60, 12  # gradients of the first stretched layout, and of far longer ones
+WHOLE_STEPS = 200  # gradients of the layout of the scene
 BEAM = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
-ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that another plateau leaves
-TRANSITION = 40  # places of the transition to it
-VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # layouts that are stretched in all these ways
+ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau leaves
+TRANSITION = 40  # places of the transition to the steady plateau
+VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # stretched layouts of all these kinds
 GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady waves, ever closer
-# places of each end that are free one by one; then their distance grows
+# places of each end with one variable each; then the distance from the end grows by the ratio
 END_PLACES, DISTANCE_RATIO = 60, 1.5
 
 Search = Callable[[Evaluator, np.random.Generator], None]
 
 
 def is_long(scene: Scene) -> bool:
-    """Return True if a scene is long and its layouts resemble shorter ones.
+    """Return True if a scene has many dominoes and its layouts resemble shorter ones.
 
     They do if the score rewards speed and the rules are the same for every domino and any count: no
-    stock, no growing heights, no uneven ground, no length with gaps from a list.
+    stock, no growing heights, no uneven ground, no length with values from a list.
     """
     has_list = scene.spacing_values is not None or scene.thickness_values is not None
     is_homogeneous = scene.is_homogeneous and not (has_list and scene.length is not None)
@@ -62,12 +62,12 @@ def is_long(scene: Scene) -> bool:
 def search_stretched(
     evaluator: Evaluator, rng: np.random.Generator, search: Search
 ) -> tuple[float, Floats]:
-    """Search a short layout of the scene, stretch it, and refine it on the way.
+    """Search a short layout of the scene, and stretch and refine it step by step.
 
     Parameters
     ----------
     evaluator
-        Evaluator of the scene; shorter layouts cost less.
+        Evaluator of the scene; it counts shorter layouts in proportion to their dominoes.
     rng
         Random generator of the search.
     search
@@ -78,7 +78,7 @@ def search_stretched(
     score : float
         Best score.
     design : ndarray
-        (n,) its design vector.
+        (n,) design vector of the best layout.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def search_stretched(
     with evaluator.borrow(shorter, SHORT_EVALUATIONS) as short_evaluator:
         search(short_evaluator, rng)
     designs = [short_evaluator.best]
-    _score_stretched(evaluator, short_evaluator.best)  # a result in case time runs out later
+    _score_stretched(evaluator, short_evaluator.best)  # a result if a limit ends the search below
     for count in _counts(scene.count):
         shorter = Problem(_shorten(scene, count))
         gradients = max(MIN_STEPS, MAX_STEPS * RATIO * SHORT_COUNT // count)
@@ -108,13 +108,13 @@ def search_stretched(
 
 
 def fastest_steady(scene: Scene) -> tuple[float, float] | None:
-    """Find the uniform layout with the fastest steady wave, whatever its start.
+    """Find the uniform layout with the fastest steady wave.
 
     Returns
     -------
     tuple or None
-        Gap and thickness [m]; None if a length leaves no choice, or if no uniform layout has a
-        steady wave.
+        Gap and thickness [m]; None if the scene has a length, which leaves no choice, or if no
+        uniform layout has a steady wave.
 
     Notes
     -----
@@ -125,12 +125,12 @@ def fastest_steady(scene: Scene) -> tuple[float, float] | None:
     scale = scene.height if scene.in_heights else 1.0
     low, high = np.array([scene.spacing, scene.thickness]).T * scale
     slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
-    best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
+    best, centre, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
     for sizes in GRIDS:
         axes = [
             np.unique(np.clip(middle + np.linspace(-half, half, number), least, largest))
             for middle, half, number, least, largest in zip(
-                place, room, sizes, low, high, strict=True
+                centre, room, sizes, low, high, strict=True
             )
         ]
         points = grid(axes)
@@ -140,9 +140,9 @@ def fastest_steady(scene: Scene) -> tuple[float, float] | None:
             density=scene.density, slope=slope, rtol=1e-8,
         ).speed  # fmt: skip
         if speeds.max() > best:
-            best, place = speeds.max(), points[speeds.argmax()]
+            best, centre = speeds.max(), points[speeds.argmax()]
         room = 2.0 * room / sizes
-    return (float(place[0]), float(place[1])) if best > 0.0 else None
+    return (float(centre[0]), float(centre[1])) if best > 0.0 else None
 
 
 def _score_stretched(evaluator: Evaluator, short_design: Floats) -> None:
@@ -154,7 +154,7 @@ def _score_stretched(evaluator: Evaluator, short_design: Floats) -> None:
 
 
 def _counts(count: int) -> list[int]:
-    """Return the numbers of dominoes on the way to `count`, the last of them well below it."""
+    """Return the numbers of dominoes of the stretched layouts that are shorter than `count`."""
     counts = [RATIO * SHORT_COUNT]
     while LAST_RATIO * counts[-1] < count:
         counts.append(RATIO * counts[-1])
@@ -162,7 +162,7 @@ def _counts(count: int) -> list[int]:
 
 
 def _shorten(scene: Scene, count: int) -> Scene:
-    """Return the scene with fewer dominoes, and a length in proportion."""
+    """Return the scene with `count` dominoes, and with its length in proportion."""
     length = scene.length
     if length is not None:
         length *= (count - 1) / (scene.count - 1)
@@ -172,7 +172,7 @@ def _shorten(scene: Scene, count: int) -> Scene:
 def _stretch(
     evaluator: Evaluator, short_designs: Sequence[Floats], plateau: tuple[float, float] | None
 ) -> list[StretchedSearch]:
-    """Begin local searches at the best stretched versions of layouts of fewer dominoes."""
+    """Return local searches that begin at the best stretched versions of shorter layouts."""
     problem = evaluator.problem
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
@@ -200,7 +200,7 @@ def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
     Parameters
     ----------
     columns
-        (parts, m) design, m at least `period`.
+        (parts, m) design vector as columns, m at least `period`.
     pairs
         Number of places of the stretched layout.
     period
@@ -209,7 +209,7 @@ def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
     Returns
     -------
     ndarray
-        (parts, pairs) design.
+        (parts, pairs) stretched design vector.
     """
     middle = (columns.shape[1] + period) // 2
     tail = columns.shape[1] - middle
@@ -221,21 +221,22 @@ def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
 
 
 def insert_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
-    """Replace the middle of a design by a plateau, with linear transitions.
+    """Replace the middle of a layout by a plateau, with linear transitions.
 
     Parameters
     ----------
     columns
-        (parts, pairs) design.
+        (parts, pairs) design vector as columns.
     flat
-        (parts, pairs) design of the plateau.
+        (parts, pairs) the same of the plateau.
     head, tail
-        Numbers of places at both ends that stay as they are.
+        Numbers of places at the start and at the end that stay as they are; with a tail of 0, the
+        plateau extends to the end.
 
     Returns
     -------
     ndarray
-        (parts, pairs) design.
+        (parts, pairs) design vector of the layout with the plateau.
     """
     places = np.arange(columns.shape[1])
     weight = np.clip((places - head) / TRANSITION, 0.0, 1.0)
@@ -245,7 +246,7 @@ def insert_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Float
 
 
 class StretchedSearch(CoarseToFine):
-    """A local search of the ends, the plateau and the transitions, then of the whole design.
+    """Local search of the ends, the plateau and the transitions, then of the whole design vector.
 
     Parameters
     ----------
@@ -270,7 +271,7 @@ class StretchedSearch(CoarseToFine):
 
 
 def _places(pairs: int) -> Ints:
-    """Return every place of the ends, and ever fewer towards the middle."""
+    """Return every place near the ends, and ever fewer places towards the middle."""
     offsets = list(range(min(END_PLACES, pairs // 2)))
     while DISTANCE_RATIO * offsets[-1] < 0.5 * pairs:
         offsets.append(int(DISTANCE_RATIO * offsets[-1]))

@@ -1,12 +1,11 @@
 """Perturbations: changes of a good layout into another that may be better.
 
-A design is given as columns (the gaps; the thicknesses where they are free too), each running along
-the layout. Good layouts share their shape: a falling start, a plateau, a rise, a few tight gaps at
-the end and thick dominoes there. Local searches often end with a wrong number of tight gaps, a
-wrong end of the plateau, or ripples that face contacts have left. These perturbations change just
-that. They do not depend on the score.
-
-Sizes and probabilities give small and large changes a chance each.
+A design vector is given as columns (gaps, thicknesses, growths, if they are free), each along the
+layout. Good layouts have a common shape: decreasing gaps at the start, a plateau, increasing gaps,
+and at the end a few tight gaps and thick dominoes. Local searches often end with a wrong number of
+tight gaps, a wrong length of the plateau, or ripples that are due to face contacts. Perturbations
+change these features. They do not depend on the score. Their sizes are drawn from wide ranges, so
+that both small and large changes occur.
 """
 
 from __future__ import annotations
@@ -18,24 +17,25 @@ import numpy as np
 from domino_env.core.types import Floats
 
 Perturbation = Callable[[Floats, Floats, np.random.Generator], Floats]
-"""(design, donor, rng) -> a changed design; some perturbations copy parts of the donor, which is
+"""(design, donor, rng) -> a changed design. Some perturbations copy parts of the donor, which is
 another good design. Designs are columns, (parts, pairs)."""
 
-MAX_TIGHT = 8  # tight gaps at the end
-FACE_DISTANCE = 1e-3  # distance to a face of the box that counts as on it
+# Values and changes are relative to the box.
+MAX_TIGHT = 8  # largest number of tight gaps at the end
+FACE_DISTANCE = 1e-3  # largest distance to a face of the box that counts as on it
 WIDE_GAP = 0.5  # value of a wide gap if all gaps of a design are tight
-SMALLEST_PASSES, MOST_PASSES = 1, 5  # of the filter that removes ripples
-LEAST_FREE = 4  # gaps before the tight end that can have ripples
-STRETCH_PART = 0.7  # probability that a stretch is smoothed, and not all
-# decimal exponents of the smallest and largest change, as a part of the box
+LEAST_PASSES, MOST_PASSES = 1, 5  # of the filter that removes ripples
+LEAST_FREE = 4  # least number of places before the tight end that can have ripples
+STRETCH_PROBABILITY = 0.7  # that a stretch is smoothed, and not all
+# decimal exponents of the smallest and largest change
 CHANGES, STRETCH_CHANGES, BENDS = (-2.5, -0.8), (-2.0, -0.5), (-2.0, -0.7)
-WIDEST_BEND = 0.25  # standard deviation of a bend over the number of places, at most
-END_PLACES = 6  # that make the end
-NEIGHBOURS = 4  # places within which two values are exchanged
+WIDEST_BEND = 0.25  # largest width (standard deviation) of a bend over the number of places
+END_PLACES = 6  # places that `change_end` may change
+NEIGHBOURS = 4  # largest distance of places whose values are exchanged
 
 
 def set_tight_gaps(design: Floats, count: int) -> Floats:
-    """Give a design exactly `count` tight gaps at its end; the gaps before them move along."""
+    """Give a design exactly `count` tight gaps at its end; the gaps before them shift."""
     tight = count_tight_gaps(design)
     result = shift_second_half(design, count - tight) if tight else design.copy()
     if count:
@@ -53,7 +53,10 @@ def count_tight_gaps(design: Floats) -> int:
 
 
 def shift_second_half(design: Floats, places: int) -> Floats:
-    """Move the second half towards the start; the middle becomes shorter or longer."""
+    """Move the second half by some places towards the start (negative: towards the end).
+
+    Places of the middle are left out or repeated.
+    """
     pairs = design.shape[1]
     indices = np.arange(pairs)
     source = np.where(indices >= pairs // 2 - max(places, 0), indices + places, indices)
@@ -64,14 +67,14 @@ def shift_second_half(design: Floats, places: int) -> Floats:
 
 
 def change_tight_gaps(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Add a tight gap at the end, or remove one."""
+    """Add a tight gap at the end, or remove one; at most MAX_TIGHT remain."""
     tight = count_tight_gaps(design)
     change = 1 if tight == 0 or rng.random() < 0.5 else -1
     return set_tight_gaps(design, min(tight + change, design.shape[1] - 1, MAX_TIGHT))
 
 
 def shift_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Move the part before the tight end one or two places on or back; the end stays."""
+    """Move the part before the tight gaps by one or two places; the tight gaps stay."""
     tight = count_tight_gaps(design)
     result = shift_second_half(design, int(rng.choice([-2, -1, 1, 2])))
     if tight:
@@ -80,13 +83,13 @@ def shift_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats
 
 
 def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Remove ripples from a stretch, or from all but the tight end."""
+    """Remove ripples from a stretch, or from all places before the tight gaps except both ends."""
     free = design.shape[1] - count_tight_gaps(design)
     if free < LEAST_FREE:
         return change_all(design, donor, rng)
-    start, end = _random_stretch(free, rng) if rng.random() < STRETCH_PART else (1, free - 1)
+    start, end = _random_stretch(free, rng) if rng.random() < STRETCH_PROBABILITY else (1, free - 1)
     result = design.copy()
-    for _ in range(int(rng.integers(SMALLEST_PASSES, MOST_PASSES + 1))):
+    for _ in range(int(rng.integers(LEAST_PASSES, MOST_PASSES + 1))):
         inner = result[:, start:end]
         padded = np.concatenate([inner[:, :1], inner, inner[:, -1:]], axis=1)
         result[:, start:end] = 0.25 * padded[:, :-2] + 0.5 * inner + 0.25 * padded[:, 2:]
@@ -94,13 +97,13 @@ def smooth(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
 
 
 def change_all(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Change all values that are not at a face of the box at random."""
+    """Change all values at random, except those at a face of the box."""
     step = 10.0 ** rng.uniform(*CHANGES) * rng.standard_normal(design.shape)
     return _add_inside(design, step)
 
 
 def change_stretch(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Change a few neighbours at random."""
+    """Change the values of a stretch at random."""
     start, end = _random_stretch(design.shape[1], rng)
     result = design.copy()
     size = 10.0 ** rng.uniform(*STRETCH_CHANGES)
@@ -118,14 +121,14 @@ def bend(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
 
 
 def join(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Join the start of one good layout to the end of another."""
+    """Join the start of one of two good layouts to the end of the other."""
     cut = int(rng.integers(1, max(design.shape[1], 2)))
     first, last = (design, donor) if rng.random() < 0.5 else (donor, design)
     return np.concatenate([first[:, :cut], last[:, cut:]], axis=1)
 
 
-def exchange(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Take a stretch from another good layout."""
+def copy_stretch(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
+    """Copy a stretch of another good layout."""
     start, end = _random_stretch(design.shape[1], rng)
     result = design.copy()
     result[:, start:end] = donor[:, start:end]
@@ -133,14 +136,14 @@ def exchange(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
 
 
 def repeat_place(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Double one place and leave out another; the values between them move along."""
-    doubled, omitted = (int(place) for place in rng.integers(design.shape[1], size=2))
-    longer = np.insert(design, doubled, design[:, doubled], axis=1)
-    return np.asarray(np.delete(longer, omitted + (omitted > doubled), axis=1))
+    """Repeat one place and leave out another; the places between them shift by one."""
+    repeated, omitted = (int(place) for place in rng.integers(design.shape[1], size=2))
+    longer = np.insert(design, repeated, design[:, repeated], axis=1)
+    return np.asarray(np.delete(longer, omitted + (omitted > repeated), axis=1))
 
 
 def change_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Replace a value at the end: by a face of the box or by any value."""
+    """Replace one of the last values by a bound, 0 or 1, or by a random value."""
     result = design.copy()
     part = int(rng.integers(len(design)))
     place = int(rng.integers(1, min(END_PLACES, design.shape[1]) + 1))
@@ -149,7 +152,7 @@ def change_end(design: Floats, donor: Floats, rng: np.random.Generator) -> Float
 
 
 def swap(design: Floats, donor: Floats, rng: np.random.Generator) -> Floats:
-    """Exchange two places near each other, in one part or in all."""
+    """Exchange the values of two places near each other, in one part or in all."""
     pairs = design.shape[1]
     result = design.copy()
     i = int(rng.integers(pairs))
@@ -166,13 +169,13 @@ def _add_inside(design: Floats, step: Floats) -> Floats:
 
 
 def _random_stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
-    """Return the start and end of a random stretch of up to about a third of the places."""
+    """Return the start and end of a random stretch of at most about a third of the places."""
     length = int(rng.integers(1, max(2, min(pairs, 2 + pairs // 3))))
     start = int(rng.integers(0, max(1, pairs - length + 1)))
     return start, min(start + length, pairs)
 
 
 PERTURBATIONS: tuple[Perturbation, ...] = (
-    change_tight_gaps, shift_end, smooth, change_all, change_stretch, bend, join, exchange,
+    change_tight_gaps, shift_end, smooth, change_all, change_stretch, bend, join, copy_stretch,
     repeat_place, change_end, swap,
 )  # fmt: skip

@@ -1,24 +1,25 @@
 """The default: many local searches that use the structure of good layouts.
 
-1. Starts: the uniform baseline, as it is and with one to a few tight gaps (and thick dominoes) at
-   its end, which local searches cannot change. Local searches from all of them advance in lockstep,
-   as one batch, and every round the worse half is dropped (successive halving).
-2. Perturbations change good layouts. Many are scored, short local searches refine the best few, and
-   those that come near the best continue. Perturbations that gained are drawn more often. If
-   they gain nothing, layouts with other numbers of tight gaps at the end compete like the starts.
+1. Starts: the uniform baseline, unchanged and with one to a few tight gaps (and thick dominoes) at
+   its end, whose number local searches cannot change. Local searches from all of them advance in
+   lockstep, as one batch, and after every round the worse half ends (successive halving).
+2. Perturbations change good layouts. Many changed layouts (children) are scored, short local
+   searches refine some of them, and those near the best score continue. A perturbation that gained
+   is drawn more often. If none gains anything, layouts with other numbers of tight gaps at the end
+   compete like the starts.
 3. Three islands do the same from random starts, each with its own generator and in the same
    batches. The best layout of an island that gains nothing more is an independent estimate of the
-   optimum: it migrates to the main search, where it is joined with the best so far, start to end
-   and end to start, and the island begins anew.
+   optimum. It migrates to the main search, where it is joined with the best so far, the start of
+   one to the end of the other, and the island begins anew.
 
 The search is done when perturbations gain nothing and enough of the islands agree with the best or,
-after many islands, the second half of the effort gained nothing. Both count evaluations, so that
-the end does not depend on the machine. Without a limit the evaluator ends the search when as much
-effort again is expected to gain less than the tolerance.
+after many islands, the second half of the effort gained nothing. Both depend on evaluations, not on
+the speed of the machine. Without a limit the evaluator ends the search when doubling the effort is
+expected to gain less than the tolerance.
 
-A long layout begins as a stretched shorter one. A free-standing layout is searched with the model
-first. A schedule is first fitted by least squares, as `gauss-newton` does. If the score has no
-gradient, on a grid or because all waves stop, only perturbations are left.
+A search for a long layout begins with a stretched shorter one. Free-standing layouts are searched
+with the analytic model first. A schedule is first fitted by least squares, as `gauss-newton` does.
+If the score has no gradient, on a grid or because all waves stop, only perturbations change it.
 
 References
 ----------
@@ -45,11 +46,11 @@ from optimize.methods.starts import coarse_matrix, uniform_design
 from optimize.problem import Problem
 
 FIRST_GRADIENTS = 12  # gradients of every start in the first round
-BATCH = 8  # children that are refined together
-CHILDREN = 32  # children that are scored to select these
+CHILDREN = 32  # children of a generation, all of which are scored
+BATCH = 8  # children of a generation that are refined
 # gradients of a child, of one near the best, of a new best
 CHILD_GRADIENTS, NEAR_GRADIENTS, BEST_GRADIENTS = 10, 60, 240
-MARGIN = 3e-4  # relative distance to the best that counts as near
+MARGIN = 3e-4  # relative distance to the best score that counts as near
 SUCCESS = 1e-6  # relative gain of a child that counts as success of its perturbation
 # probability that the best layout is a parent, then the next best, and so on
 PARENT_PROBABILITY = 0.35
@@ -57,38 +58,39 @@ PARENT_PROBABILITY = 0.35
 MIGRANT_PROBABILITY, SECOND_PROBABILITY = 0.5, 0.25
 REWARD, PENALTY = 1.5, 0.97  # factors of the weight of a perturbation that gained, or did not
 WEIGHTS = 0.2, 5.0  # least and largest weight: every perturbation remains possible
-ELITE_SIZE = 8  # layouts that children come from
-# variables of the coarse layouts with which local searches of long layouts begin
+ELITE_SIZE = 8  # largest number of layouts from which children are made
+# numbers of variables of the coarse layouts with which local searches of long layouts begin
 COARSE_VARIABLES = (28, 110)
-LONG_STARTS = 2  # random starts of a long layout, where each takes long
 LONG_PLACES = 200  # places above which a layout is long
+LONG_STARTS = 2  # random starts of a long layout, each of which takes much time
 MAX_TIGHT_STARTS = MAX_TIGHT - 2  # tight gaps at the end of the starts; perturbations add more
-LONG_TIGHT = 4  # the only number tried in a long layout, whose end hardly matters
+LONG_TIGHT = 4  # the only number of tight gaps tried in a long layout, whose end has little effect
 THICK_DOMINOES = 2  # last dominoes of a start with the largest thickness
 MAX_BENDS, MAX_END_CHANGES = 4, 2  # most bends and most changes of the end of a random start
-LEAST_GAIN = 3e-6  # a smaller relative gain counts as none
-PATIENCE = (6, LEAST_GAIN)  # generations without a relative gain after which a search has settled
-# the same for the main search of many dominoes, and an island
+LEAST_GAIN = 3e-6  # a smaller relative gain counts as zero
+# A search has settled after so many generations in a row, each with at most this relative gain.
+PATIENCE = (6, LEAST_GAIN)
+# the same for the main search with many dominoes, and for an island with many
 LARGE_PATIENCE, ISLAND_PATIENCE = (4, 2e-5), (2, 1e-4)
 MAX_COUNT = 2000  # dominoes above which another stretched layout gains more than generations
-ALIKE_DISTANCE = 1e-3  # largest distance of two designs that count as one
+ALIKE_DISTANCE = 1e-3  # distance below which two design vectors count as the same
 ISLANDS = 3  # independent searches beside the main one
-# dominoes above which one island at a time begins when the main search has settled
+# dominoes above which there is one island, which begins when the main search has settled
 MAX_PARALLEL = 64
-AGREEMENT = 5e-5  # relative distance within which two of them agree
+AGREEMENT = 5e-5  # relative distance of scores within which an island agrees with the best
 ENOUGH_ISLANDS = 3  # islands that agree with the best before the search is done
-# islands after which none has to agree, once the late gain is so small
+# islands after which none has to agree, if the late gain is below this
 MANY_ISLANDS, NO_GAIN = 8, 1e-5
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Race the starts, then perturb and refine, with islands, until nothing is gained."""
+    """Search from the starts, then perturb and refine, with islands, until nothing is gained."""
     scene = evaluator.problem.scene
     if scene.floor_friction is not None:
-        two_fidelities.run(evaluator, rng, run)  # this search on the analytic model first
+        two_fidelities.run(evaluator, rng, run)  # calls this function for the analytic model
         return
     if scene.stock is not None:
-        assignment.run(evaluator, rng)  # the order decides, which no local search can change
+        assignment.run(evaluator, rng)  # the score depends on the order of the dominoes
         return
     search = _Search(evaluator, _Elite(evaluator.problem))
     if scene.tempo is not None:
@@ -101,7 +103,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         search.stretch(rng)
         if scene.count > MAX_COUNT:
             return
-    elif scene.count <= LONG_PLACES:  # the starts fill a batch by themselves
+    elif scene.count <= LONG_PLACES:  # the starts alone fill a batch
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
     islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
     main, *generators = rng.spawn(1 + islands)
@@ -109,12 +111,12 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def starts(problem: Problem) -> Floats:
-    """Return the uniform baseline with other ends: tight gaps, extreme thicknesses.
+    """Return the uniform baseline, unchanged and with tight gaps and thick dominoes at its end.
 
     Returns
     -------
     ndarray
-        (B, n) different designs, the uniform baseline first.
+        (B, n) different design vectors.
     """
     uniform = problem.scene.uniform().layout
     columns = _columns(problem, problem.design(uniform))
@@ -132,12 +134,12 @@ def starts(problem: Problem) -> Floats:
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
-    """Draw layouts with random bends, a random end and random thickness.
+    """Draw variants of the uniform baseline with random bends, ends, thicknesses and growths.
 
     Returns
     -------
     ndarray
-        (B, n) designs, based on the uniform baseline, that keep the rules.
+        (B, n) design vectors that keep the rules.
     """
     uniform = _columns(problem, uniform_design(problem))
     designs = []
@@ -159,12 +161,12 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
 
 @dataclass
 class _Elite:
-    """Best layouts so far, which differ from each other, and the success of perturbations.
+    """Best layouts of a search so far, all different, and the weights of perturbations.
 
     Attributes
     ----------
     problem
-        Problem that is searched.
+        Problem of the search.
     layouts
         Score and design vector (n,) of each layout, the best first.
     weights
@@ -187,7 +189,7 @@ class _Elite:
         return self.layouts[0][0]
 
     def add(self, score: float, design: Floats) -> None:
-        """Add a layout, unless an equal one has at least its score."""
+        """Add a layout, unless one that counts as the same has at least its score."""
 
         def is_alike(other: Floats) -> bool:
             return float(np.abs(other - design).max()) < ALIKE_DISTANCE
@@ -227,14 +229,14 @@ class _Elite:
         return np.concatenate(joined).reshape(2 * len(cuts), -1)
 
     def update_weight(self, index: int, *, has_gained: bool) -> None:
-        """Change the weight of a perturbation by its success."""
+        """Increase the weight of a perturbation that has gained, or decrease it."""
         weight = self.weights[index] * (REWARD if has_gained else PENALTY)
         self.weights[index] = np.clip(weight, *WEIGHTS)
 
 
 @dataclass
 class _Search:
-    """The main search, which ends, and the islands, which begin anew.
+    """Main search, which ends, and islands, which begin anew.
 
     Attributes
     ----------
@@ -243,7 +245,8 @@ class _Search:
     elite
         Best layouts of the main search.
     optima
-        Best score and design vector of each island that has ended.
+        Best score and design vector of each independent search that has ended: of an island, of a
+        stretched layout, of the fit of a schedule.
     is_settled
         True once the main search has gained nothing for some generations.
     """
@@ -254,7 +257,7 @@ class _Search:
     is_settled: bool = False
 
     def stretch(self, rng: np.random.Generator) -> None:
-        """Begin with a stretched shorter layout; a very long layout is searched only so."""
+        """Begin with a stretched shorter layout; for more than MAX_COUNT dominoes, repeat that."""
         problem = self.elite.problem
         uniform = uniform_design(problem)
         self.elite.add(float(self.evaluator.evaluate(uniform).score), uniform)
@@ -264,18 +267,18 @@ class _Search:
             self.elite.add(*self.optima[-1])
 
     def main(self, rng: np.random.Generator) -> Search:
-        """Race the starts, perturb, and join with the layouts of the islands."""
+        """Search from the starts, perturb, and join with the layouts of the islands."""
         if not self.elite.layouts:
             yield from _race(self.elite, starts(self.elite.problem))
         patience = LARGE_PATIENCE if self.elite.problem.scene.count > MAX_PARALLEL else PATIENCE
         yield from _settle(self.elite, rng, *patience)
         self.is_settled = True
-        joined = 0
+        joined_count = 0
         while not self.is_done():
-            while joined == len(self.optima):
+            while joined_count == len(self.optima):
                 yield None
-            for score, design in self.optima[joined:]:
-                joined += 1
+            for score, design in self.optima[joined_count:]:
+                joined_count += 1
                 self.elite.add(score, design)
                 self.elite.migrants.append(design)
                 yield from _generation(self.elite, self.elite.join(design, rng), rng)
@@ -295,7 +298,7 @@ class _Search:
     def is_done(self) -> bool:
         """Return True at the end of the search; report the reliability of the best layout."""
         best = max([self.elite.score, *(score for score, _ in self.optima)])
-        # of a schedule, only the distance to the score 1 counts
+        # for a schedule, distances are relative to the distance of the best from the score 1
         scale = abs(best) if self.elite.problem.scene.tempo is None else 1.0 - best
         agree = sum(score >= best - AGREEMENT * scale for score, _ in self.optima)
         report = f"{agree} of {len(self.optima)} independent searches agree to {AGREEMENT:.3%}"
@@ -307,7 +310,7 @@ class _Search:
 
 
 def _race(elite: _Elite, designs: Floats) -> Search:
-    """Run local searches from all designs by successive halving."""
+    """Score all designs, and run local searches from those that complete, by successive halving."""
     scores, _ = yield Request(designs)
     order = np.argsort(-scores, kind="stable")
     for i in order:
@@ -317,7 +320,7 @@ def _race(elite: _Elite, designs: Floats) -> Search:
 
 
 def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
-    """Advance local searches in rounds; after each, the worse half ends and gradients double."""
+    """Advance local searches in rounds; after each the worse half ends and the gradients double."""
     gradients = FIRST_GRADIENTS
     while arms:
         yield from advance(arms, gradients)
@@ -329,7 +332,7 @@ def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
 
 
 def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float) -> Search:
-    """Run generations until several in a row, and layouts with other ends, gain nothing."""
+    """Run generations until several in a row, and layouts with other ends, gain too little."""
     tried_counts: set[int] = set()
     while True:
         idle = 0
@@ -350,7 +353,7 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
 
 
 def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
-    """Refine layouts with other numbers of tight gaps; their thicknesses move along or stay."""
+    """Refine layouts with other numbers of tight gaps; thicknesses shift with the gaps or stay."""
     designs = []
     for count in range(min(MAX_TIGHT, best.shape[1])):
         if count != tight:
@@ -366,13 +369,14 @@ def _generation(
 ) -> Search:
     """Score perturbed layouts and refine some of them.
 
-    `indices` are those of their perturbations, whose weights are updated; empty for none.
+    `indices` are those of their perturbations, whose weights are updated; empty if no perturbations
+    made them.
     """
     designs = elite.problem.project(samples)
     scores, _ = yield Request(designs)
     best_score = elite.score
     order = np.argsort(-scores, kind="stable")
-    # the best by their score, and some by chance: a local search may gain more from these
+    # the best scores and some at random, from which a local search may gain more
     selection = [*order[: BATCH // 2], *rng.permutation(order[BATCH // 2 :])[: BATCH // 2]]
     for i in order[: BATCH // 2]:
         elite.add(float(scores[i]), designs[i])
@@ -396,15 +400,15 @@ def _generation(
 
 
 def _levels(
-    problem: Problem, most: Sequence[int]
+    problem: Problem, sizes: Sequence[int]
 ) -> tuple[list[Floats], Callable[[Floats], Floats] | None]:
-    """Return matrices of coarse layouts, and the projection if it is needed."""
+    """Return matrices of coarse layouts with `sizes` knots, and the projection or None."""
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
-    matrices = [coarse_matrix(parts, pairs, parts * m) for m in most if m < pairs]
+    matrices = [coarse_matrix(parts, pairs, parts * size) for size in sizes if size < pairs]
     return matrices, problem.projection
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:
-    """Return a design as (parts, pairs): gaps, if they are free, then thicknesses."""
+    """Return a design vector as (parts, pairs): gaps, thicknesses and growths, if they are free."""
     return design.reshape(-1, problem.scene.count - 1)

@@ -1,14 +1,14 @@
-"""Free-standing layouts on a floor: a search on the analytic model, corrected by the slow one.
+"""Free-standing layouts on a floor: a search with the analytic model and a fitted correction.
 
-A free-standing simulation takes as long as ten thousand analytic ones, and the ratio of its speed
-to the analytic one changes little and smoothly from layout to layout, most with the last gaps. So
-`auto` searches the analytic model first, twice with different random numbers, and simulates the
-best layouts free-standing. Then it fits the ratio: its logarithm as a linear function of the design
-vector near the best, by regression with a prior of similar coefficients for neighbours, and the
-residuals as a Gaussian process. In every round, perturbations change the best layouts, and local
-searches maximise the analytic speed times that ratio, each with coefficients drawn from their
+A free-standing simulation takes as long as ten thousand analytic ones. The ratio of its speed to
+the analytic one changes little and smoothly with the layout, most with the last gaps. So `auto`
+searches with the analytic model first, twice with different random numbers, and simulates the best
+layouts free-standing. Then it fits the ratio: its logarithm near the best layout as a linear
+function of the design vector, by regression with a prior of similar coefficients for neighbours,
+and the residuals as a Gaussian process. In every round, perturbations change the best layouts, and
+local searches maximise the analytic speed times the ratio, each with coefficients drawn from their
 posterior. The layouts of the highest predicted score are simulated free-standing, which improves
-the ratio. The search is done when rounds gain nothing.
+the fit. The search is done when several rounds gain nothing.
 
 Only free-standing simulations count as evaluations; the analytic ones of a round, some two thousand
 gradients, take less time than its eight free-standing ones.
@@ -40,21 +40,22 @@ Method = Callable[[Evaluator, np.random.Generator], None]
 
 ANALYTIC_RUNS, ANALYTIC_EVALUATIONS = 2, 3000  # analytic searches, and evaluations of each
 BATCH = 8  # layouts that are simulated free-standing in one batch
-LEAST_DISTANCE = 0.02  # of two candidates: largest difference of their design vectors
-MAX_SHORTFALL = 0.02  # relative distance to the analytic best up to which a layout is a candidate
+# Distances of layouts are the largest differences of their design vectors.
+LEAST_DISTANCE = 0.02  # distance above which two candidates differ enough
+MAX_SHORTFALL = 0.02  # relative shortfall of an analytic score below which a layout is a candidate
 PARENTS, SEARCHES, STEPS = 4, 24, 80  # layouts that are changed, local searches, gradients of each
 # probability that the best layout is a parent, then the next best, and so on
 PARENT_PROBABILITY = 0.5
-ALIKE_DISTANCE = 1e-3  # largest difference of layouts of which only one is simulated free-standing
-PATIENCE, LEAST_GAIN = 5, 3e-5  # rounds without a relative gain after which the search is done
-# largest distance of a variable from the best at which the ratio is taken as linear
+ALIKE_DISTANCE = 1e-3  # distance up to which only one of two layouts is simulated free-standing
+PATIENCE, LEAST_GAIN = 5, 3e-5  # rounds without this relative gain after which the search is done
+# largest distance of a variable from the best at which the logarithm of the ratio is linear
 LINEAR_RANGE = 0.1
-# prior deviation of the logarithm of the ratio across the range of a variable
+# prior standard deviation of a coefficient: change of the logarithm over the range of a variable
 PRIOR_DEVIATION = 1e-3
-CORRELATED_PLACES = 2.0  # places over which coefficients are alike
-SHARED = 0.5  # part of the prior variance that neighbours share
-CORRELATION_LENGTH = 0.3  # correlation length of the residuals, as a distance of design vectors
-NOISE = 3e-5  # relative, of a free-standing score beside those of similar layouts
+CORRELATED_PLACES = 2.0  # correlation length of the coefficients, in places
+SHARED = 0.5  # fraction of the prior variance that neighbours share
+CORRELATION_LENGTH = 0.3  # of the residuals, as a Euclidean distance of design vectors
+NOISE = 3e-5  # standard deviation of a free-standing score, relative
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method) -> None:
@@ -87,9 +88,9 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
 def _candidates(
     evaluator: Evaluator, analytic: Problem, method: Method, rng: np.random.Generator
 ) -> Floats:
-    """Return (C, n) layouts that are good on the analytic model and not alike.
+    """Return design vectors (C, n) that differ and have high analytic scores.
 
-    The number of evaluations is fixed, so that a search that is resumed repeats them.
+    The number of analytic evaluations is fixed, so that a resumed search repeats them.
     """
     finalists: list[tuple[float, Floats]] = []
     for generator in rng.spawn(ANALYTIC_RUNS):
@@ -110,12 +111,28 @@ def _candidates(
 
 
 class _SimulatedLayouts:
-    """Free-standing layouts simulated so far, and the ratios of their scores to the analytic."""
+    """Layouts simulated in both models so far, and the fit of the ratios of their scores.
+
+    Attributes
+    ----------
+    evaluator
+        Evaluator of the free-standing layouts.
+    analytic
+        Problem of the analytic model.
+    designs
+        (K, n) design vectors of the layouts.
+    scores
+        (K,) their free-standing scores.
+    log_ratios
+        (K,) logarithms of free-standing over analytic scores; nan if one of the waves stops.
+    prior
+        (n, n) prior covariance of the coefficients of the ratio.
+    """
 
     def __init__(self, evaluator: Evaluator, analytic: Problem) -> None:
         self.evaluator, self.analytic = evaluator, analytic
         self.designs = np.empty((0, analytic.dimension))
-        self.scores, self.ratios = np.empty(0), np.empty(0)
+        self.scores, self.log_ratios = np.empty(0), np.empty(0)
         place = np.arange(analytic.dimension)
         kernel = np.exp(-0.5 * ((place[:, None] - place[None]) / CORRELATED_PLACES) ** 2)
         pairs = analytic.scene.count - 1
@@ -130,7 +147,7 @@ class _SimulatedLayouts:
 
     @property
     def best(self) -> Floats:
-        """Design vector (n,) of the best."""
+        """Design vector (n,) of the best free-standing score."""
         return np.asarray(self.designs[int(np.argmax(self.scores))])
 
     def evaluate(self, designs: Floats) -> None:
@@ -138,15 +155,15 @@ class _SimulatedLayouts:
         scores = self.evaluator.evaluate(designs).score
         analytic = self.analytic.evaluate(designs).score
         completes = (scores > 0.0) & (analytic > 0.0)
-        ratios = np.log(np.where(completes, scores, 1.0) / np.where(completes, analytic, 1.0))
+        log_ratios = np.log(np.where(completes, scores, 1.0) / np.where(completes, analytic, 1.0))
         self.designs = np.concatenate([self.designs, designs])
         self.scores = np.concatenate([self.scores, scores])
-        self.ratios = np.concatenate([self.ratios, np.where(completes, ratios, np.nan)])
+        self.log_ratios = np.concatenate([self.log_ratios, np.where(completes, log_ratios, np.nan)])
 
     def coefficients(self, number: int, rng: np.random.Generator) -> Floats:
-        """Draw coefficients (number, n) of the logarithm of the ratio; the first are the mean."""
-        is_known = np.isfinite(self.ratios)
-        designs, ratios = self.designs[is_known], self.ratios[is_known]
+        """Draw coefficients (number, n) from their posterior, except the first, the mean."""
+        is_known = np.isfinite(self.log_ratios)
+        designs, log_ratios = self.designs[is_known], self.log_ratios[is_known]
         offset = self._offset(designs)
         distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / LINEAR_RANGE
         weight = 1.0 / (NOISE * (1.0 + distance)) ** 2
@@ -154,14 +171,17 @@ class _SimulatedLayouts:
         centred = offset - level @ offset
         weighted = weight[:, None] * centred
         covariance = np.linalg.inv(np.linalg.inv(self.prior) + weighted.T @ centred)
-        mean = covariance @ (weighted.T @ (ratios - level @ ratios))
+        mean = covariance @ (weighted.T @ (log_ratios - level @ log_ratios))
         root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         samples = mean + rng.standard_normal((number, len(mean))) @ root.T
         samples[0] = mean
         return np.asarray(samples)
 
     def correct(self, designs: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
-        """Return scores (B,) and gradients (B, n) of the analytic model times the ratio."""
+        """Return scores (B,) and gradients (B, n) of the analytic model times the linear ratio.
+
+        Each of the B design vectors has its own coefficients (B, n).
+        """
         analytic = self.analytic.evaluate(designs, True, differences=False)
         completes = analytic.score > 0.0
         exponent = np.sum(coefficients * self._offset(designs), axis=1)
@@ -174,19 +194,19 @@ class _SimulatedLayouts:
     def predict(self, designs: Floats, coefficients: Floats) -> Floats:
         """Predict the scores (B,) of designs (B, n) by coefficients (n,) and the residuals."""
         scores, _ = self.correct(designs, np.repeat(coefficients[None], len(designs), axis=0))
-        is_known = np.isfinite(self.ratios)
+        is_known = np.isfinite(self.log_ratios)
         if not is_known.any():
             return scores
-        simulated, ratios = self.designs[is_known], self.ratios[is_known]
+        simulated, log_ratios = self.designs[is_known], self.log_ratios[is_known]
         best = int(np.argmax(self.scores[is_known]))
-        residuals = ratios - ratios[best] - self._offset(simulated) @ coefficients
+        residuals = log_ratios - log_ratios[best] - self._offset(simulated) @ coefficients
         covariance = _correlation(simulated, simulated)
         covariance += (NOISE / PRIOR_DEVIATION) ** 2 * np.eye(len(simulated))
         expected = _correlation(designs, simulated) @ np.linalg.solve(covariance, residuals)
         return np.where(scores > 0.0, scores * np.exp(expected), scores)
 
     def _offset(self, designs: Floats) -> Floats:
-        """Return the distances from the best, limited to the range in which the ratio is linear."""
+        """Return the differences (B, n) from the best, clipped to the range of the linear ratio."""
         return np.clip(designs - self.best, -LINEAR_RANGE, LINEAR_RANGE)
 
 
@@ -197,7 +217,7 @@ def _correlation(first: Floats, second: Floats) -> Floats:
 
 
 def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
-    """Return (B, n) layouts of high predicted score that are not alike."""
+    """Return design vectors (B, n) that differ and have high predicted scores."""
     problem, analytic = layouts.evaluator.problem, layouts.analytic
     order = np.argsort(-layouts.scores, kind="stable")[:PARENTS]
     pairs = problem.scene.count - 1
@@ -221,7 +241,7 @@ def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
 
 
 def _refine(layouts: _SimulatedLayouts, searches: list[LocalSearch], coefficients: Floats) -> None:
-    """Advance local searches on the corrected model in lockstep, each with its own coefficients."""
+    """Advance local searches in lockstep on the corrected model, each with its own coefficients."""
     for _ in range(STEPS):
         running = [i for i, search in enumerate(searches) if not search.done]
         if not running:

@@ -77,8 +77,8 @@ def test_it_runs_in_other_processes(folder, scenes):
 @pytest.mark.parametrize(("method", "message"), [
     ("my_methodz:run", "No module named 'my_methodz'; name a function"),
     ("my_methods:runn", "has no attribute 'runn'; name a function"),
-    ("my_methods:np", "it is not called as run(evaluator, rng)"),
-    ("my_methods:number", "it is not called as run(evaluator, rng)"),
+    ("my_methods:np", "give a function run(evaluator, rng)"),
+    ("my_methods:number", "give a function run(evaluator, rng)"),
     ("my_methods:nothing", "'my_methods:nothing' ended without evaluating a layout"),
     ("my_broken:run", "No module named 'no_such_thing_here'"),
     ("my_typo:run", "'(' was never closed"),
