@@ -33,6 +33,8 @@ class DesignSpace:
 
     Attributes
     ----------
+    scene
+        The scene.
     dimension
         n, length of a design vector.
     low, high
@@ -53,7 +55,7 @@ class DesignSpace:
         self.low, self.high = self._feasible.low, self._feasible.high
         try:
             self._feasible.project(0.5 * (self.low + self.high)[None])
-        except ValueError as error:  # only lists can conflict, with a length
+        except ValueError as error:  # lists may contradict a length; other rules are always met
             raise ValueError(
                 f"scene '{scene.name}' with its length of {scene.length:.10g} m: {error}: change "
                 "the length, a list or spacing.largest_change"

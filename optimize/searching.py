@@ -37,12 +37,13 @@ if TYPE_CHECKING:
 Callback = Callable[[Evaluator], None]
 
 NO_SUCCESS = "no layout succeeds: push harder, or allow other gaps, thicknesses or friction"
-PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # of lines without a terminal
+# line of progress on a terminal, and elsewhere
+BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
+PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"
 BASELINE_SHARE = 0.5  # fraction of the seconds of a search for the uniform baseline on a floor
 LONG_SEARCH = 20.0  # [s] processor time above which the duration of a search is announced
 TRIALS = 8  # gradients that are timed to estimate the duration
 EQUAL_COST = 130  # number of variables at which a local search takes as long as its simulations
-BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 
 
 def search(

@@ -49,7 +49,7 @@ class FeasibleSet:
     Raises
     ------
     ValueError
-        If the scene has no free values.
+        If the scene has no free values, or if its lists are too fine for its length.
 
     Notes
     -----

@@ -1,8 +1,9 @@
 """Methods of SciPy: local solvers restarted from one point after the other, and global ones.
 
 - `l-bfgs`: L-BFGS-B on exact gradients (Byrd, Lu, Nocedal, Zhu 1995).
-- `slsqp`: a quadratic program for each step, on exact gradients (Kraft 1988). A given length and a
-  largest change are its constraints. A step costs the cube of the number of variables.
+- `slsqp`: a quadratic programme for each step, on exact gradients (Kraft 1988). A given length and
+  a largest change are its constraints. The time of a step grows with the cube of the number of
+  variables.
 - `trust-constr`: an interior point method in trust regions, on exact gradients (Byrd, Hribar,
   Nocedal 1999).
 - `cobyqa`: quadratic models through known scores, without gradients (Ragonneau 2022).
@@ -192,7 +193,7 @@ def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
     while True:
         optimize.dual_annealing(
             lambda design: -evaluator.evaluate(design).score,
-            bounds, x0=start, maxiter=1000, maxfun=UNLIMITED, rng=rng, minimizer_kwargs=local,
+            bounds, x0=start, maxfun=UNLIMITED, rng=rng, minimizer_kwargs=local,
         )  # fmt: skip
         start = problem.project(rng.random(problem.dimension)[None])[0]
 
@@ -208,6 +209,7 @@ def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> No
         spread = 10.0 ** rng.uniform(NEAREST_EXPONENT, 0.0, (members, 1))
         first = problem.project(np.clip(uniform + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
         first[0] = uniform
+        # smaller mutations and more recombination than SciPy's defaults; a converged run ends
         optimize.differential_evolution(
             lambda columns: -evaluator.evaluate(columns.T).score,
             [(0.0, 1.0)] * n, init=first, strategy="currenttobest1bin", mutation=(0.4, 0.9),

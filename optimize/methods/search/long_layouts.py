@@ -41,7 +41,8 @@ PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
 ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau leaves
 TRANSITION = 40  # places of the transition to the steady plateau
 VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # stretched layouts of all these kinds
-GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady waves, ever closer
+# numbers of gaps and thicknesses in the grids of steady waves, each closer around the best
+GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))
 # places of each end with one variable each; then the distance from the end grows by the ratio
 END_PLACES, DISTANCE_RATIO = 60, 1.5
 
@@ -180,7 +181,7 @@ def _stretch(
     for short_design in short_designs:
         columns = short_design.reshape(parts, -1)
         starts.append([repeat_middle(columns, pairs, period) for period in PERIODS])
-    if len(short_designs) < BEAM and plateau is not None:
+    if len(short_designs) < BEAM and plateau is not None:  # the first stretch
         flat = problem.design(problem.scene.layout(*plateau)).reshape(parts, -1)
         starts.append([insert_plateau(starts[0][0], flat, head, tail) for head, tail in ENDS])
     searches = []
