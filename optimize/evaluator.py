@@ -22,8 +22,8 @@ from optimize.executors import loss_as_error
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
-CHUNK_DOMINOES = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
-MAX_CHUNK = 256  # layouts between two checks, so that enough good ones become finalists
+CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms
+MAX_CHUNK = 256  # layouts of a chunk, of which only the best one can become a finalist
 EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
 TOLERANCE = 1e-4  # a search without a limit ends if its second half gains relatively less
@@ -91,6 +91,13 @@ class Evaluator:
         Effort from which on `tolerance` may end the search.
     most_effort
         Effort at which a search with a tolerance ends; inf without a tolerance.
+
+    Raises
+    ------
+    ValueError
+        If a limit is out of its range.
+    TypeError
+        If `problem` is no `Problem`.
     """
 
     def __init__(
@@ -121,6 +128,7 @@ class Evaluator:
         self.most_effort = MOST_EFFORT / size * TOLERANCE / tolerance if tolerance else np.inf
         self.least_effort = min(LEAST_EFFORT / size, self.most_effort)
         self._callback, self._journal, self._executor = callback, journal, executor
+        # layouts of a chunk, which are simulated between two checks of the limits
         self._chunk = min(max(8, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
@@ -135,7 +143,7 @@ class Evaluator:
 
     @property
     def seconds(self) -> float:
-        """Time of the search so far, including the time before it was stopped and resumed [s]."""
+        """Time of the search so far [s], with that of earlier runs and of `add_seconds`."""
         replaying = self._journal is not None and self._journal.replaying
         running = 0.0 if replaying else self._clock() - self._start
         return self._seconds_before + self._seconds_replayed + running

@@ -47,7 +47,7 @@ class Lists:
     ) -> None:
         n, longest = len(values), max(len(v) for v in values)
         self.sizes = np.array([len(v) for v in values])
-        self.values = np.full((n, longest), np.inf)
+        self.values = np.full((n, longest), np.inf)  # inf beyond the end of a list
         for i, v in enumerate(values):
             self.values[i, : len(v)] = v
         self.change = change

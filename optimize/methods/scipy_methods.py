@@ -78,7 +78,7 @@ NEAREST_EXPONENT = -2.0
 UNLIMITED = 10**9  # iterations and evaluations of a method that only the evaluator ends
 # largest number of variables of methods without gradients
 MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
-
+# options of each solver
 OPTIONS: dict[str, dict[str, Any]] = {
     "L-BFGS-B": {"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7},
     "SLSQP": {"maxiter": 1000, "ftol": 1e-10},

@@ -27,7 +27,7 @@ def uniform_design(problem: Problem) -> Floats:
 
 
 def starts(evaluator: Evaluator, rng: np.random.Generator) -> Iterator[Floats]:
-    """Yield the uniform baseline, then endless random points and points near the best so far.
+    """Yield the uniform baseline, then without end random points or points near the best so far.
 
     At the onset of a face contact the score has a kink, at which the steps of a method for smooth
     functions shrink to zero. Therefore one local search is not enough.

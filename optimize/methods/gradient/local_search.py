@@ -34,7 +34,8 @@ BRACKET_WIDTH = 0.1  # relative width of the bracket at which a line search take
 MAX_DENSE = 200  # variables up to which the whole inverse curvature is stored
 MEMORY = 30  # pairs of step and change of the gradient that are stored for more variables
 MAX_TRIES = 14  # largest number of evaluations of one line search
-# largest change of a variable in the first try of a line search, relative to the box
+# largest change of a variable in the first try of a line search, relative to the box; at this
+# change the Armijo condition alone is enough
 MAX_CHANGE = 0.15
 # the same for a step along the gradient before the curvature is known
 FIRST_CHANGE = MAX_CHANGE / 3.0

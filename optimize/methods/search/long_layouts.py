@@ -40,7 +40,7 @@ BEAM = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
 ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau leaves
 TRANSITION = 40  # places of the transition to the steady plateau
-VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # stretched layouts of all these kinds
+VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # largest number of stretched layouts of these kinds
 # numbers of gaps and thicknesses in the grids of steady waves, each closer around the best
 GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))
 # places of each end with one variable each; then the distance from the end grows by the ratio
@@ -96,7 +96,7 @@ def search_stretched(
     for count in _counts(scene.count):
         shorter = Problem(_shorten(scene, count))
         gradients = max(MIN_STEPS, MAX_STEPS * RATIO * SHORT_COUNT // count)
-        searches: list[StretchedSearch] = []
+        searches: list[StretchedSearch] = []  # remains empty if a limit ends the context at once
         with evaluator.borrow(shorter, BEAM * gradients + VERSIONS) as short_evaluator:
             searches = _stretch(short_evaluator, designs, plateau)
             run_local_searches(short_evaluator, searches, gradients)
@@ -114,8 +114,8 @@ def fastest_steady(scene: Scene) -> tuple[float, float] | None:
     Returns
     -------
     tuple or None
-        Gap and thickness [m]; None if the scene has a length, which leaves no choice, or if no
-        uniform layout has a steady wave.
+        Gap and thickness [m]; None if the scene has a length, which decides them, or if no uniform
+        layout has a steady wave.
 
     Notes
     -----

@@ -1,11 +1,12 @@
 """Perturbations: changes of a good layout into another that may be better.
 
-A design vector is given as columns (gaps, thicknesses, growths, if they are free), each along the
-layout. Good layouts have a common shape: decreasing gaps at the start, a plateau, increasing gaps,
-and at the end a few tight gaps and thick dominoes. Local searches often end with a wrong number of
-tight gaps, a wrong length of the plateau, or ripples that are due to face contacts. Perturbations
-change these features. They do not depend on the score. Their sizes are drawn from wide ranges, so
-that both small and large changes occur.
+A design is a design vector as an array (parts, pairs). The parts are gaps, thicknesses and growths,
+as far as they are free, each with N - 1 places along the layout; if gaps are not free, the first
+part is treated like them. Good layouts have a common shape: decreasing gaps at the start, a
+plateau, increasing gaps, and at the end a few tight gaps and thick dominoes. Local searches often
+end with a wrong number of tight gaps, a wrong length of the plateau, or ripples that are due to
+face contacts. Perturbations change these features. They do not depend on the score. Their sizes are
+drawn from wide ranges, so that both small and large changes occur.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import numpy as np
 from domino_env.core.types import Floats
 
 Perturbation = Callable[[Floats, Floats, np.random.Generator], Floats]
-"""(design, donor, rng) -> a changed design. Some perturbations copy parts of the donor, which is
-another good design. Designs are columns, (parts, pairs)."""
+"""Function (design, donor, rng) -> changed design. Some perturbations copy values of the donor,
+another good design; the others ignore it."""
 
 # Values and changes are relative to the box.
 MAX_TIGHT = 8  # largest number of tight gaps at the end
