@@ -160,18 +160,19 @@ class _SimulatedLayouts:
         self.scores = np.concatenate([self.scores, scores])
         self.log_ratios = np.concatenate([self.log_ratios, np.where(completes, log_ratios, np.nan)])
 
-    def coefficients(self, number: int, rng: np.random.Generator) -> Floats:
+    def draw_coefficients(self, number: int, rng: np.random.Generator) -> Floats:
         """Draw coefficients (number, n) from their posterior, except the first, the mean."""
         is_known = np.isfinite(self.log_ratios)
         designs, log_ratios = self.designs[is_known], self.log_ratios[is_known]
         offset = self._offset(designs)
         distance = np.abs(designs - self.best).max(axis=1, initial=0.0) / LINEAR_RANGE
+        # layouts far from the best count less, because the ratio is linear only near it
         weight = 1.0 / (NOISE * (1.0 + distance)) ** 2
-        level = weight / max(float(weight.sum()), 1.0)
-        centred = offset - level @ offset
+        mean_weight = weight / max(float(weight.sum()), 1.0)  # all 0 if no layout completes
+        centred = offset - mean_weight @ offset
         weighted = weight[:, None] * centred
         covariance = np.linalg.inv(np.linalg.inv(self.prior) + weighted.T @ centred)
-        mean = covariance @ (weighted.T @ (log_ratios - level @ log_ratios))
+        mean = covariance @ (weighted.T @ (log_ratios - mean_weight @ log_ratios))
         root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         samples = mean + rng.standard_normal((number, len(mean))) @ root.T
         samples[0] = mean
@@ -227,7 +228,7 @@ def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
         parent, donor = (layouts.designs[order[rank]].reshape(-1, pairs) for rank in ranks)
         candidate = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, donor, rng)
         designs.append(np.clip(candidate.ravel(), 0.0, 1.0))
-    coefficients = layouts.coefficients(SEARCHES, rng)
+    coefficients = layouts.draw_coefficients(SEARCHES, rng)
     searches = [LocalSearch(design, analytic.project) for design in designs]
     _refine(layouts, searches, coefficients)
     ends = np.array([search.design for search in searches])
