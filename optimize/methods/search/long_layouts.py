@@ -179,8 +179,8 @@ def _stretch(
     parts = problem.dimension // pairs
     starts = []
     for short_design in short_designs:
-        columns = short_design.reshape(parts, -1)
-        starts.append([repeat_middle(columns, pairs, period) for period in PERIODS])
+        design = short_design.reshape(parts, -1)
+        starts.append([repeat_middle(design, pairs, period) for period in PERIODS])
     if len(short_designs) < BEAM and plateau is not None:  # the first stretch
         flat = problem.design(problem.scene.layout(*plateau)).reshape(parts, -1)
         starts.append([insert_plateau(starts[0][0], flat, head, tail) for head, tail in ENDS])
@@ -195,13 +195,13 @@ def _stretch(
     return searches
 
 
-def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
+def repeat_middle(design: Floats, pairs: int, period: int) -> Floats:
     """Stretch a layout by repeating some places of its middle.
 
     Parameters
     ----------
-    columns
-        (parts, m) design vector as columns, m at least `period`.
+    design
+        (parts, m) design, see `perturbations`; m is at least `period`.
     pairs
         Number of places of the stretched layout.
     period
@@ -210,26 +210,26 @@ def repeat_middle(columns: Floats, pairs: int, period: int) -> Floats:
     Returns
     -------
     ndarray
-        (parts, pairs) stretched design vector.
+        (parts, pairs) stretched design.
     """
-    middle = (columns.shape[1] + period) // 2
-    tail = columns.shape[1] - middle
+    middle = (design.shape[1] + period) // 2
+    tail = design.shape[1] - middle
     places = np.arange(pairs)
     source = middle - period + (places - middle) % period
     source = np.where(places < middle, places, source)
-    source[pairs - tail :] = np.arange(middle, columns.shape[1])
-    return columns[:, source]
+    source[pairs - tail :] = np.arange(middle, design.shape[1])
+    return design[:, source]
 
 
-def insert_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
+def insert_plateau(design: Floats, flat: Floats, head: int, tail: int) -> Floats:
     """Replace the middle of a layout by a plateau, with linear transitions.
 
     Parameters
     ----------
-    columns
-        (parts, pairs) design vector as columns.
+    design
+        (parts, pairs) design, see `perturbations`.
     flat
-        (parts, pairs) the same of the plateau.
+        (parts, pairs) design of the plateau.
     head, tail
         Numbers of places at the start and at the end that stay as they are; with a tail of 0, the
         plateau extends to the end.
@@ -237,13 +237,13 @@ def insert_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Float
     Returns
     -------
     ndarray
-        (parts, pairs) design vector of the layout with the plateau.
+        (parts, pairs) design with the plateau.
     """
-    places = np.arange(columns.shape[1])
+    places = np.arange(design.shape[1])
     weight = np.clip((places - head) / TRANSITION, 0.0, 1.0)
     if tail:
         weight = np.minimum(weight, np.clip((places[::-1] - tail) / TRANSITION, 0.0, 1.0))
-    return columns + weight * (flat - columns)
+    return design + weight * (flat - design)
 
 
 class StretchedSearch(CoarseToFine):

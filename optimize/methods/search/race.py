@@ -119,12 +119,12 @@ def starts(problem: Problem) -> Floats:
         (B, n) different design vectors.
     """
     uniform = problem.scene.uniform().layout
-    columns = _columns(problem, problem.design(uniform))
-    designs = [columns]
+    baseline = _as_parts(problem, problem.design(uniform))
+    designs = [baseline]
     if problem.scene.free_spacing:
-        most = min(MAX_TIGHT_STARTS, columns.shape[1] - 1)
-        counts = range(1, most + 1) if columns.shape[1] <= LONG_PLACES else [LONG_TIGHT]
-        designs += [perturbations.set_tight_gaps(columns, count) for count in counts]
+        limit = min(MAX_TIGHT_STARTS, baseline.shape[1] - 1)
+        counts = range(1, limit + 1) if baseline.shape[1] <= LONG_PLACES else [LONG_TIGHT]
+        designs += [perturbations.set_tight_gaps(baseline, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(designs):
             thick_end = design.copy()
@@ -141,7 +141,7 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     ndarray
         (B, n) design vectors that keep the rules.
     """
-    uniform = _columns(problem, uniform_design(problem))
+    uniform = _as_parts(problem, uniform_design(problem))
     designs = []
     for _ in range(BATCH if uniform.shape[1] <= LONG_PLACES else LONG_STARTS):
         design = uniform.copy()
@@ -151,8 +151,8 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
         for _ in range(int(rng.integers(MAX_BENDS + 1))):
             design = perturbations.bend(design, design, rng)
         if problem.scene.free_spacing:
-            most = min(MAX_TIGHT, uniform.shape[1] - 1)
-            design = perturbations.set_tight_gaps(design, int(rng.integers(0, most + 1)))
+            limit = min(MAX_TIGHT, uniform.shape[1] - 1)
+            design = perturbations.set_tight_gaps(design, int(rng.integers(0, limit + 1)))
         for _ in range(int(rng.integers(MAX_END_CHANGES + 1))):
             design = perturbations.change_end(design, design, rng)
         designs.append(np.clip(design.ravel(), 0.0, 1.0))
@@ -203,9 +203,9 @@ class _Elite:
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
         """Return a perturbed layout, and the index of its perturbation."""
         ranks = np.minimum(rng.geometric(PARENT_PROBABILITY, 2) - 1, len(self.layouts) - 1)
-        parent, donor = (_columns(self.problem, self.layouts[r][1]) for r in ranks)
+        parent, donor = (_as_parts(self.problem, self.layouts[r][1]) for r in ranks)
         if self.migrants and rng.random() < MIGRANT_PROBABILITY:
-            donor = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
+            donor = _as_parts(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
         index = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
         child = PERTURBATIONS[index](parent, donor, rng)
         if rng.random() < SECOND_PROBABILITY:
@@ -220,8 +220,8 @@ class _Elite:
 
     def join(self, migrant: Floats, rng: np.random.Generator) -> Floats:
         """Join the best layout and a migrant, the start of one to the end of the other."""
-        best = _columns(self.problem, self.layouts[0][1])
-        migrant = _columns(self.problem, migrant)
+        best = _as_parts(self.problem, self.layouts[0][1])
+        migrant = _as_parts(self.problem, migrant)
         pairs = best.shape[1]
         cuts = rng.choice(pairs, min(CHILDREN // 2, pairs), replace=False)
         is_start = np.arange(pairs) < cuts[:, None, None]
@@ -341,7 +341,7 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
             children, indices = elite.children(rng)
             yield from _generation(elite, children, rng, indices)
             idle = 0 if elite.score > best_score + gain * abs(best_score) else idle + 1
-        best = _columns(elite.problem, elite.layouts[0][1])
+        best = _as_parts(elite.problem, elite.layouts[0][1])
         tight = perturbations.count_tight_gaps(best)
         if not elite.problem.scene.free_spacing or tight in tried_counts:
             return
@@ -409,6 +409,6 @@ def _levels(
     return matrices, problem.projection
 
 
-def _columns(problem: Problem, design: Floats) -> Floats:
-    """Return a design vector as (parts, pairs): gaps, thicknesses and growths, if they are free."""
+def _as_parts(problem: Problem, design: Floats) -> Floats:
+    """Return a design vector (n,) as an array (parts, pairs), see `perturbations`."""
     return design.reshape(-1, problem.scene.count - 1)
