@@ -179,7 +179,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
     from distributed.comm import parse_host_port
 
     with ExitStack() as stack:
-        # errors reach the caller as exceptions
+        # errors reach the caller as exceptions and need no log
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             logger = logging.getLogger(name)
             stack.callback(logger.setLevel, logger.level)
@@ -234,7 +234,7 @@ def require_same_versions(client: Any, address: str) -> None:
     for worker, version in remote.items():
         if version != versions():
             raise ValueError(
-                f"the Dask worker {worker} has {version}, and here it is {versions()}: results "
+                f"the Dask worker {worker} has {version}, and this process {versions()}: results "
                 "may differ; install the same versions"
             )
 
