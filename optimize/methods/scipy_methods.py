@@ -70,6 +70,7 @@ MAX_BFGS = 200  # variables above which trust-constr uses the cheaper SR1
 LEAST_MARGIN = 1e-3  # least distance of a start of trust-constr to the faces of the box
 COBYQA_EVALUATIONS = 500  # evaluations of one run, over the number of variables plus 1
 DIRECT_EVALUATIONS = 100  # evaluations of one box, over the number of variables
+DIRECT_ITERATIONS = 10**6  # more than one box takes; SciPy allocates memory for each
 SMALLEST_BOX, SHIFT = 1e-6, 0.1  # least radius of a box of DIRECT; its random shift over the radius
 # members of a population
 MEMBERS_PER_VARIABLE, LEAST_MEMBERS, MOST_MEMBERS = 3, 16, 256
@@ -177,7 +178,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
             reduced.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * reduced.dimension,
-            maxiter=UNLIMITED, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
+            maxiter=DIRECT_ITERATIONS, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
         )  # fmt: skip
         radius *= 0.5
 
