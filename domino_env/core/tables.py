@@ -11,6 +11,7 @@ from pathlib import Path
 from domino_env.core.files import one_line, write_text
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings of text that a spreadsheet evaluates
+# a table of a page: the comment before it with its name, its text, the comment after it
 _PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAX_CELL_WIDTH = 60  # of a cell on a terminal [characters]
 

@@ -133,7 +133,7 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
     if not first:
         raise ValueError("the file is empty: give a line of names, such as spacing_mm,thickness_mm")
     names = [_column_name(cell) for cell in first]
-    places: dict[str, int] = {}
+    places: dict[str, int] = {}  # index of the column of each kind of value
     for place, name in enumerate(names):
         kind = name.partition("_")[0]
         if name in _PER_UNIT and places.setdefault(kind, place) != place:

@@ -71,8 +71,8 @@ def arrays_from(layout: Layout) -> Arrays:
 def batch_arrays_from(layout: Layout) -> Arrays:
     """Return the arrays of a layout for the kernels, as a batch of one."""
     ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
-    flat = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
-    return Arrays(*flat, *ground)
+    sizes = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
+    return Arrays(*sizes, *ground)
 
 
 def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:

@@ -41,7 +41,7 @@ class Motion:
     starts
         Times at which each leading domino begins to fall [s], and the end, shape (F+1,).
     samples
-        Leader at equal steps of its angle in each of F intervals between hits, shape (F, 33):
+        Leader at equal steps of its angle in each of F intervals between hits, (F, 33) records:
         `angle` from its pose at rest [rad], `time` since it was hit [s], `speed` [rad/s].
 
     Raises

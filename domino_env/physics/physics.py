@@ -32,7 +32,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     push: Annotated[Size, about("angular velocity of domino 0 at t = 0 [rad/s]")] = 8.0
 
 
-STANDARD = Physics()
+STANDARD = Physics()  # default argument of the simulations
 
 
 def require_arguments(layout: object, physics: object) -> None:

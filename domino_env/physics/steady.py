@@ -165,7 +165,7 @@ def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -
     """Return the steady wave of a pattern; chain (4, P): pitch, thickness, height and density."""
     pitches, thicknesses, heights, densities = chain
     count = len(thicknesses)
-    successors = np.arange(1, count + 2) % count
+    successors = np.arange(1, count + 2) % count  # of dominoes 0 … count in the pattern
     gaps = pitches - thicknesses[successors[:-1]]
     rise = -np.sin(slope) * pitches
     pairs, dominoes = successors - 1, np.append(0, successors)
