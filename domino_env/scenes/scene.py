@@ -147,6 +147,8 @@ class Scene(Specification):
 
         Raises
         ------
+        TypeError
+            For anything but a layout or a wave.
         ValueError
             For a layout that violates the scene's rules.
         """
@@ -254,7 +256,7 @@ class Scene(Specification):
         return self.as_placed.evaluate(batch).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
-        """Return random errors of the gaps of a layout.
+        """Draw random errors of the gaps of a layout.
 
         Parameters
         ----------

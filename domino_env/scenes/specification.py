@@ -98,7 +98,8 @@ class Specification:
         Raises
         ------
         ValueError
-            For a value out of its range, and for fields that contradict each other.
+            For a value out of its range, and for fields that contradict each other; the message has
+            key, value and accepted range.
         """
         return replace(self, **changes)
 
@@ -128,7 +129,7 @@ class Specification:
         return 0 if self.stock is None else self.stock.hand or 0
 
     def orders(self, generators: Sequence[np.random.Generator]) -> Floats:
-        """Return random orders of the pieces of the stock, all but the first domino.
+        """Draw random orders of the pieces of the stock without the first domino.
 
         Parameters
         ----------

@@ -218,7 +218,7 @@ class UniformLayouts:
 
     @property
     def extendable(self) -> bool:
-        """True if scores follow from the first dominoes, as all but the first are alike."""
+        """True if scores follow from the first dominoes, as all but the first are equal."""
         criterion = self.scene.criterion
         needs_all = criterion.simulates_anew or criterion.needs_arrivals
         return self.scene.is_homogeneous and not needs_all

@@ -1,4 +1,4 @@
-"""Interface of all objectives: scores of waves, and the limits that waves must keep.
+"""Interface of all objectives: scores of waves, and limits on waves.
 
 A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came.
 With limits, a wave that completes but violates one scores between -1/2 and 0, higher the smaller
