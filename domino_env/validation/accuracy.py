@@ -129,7 +129,7 @@ def measure(
         for solver in SOLVERS:
             if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
-            growth = 2.2 if solver in FIXED else 4.0  # most that a finer setting takes longer
+            growth = 2.2 if solver in FIXED else 4.0  # expected at most, of the run time
             used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
