@@ -1,4 +1,4 @@
-"""Whole chains: unequal dominoes, batches, equal dominoes, and endless repeated patterns."""
+"""Whole chains, batches of them, and patterns of dominoes that repeat without end."""
 
 import math
 
@@ -8,15 +8,16 @@ from domino_env.kernels import arrays, contact, fall, interval, jit, records, st
 from domino_env.kernels.quadrature import ORDERS
 
 MOST_TRIES = 4  # of a chain whose estimate exceeds its tolerance
-LEAST_RTOL = 1e-15
+LEAST_RTOL = 1e-15  # a smaller tolerance is below rounding
 MAP_SHARE = 0.1  # of an interval's tolerance, for the map that all falls of a uniform layout share
 
 
 @jit.internal
 def is_uniform(layout):
-    """Return True if one stack serves all falls: equal dominoes that never change contact.
+    """Return True if one stack serves all falls.
 
-    The ground is flat or an even slope.
+    That is so for equal dominoes with equal gaps, on flat ground or an even slope, whose contacts
+    never change.
     """
     s, d, length = layout.spacing[0], layout.thickness[0], layout.height[0]
     rise = contact.contact_rise(layout, 0, 1)
@@ -41,10 +42,10 @@ def uniform_rule(lanes, domino, state, count, b):
     """Return the rule that resolves P and Q of a uniform stack; -1 if none does."""
     mu, tol = state.mu, MAP_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
     for k in range(1, len(ORDERS)):
-        used = stack.set_angles(lanes, k, 0.0, b)
-        stack.add_leader(lanes, used, domino, mu)
-        for _ in range(min(count - 2, 12)):
-            stack.add_domino(lanes, used, domino, mu)
+        num_lanes = stack.set_angles(lanes, k, 0.0, b)
+        stack.add_leader(lanes, num_lanes, domino, mu)
+        for _ in range(min(count - 2, 12)):  # w and J decay along the stack
+            stack.add_domino(lanes, num_lanes, domino, mu)
         ok, error = interval.affine_map(lanes, k, b, mu, state.gravity)
         if ok and error.log_e <= tol and error.u <= tol * lanes[arrays.MAP_U + ORDERS[k] + 1]:
             return k
@@ -55,7 +56,7 @@ def uniform_rule(lanes, domino, state, count, b):
 def uniform_chain(lanes, ring, state, count, arrivals, tape):
     """Simulate falls 0 … N-2 of a uniform layout, each with one contact more in the same lanes.
 
-    Returns (outcome, falls done).
+    Returns (outcome, leader at the end); if PROPAGATED, `remaining_falls` continues from there.
     """
     lanes, ring, arrivals, tape = jit.borrow((lanes, ring, arrivals, tape))
     domino, mu, gravity = ring[0], state.mu, state.gravity
@@ -64,28 +65,28 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
     if k < 0:
         return arrays.PROPAGATED, 0
     tail_tol = arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
-    used = stack.set_angles(lanes, k, 0.0, b)
-    stack.add_leader(lanes, used, domino, mu)
+    num_lanes = stack.set_angles(lanes, k, 0.0, b)
+    stack.add_leader(lanes, num_lanes, domino, mu)
     inertia = domino.inertia
     error, tail, behind = interval.MapError(0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     depth, is_cut, failures = 0, False, 0
     for n in range(count - 1):
         u_start = fall.begin_fall(ring, state, n)
         force = 2.0 * b * gravity * state.kappa / state.u
-        if is_cut:  # the neglected tail weighs more as u falls
-            tail = stack.tail_size(lanes, used, mu, force, b, behind)
+        if is_cut:  # the effect of the tail grows as u falls
+            tail = stack.tail_bound(lanes, num_lanes, mu, force, b, behind)
             is_cut = tail <= tail_tol
         if not is_cut:
             while depth < n:
                 before = lanes[stack.weights(mu)]
-                stack.add_domino(lanes, used, domino, mu)
+                stack.add_domino(lanes, num_lanes, domino, mu)
                 ratio = abs(lanes[stack.weights(mu)] / before)
                 depth += 1
                 tail = 0.0
-                if depth > 4 and ratio < 1.0:
+                if depth > 4 and ratio < 1.0:  # leans grow and |B/A| falls along the stack
                     behind = inertia * ratio / (1.0 - ratio)
                     domino.tail = inertia + behind
-                    tail = stack.tail_size(lanes, used, mu, force, b, behind)
+                    tail = stack.tail_bound(lanes, num_lanes, mu, force, b, behind)
                     if tail <= tail_tol:
                         is_cut = True
                         break
@@ -106,8 +107,8 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
                 k = min(k + 1, len(ORDERS) - 1)
             outcome = fall.fall(lanes, ring, n, state, 0.0, b, tape)
             depth, is_cut = 0, False  # the lanes were overwritten
-            used = stack.set_angles(lanes, k, 0.0, b)
-            stack.add_leader(lanes, used, domino, mu)
+            num_lanes = stack.set_angles(lanes, k, 0.0, b)
+            stack.add_leader(lanes, num_lanes, domino, mu)
         outcome = fall.close_fall(ring, state, n, b, u_start, True, outcome)
         if records.has_tape(tape) and outcome == arrays.PROPAGATED:
             records.record_hit(tape, state, n)
@@ -119,7 +120,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
 
 @jit.internal
 def ring_length(count):
-    """Return the length of the ring of a chain: a power of two, up to RING_SIZE."""
+    """Return the length of the ring of a chain of `count` dominoes: a power of two."""
     size = 2
     while size < count + 1 and size < arrays.RING_SIZE:
         size *= 2
@@ -128,7 +129,7 @@ def ring_length(count):
 
 @jit.internal
 def new_arrays(layout, size):
-    """Return the state, the lanes and a ring for a simulation; keep them alive to its end."""
+    """Return the state, the lanes and a ring for a simulation, whose owner is the caller."""
     return np.zeros(1, arrays.STATE), np.zeros(arrays.LANES), contact.new_ring(layout, size)
 
 
@@ -140,10 +141,10 @@ def no_tape():
 
 @jit.always_inline
 def next_fall(layout, lanes, ring, n, state, tape):
-    """Advance a chain by the fall of leader n: place the domino ahead, fall, and hit it."""
+    """Place the domino ahead of leader n and simulate the fall onto it; return the outcome."""
     if state.mask != arrays.ONE_FOR_ALL:
         fall.add_next_domino(layout, ring, state, n)
-        if n % 4 == 0 and n > 0:
+        if n % 4 == 0 and n > 0:  # bounds remain valid, so a few falls share them
             stack.renew_tails(ring, state.mask, max(n - 1 - state.depth, 0, n - state.mask), n)
     strikes, is_last = fall.strikes_next(layout, n), n + 1 == len(layout.thickness)
     return fall.fall_and_hit(lanes, ring, n, state, strikes, is_last, tape)
@@ -167,20 +168,21 @@ def remaining_falls(layout, lanes, ring, state, first, arrivals, tape):
 
 @jit.always_inline
 def end_of_chain(ring, state, n, outcome):
-    """Return (outcome, leader, dominoes hit, dominoes past tipping) of a wave that ends at n."""
+    """Return (outcome, leader n, dominoes hit, dominoes past tipping) of a wave that ends."""
     s, v = contact.sin_versine(state.angle)
     toppled = stack.count_toppled(ring, state, n, s, v)
-    if outcome in (arrays.OUT_OF_REACH, arrays.PROPAGATED):  # the leader is at its tipping angle
-        toppled = n + 1
+    if outcome in (arrays.OUT_OF_REACH, arrays.PROPAGATED):
+        toppled = n + 1  # the leader is at its tipping angle, which counts as toppled
+    # if the hit itself jams, the next domino was hit
     hit_count = n + 2 if outcome == arrays.JAMMED and state.fraction == 1.0 else n + 1
     return outcome, n, hit_count, toppled
 
 
 @jit.internal
 def chain(layout, lanes, ring, state, push, arrivals, tape):
-    """Simulate a chain; return the same four as `remaining_falls`.
+    """Simulate a chain; return what `remaining_falls` returns.
 
-    arrivals: of each domino, or empty where only the state is wanted.
+    arrivals: (N,) to write, or empty.
     """
     count, first = len(layout.thickness), 0
     fall.start_chain(layout, push, ring, state)
@@ -198,9 +200,9 @@ def chain(layout, lanes, ring, state, push, arrivals, tape):
 
 @jit.internal
 def solve(layout, lanes, ring, state, push, arrivals, tape):
-    """Simulate a chain, with a smaller tolerance while its estimate exceeds that of the state.
+    """Simulate a chain, again with a smaller tolerance while its error exceeds state.rtol.
 
-    If rounding alone exceeds it no rule helps; the estimate includes rounding.
+    Where rounding makes half of that error, a smaller tolerance does not help.
     """
     rtol = state.rtol
     result = arrays.PROPAGATED, 0, 0, 0
@@ -208,14 +210,14 @@ def solve(layout, lanes, ring, state, push, arrivals, tape):
         result = chain(layout, lanes, ring, state, push, arrivals, tape)
         if state.worst <= rtol or state.worst_round > 0.5 * rtol or state.rtol < LEAST_RTOL:
             break
-        state.rtol *= max(0.3 * rtol / state.worst, 1e-3)
+        state.rtol *= max(0.3 * rtol / state.worst, 1e-3)  # a margin; a bound on each step
     state.rtol = rtol
     return result
 
 
 @jit.always_inline
 def layout_of(layouts, b):
-    """Return layout b of a batch, which may share one height or density per domino."""
+    """Return layout b of a batch, whose layouts may share their heights or densities."""
     return arrays.Arrays(
         layouts.spacing[b],
         layouts.thickness[b],
@@ -232,8 +234,8 @@ def solve_batch(
 ):
     """Simulate chains first … last - 1 of a batch.
 
-    layouts: `Arrays` of (B, N-1), (B, N) and twice (B, N) or (1, N).  summaries: (B,).
-    arrivals: (B, N), or (0, 0).  tape: for a single chain, or empty.
+    layouts: `Arrays` of (B, N-1), (B, N) and twice (B, N) or (1, N). summaries: (B,).
+    arrivals: (B, N), or (0, 0). tape: for a single chain, or empty.
     """
     count = layouts.thickness.shape[1]
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
@@ -251,7 +253,7 @@ def solve_batch(
 
 @jit.entry_point
 def compose_falls(layout, mu, gravity, rtol):
-    """Compose the maps of all falls; return (outcome, least u_0 for which the wave completes)."""
+    """Compose the maps of all falls; return (outcome, u_0 above which the wave completes)."""
     own = new_arrays(layout, ring_length(len(layout.thickness)))
     states, lanes, ring = jit.borrow(own)
     state = states[0]
@@ -267,7 +269,7 @@ def compose_falls(layout, mu, gravity, rtol):
 
 @jit.internal
 def repeat_behind(ring, state, n, pattern):
-    """Fill the ring with a pattern of P dominoes, repeated without end behind leader n."""
+    """Fill the ring, from n+1 backwards, with a pattern of P dominoes that repeats without end."""
     period, mask = len(pattern.thickness), state.mask
     state.back = 0
     for i in range(n - mask, n + 2):
@@ -282,10 +284,10 @@ def repeat_behind(ring, state, n, pattern):
 def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     """Simulate the P falls of one period of an endless chain, each with the whole stack behind it.
 
-    pattern: `Arrays` of P gaps and P dominoes.  ring_size: dominoes remembered, a power of two.
-    composing: compose the maps of all falls; otherwise propagate a wave that enters with u, and
+    pattern: `Arrays` of P gaps and P dominoes. ring_size: dominoes remembered, a power of two.
+    composing: compose the maps of all falls; otherwise propagate a wave that starts with u, and
     write falls (P,).
-    Returns (outcome, leader, largest tail beyond the ring, gain, offset, least u).
+    Returns (outcome, leader or P, largest bound on the tail, gain, offset, least u).
     """
     period = len(pattern.thickness)
     own = new_arrays(pattern, ring_size)
@@ -297,7 +299,7 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     for j in range(period):
         torque = fall.torque_bound(pattern.height[j], pattern.thickness[j])
         state.kappa = max(state.kappa, torque)
-    base = period * (1 + 2 * ring_size // period)
+    base = period * (1 + 2 * ring_size // period)  # the ring holds no negative index
     outcome, leader, tail = arrays.PROPAGATED, period, 0.0
     for j in range(period):
         repeat_behind(ring, state, base + j, pattern)

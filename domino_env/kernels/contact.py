@@ -1,10 +1,11 @@
 """Dominoes and contacts in the ring: lean and rate of the domino behind, and its contact force.
 
-A contact starts at the tip, may move to the corner, and may separate.  For the symbols see
-`arrays`.  With a rise e and a turn β of zero these are the formulas of flat ground, bit for bit.
+A contact starts at the tip, may move to the corner, and may separate. For the symbols see
+`arrays`. On flat ground the rise e and the turn β are zero.
 
-Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of toppling dominoes",
-eqs. 1-3 and 7, restated for unequal dominoes.
+The numbers of equations are those of Chapman, "The physics of toppling dominoes"
+(zmatt.net/domino-physics), restated for unequal dominoes; see also van Leeuwen 2004 (arXiv
+physics/0401018).
 """
 
 import math
@@ -30,7 +31,7 @@ from domino_env.kernels.arrays import (
 )
 from domino_env.kernels.jit import always_inline, internal, leaf
 
-NEVER = 3.0  # 1 - cos θ is at most 2
+NEVER = 3.0  # in place of a value of 1 - cos θ, which is at most 2
 _TYPES = {flat: numba.from_dtype(CONTACT if flat else UNEVEN_CONTACT) for flat in (True, False)}
 
 
@@ -59,17 +60,17 @@ def at_or_zero(values, i):
 def place_domino(ring, mask, i, layout, j):
     """Write domino j of a layout into the ring as domino i, per unit of width.
 
-    On a slope α its weight acts like that of a domino of another weight and slenderness on flat
-    ground: ½ m g (L sin(θ + α) - d cos(θ + α)).
+    On a slope α its gravity torque, ½ m g (L sin(θ + α) - d cos(θ + α)), is that of a domino of
+    another weight and tan_phi on flat ground.
     """
     domino, height, thickness = ring[i & mask], layout.height[j], layout.thickness[j]
     mass = layout.density[j] * height * thickness
     domino.inertia = mass * (height * height + thickness * thickness) / 3.0
-    tilt, slenderness = at_or_zero(layout.tilt, j), thickness / height
+    tilt, tan_phi = at_or_zero(layout.tilt, j), thickness / height
     s, c = math.sin(tilt), math.cos(tilt)
-    share = c + slenderness * s
-    domino.half_weight = 0.5 * mass * height * share  # times gravity where it is used
-    domino.slenderness = (slenderness * c - s) / share
+    factor = c + tan_phi * s
+    domino.half_weight = 0.5 * mass * height * factor  # times gravity where it is used
+    domino.tan_phi = (tan_phi * c - s) / factor
     domino.kind = TIP
     domino.on_tape = 0
     domino.tail = domino.inertia
@@ -110,8 +111,8 @@ def _place_contact_on_ground(contact, layout, tilt, j, ahead):
         if 0.0 < v < 2.0:
             contact.flush_rate = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
         # p cos θ - e sin θ = (p² + e² + d² - L²) / 2d, for the tip and for the corner
-        short = contact.rest * (1.0 + contact.s_l) - e * e
-        contact.v_separation = first_lean(p, e, short / (2.0 * d))
+        drop = (contact.rest * (1.0 + contact.s_l) - e * e) / (2.0 * d)
+        contact.v_separation = first_lean(p, e, drop)
 
 
 @internal
@@ -126,7 +127,10 @@ def contact_rise(layout, j, ahead):
 
 @internal
 def first_lean(p, e, drop):
-    """Return 1 - cos θ at which p cos θ - e sin θ has fallen from p by `drop`; e is not 0."""
+    """Return 1 - cos θ at which p cos θ - e sin θ has fallen from p by `drop`; NEVER if it cannot.
+
+    e is not 0.
+    """
     r = p - drop
     w2 = drop * (p + r) + e * e
     if w2 < 0.0:
@@ -145,7 +149,7 @@ def span2(contact):
 
 @always_inline
 def ratio_bound(contact):
-    """Return a bound on Ω and |B/A| at the tip: both only fall from their values at the hit."""
+    """Return a bound on Ω and |B/A| of a tip contact: both only fall from their values at a hit."""
     if not is_uneven(contact):
         return 1.0
     return max(1.0, 1.0 - rise_of(contact) / math.sqrt(contact.rest * (1.0 + contact.s_l)))
@@ -153,13 +157,13 @@ def ratio_bound(contact):
 
 @always_inline
 def past_flush(contact, dv):
-    """Return the angle Δ [rad] past face contact where 1 - cos θ_{i+1} is past it by dv."""
+    """Return the angle -Δ [rad] past face contact, if 1 - cos θ_{i+1} is past it by a small dv."""
     return dv * (contact.p_l + flush_rate_of(contact))
 
 
 @always_inline
 def can_flush(contact):
-    """Return True if the contact changes from tip to corner, False if it separates."""
+    """Return True if the next change of a contact is from tip to corner, False if it separates."""
     return contact.kind == TIP and contact.v_flush < contact.v_separation
 
 
@@ -173,7 +177,7 @@ def flush(contact, state):
 
 @internal
 def separate(contact, i, state):
-    """Separate domino i from i+1: it and all behind it leave the stack."""
+    """Separate domino i from i+1, so that it and all behind it leave the stack."""
     contact.kind = SEPARATED
     state.back = i + 1
     state.releases += 1
@@ -181,16 +185,19 @@ def separate(contact, i, state):
 
 @always_inline
 def catch_up(contact, i, v, state):
-    """Apply the changes behind an earlier cut, which had no weight and need no impact."""
+    """Apply changes of contact i that an earlier cut of the stack left out.
+
+    They need no impact, as its effect was below the tolerance.
+    """
     if can_flush(contact):
         flush(contact, state)
-    if v > contact.v_separation * (1.0 + 1e-9):
+    if v > contact.v_separation * (1.0 + 1e-9):  # a margin for rounding
         separate(contact, i, state)
 
 
 @internal
 def sin_versine(angle):
-    """Return sin and 1 - cos of an angle."""
+    """Return sin and 1 - cos of an angle [rad]."""
     half = 0.5 * angle
     s, c = math.sin(half), math.cos(half)
     return 2.0 * s * c, 2.0 * s * s
@@ -207,14 +214,17 @@ def shape_of(contact):
 
 @leaf
 def tip(s, v, shape, mu):
-    """Return sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A where the top edge of i slides down i+1."""
+    """Return sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A where the top edge of i slides down i+1.
+
+    s, v: sin θ and 1 - cos θ of i+1.
+    """
     p_l, s_l, rest, d_l, e, turn_s, turn_v, uneven = shape
     lost = p_l * v + e * s
     sd = s_l - lost  # sin Δ, eq. 1; on uneven ground Δ is the lean in the frame of i+1
     cd2 = (1.0 + sd) * (rest + lost)
     cd = math.sqrt(cd2 if cd2 > TINY else TINY)
     arm = cd + mu * sd
-    vd = sd * sd / (1.0 + cd)  # 1 - cos Δ; the next change of contact depends on it
+    vd = sd * sd / (1.0 + cd)  # 1 - cos Δ, accurate for a small Δ, as near face contact
     r = 1.0 / (cd * arm)
     inv_cd = r * arm
     c = 1.0 - v
@@ -223,7 +233,7 @@ def tip(s, v, shape, mu):
     ratio = (cd - across - mu * d_l) * (r * cd)  # eq. 7
     s_0 = s * cd + c * sd
     v_0 = v + vd - v * vd + s * sd
-    if uneven:  # eq. 3, corrected: one formula for both takes 3 % longer on uneven ground
+    if uneven:  # eq. 3, corrected: the form for flat ground takes 3 % longer on uneven ground
         psi = (sd * (1.0 - omega) * (1.0 - omega) - (p_l * c - e * s)) * inv_cd
     else:
         psi = -p_l * ((1.0 - v_0) + s * sd * omega) * (inv_cd * inv_cd)
@@ -234,15 +244,15 @@ def tip(s, v, shape, mu):
 
 @leaf
 def corner(s, v, shape, mu):
-    """Return the same five where the front face of i rests on the rear bottom edge of i+1."""
+    """Return what `tip` does where the front face of i rests on the rear bottom edge of i+1."""
     p_l, s_l, _, d_l, e, turn_s, turn_v, uneven = shape
     # squared distance from pivot i to that edge
     r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
     r1 = math.sqrt(r2)
-    up = r1 + d_l * s + e
-    q = 1.0 / (r2 * up)  # the one division
+    up = r1 + d_l * s + e  # the distance plus the height of the edge over the pivot
+    q = 1.0 / (r2 * up)  # the only division, as divisions are slow
     inv_r2 = q * up
-    lift, c = p_l * v + e * s - s_l, 1.0 - v
+    lift, c = p_l * v + e * s - s_l, 1.0 - v  # d - p cos θ + e sin θ
     omega = d_l * lift * inv_r2
     ratio = d_l * (lift - mu * p_l * s - mu * e * c) * inv_r2
     x = s_l + d_l * v
@@ -260,7 +270,7 @@ def corner(s, v, shape, mu):
 
 @internal
 def contact_at(contact, s, v, mu):
-    """Return the same five of a contact of either kind, at a single angle."""
+    """Return the results of `tip` or `corner` for a contact, at a single angle."""
     if contact.kind == TIP:
         return tip(s, v, shape_of(contact), mu)
     return corner(s, v, shape_of(contact), mu)

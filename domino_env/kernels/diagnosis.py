@@ -10,24 +10,24 @@ from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_v
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 
 LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, almost flat
-DEEPEST = 400  # dominoes behind the leader whose forces are computed
-PIECES = 16  # of each fall, between which forces are computed
+DEEPEST = 400  # dominoes behind the leader whose forces are computed, at most
+PIECES = 16  # parts of each fall, at whose ends forces are computed
 
-LOADS = arrays.record_type(  # of each domino
+LOADS = arrays.record_type(  # of each domino over all falls
     contact_force=float,  # least contact force on the next [N/m of width]
-    hit_impulse=float,  # least impulse on it in a hit, and in a face impact [N s/m]
+    hit_impulse=float,  # least impulse on the next in a hit, and in a face impact [N s/m of width]
     flush_impulse=float,
     floor_friction=float,  # largest coefficient needed to keep it from sliding on the floor
     load=float,  # least load on its pivot over its weight
-    flush_loss=float,  # largest fraction of speed lost in a face impact while it led
+    flush_loss=float,  # largest fraction of ω lost in a face impact while it led
     margin=float,  # stall margin of its fall
 )
 GEOMETRY = arrays.record_type(  # of each domino at one instant
-    sin=float,
+    sin=float,  # of its lean from the vertical
     cos=float,
     jac_before=float,  # J with the contacts before an impact, and after it
     jac_after=float,
-    lever=float,  # of its weight about the pivot, over half its height
+    lever=float,  # gravity torque over g and half_weight
     drv=float,  # D
     w=float,
     arm=float,  # A and B of its contact with the next [m]
@@ -39,8 +39,9 @@ GEOMETRY = arrays.record_type(  # of each domino at one instant
 def trace_motion(layout, mu, gravity, push, rtol, snapshots):
     """Sample every fall of a chain in equal steps of angle; return the number of falls.
 
-    snapshots: (N, samples + 1) leader's angle, time since it was hit, and its angular velocity.  A
-    leader that strikes nothing falls to LAST_ANGLE; one that stalls remains where it stops.
+    snapshots: (N, samples + 1) SNAPSHOT to write: angle of the leader, time since it was hit, and
+    its angular velocity. A leader that strikes nothing falls to LAST_ANGLE; one that stalls
+    remains where it stops.
     """
     count, pieces = len(layout.thickness), snapshots.shape[1] - 1
     own = new_arrays(layout, ring_length(count))
@@ -60,11 +61,11 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
             a = b * (j - 1) / pieces
             previous, here = snapshots[n, j - 1], snapshots[n, j]
             outcome = fall.fall(lanes, ring, n, state, a, b * j / pieces, tape)
-            if outcome != arrays.PROPAGATED:  # uniformly decelerated until it stops
-                rest = 2.0 * max(state.angle - a, 0.0) / max(previous.speed, arrays.TINY)
+            if outcome != arrays.PROPAGATED:  # as if uniformly decelerated until it stops
+                duration = 2.0 * max(state.angle - a, 0.0) / max(previous.speed, arrays.TINY)
                 for i in range(j, pieces + 1):
                     snapshots[n, i].angle = max(state.angle, a)
-                    snapshots[n, i].time = previous.time + rest
+                    snapshots[n, i].time = previous.time + duration
                 break
             here.angle, here.time, here.speed = b * j / pieces, state.fall_time, math.sqrt(state.u)
         if outcome != arrays.PROPAGATED or not strikes:
@@ -76,15 +77,15 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
 
 
 @always_inline
-def upright(layout, i, s, c):
-    """Return sin and cos of the lean of domino i from the vertical."""
+def from_vertical(layout, i, s, c):
+    """Return sin and cos of the lean of domino i from the vertical; s, c: sin θ_i and cos θ_i."""
     sine, cosine = math.sin(at_or_zero(layout.tilt, i)), math.cos(at_or_zero(layout.tilt, i))
     return s * cosine + c * sine, c * cosine - s * sine
 
 
 @always_inline
 def to_ground(layout, i, x, z):
-    """Return the components of a force along the ground under domino i and normal to it."""
+    """Return the components of a force (x, z) along the ground under domino i and normal to it."""
     sine, cosine = math.sin(at_or_zero(layout.tilt, i)), math.cos(at_or_zero(layout.tilt, i))
     return x * cosine - z * sine, x * sine + z * cosine
 
@@ -92,19 +93,19 @@ def to_ground(layout, i, x, z):
 @always_inline
 def mass_of(layout, domino, i):
     """Return the mass of domino i, per unit of width."""
-    s, c = upright(layout, i, 0.0, 1.0)
+    s, c = from_vertical(layout, i, 0.0, 1.0)
     return 2.0 * domino.half_weight / (layout.height[i] * c + layout.thickness[i] * s)
 
 
 @always_inline
-def tip_ratio(contact, s, v):
-    """Return Ω of a tip contact at which the faces meet."""
+def tip_omega(contact, s, v):
+    """Return Ω of a contact at the tip at the instant when the faces meet."""
     return 1.0 - contact.p_l * s - arrays.rise_of(contact) * (1.0 - v)
 
 
 @always_inline
 def arm_behind(contact, s, v, mu):
-    """Return A over the height of the domino behind."""
+    """Return A of a contact over the height of the domino behind."""
     e = arrays.rise_of(contact)
     if contact.kind == arrays.TIP:
         lost = contact.p_l * v + e * s
@@ -117,81 +118,80 @@ def arm_behind(contact, s, v, mu):
 
 @internal
 def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
-    """Write the geometry of dominoes low … n.
+    """Write the geometry of dominoes low … n, at an angle of the leader.
 
-    flushing: contacts at which faces meet are tip contacts before and corner contacts after.
+    flushing: True in a face impact: its contacts are at the tip before it, at the corner after.
     """
     mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
     jac_before, jac_after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
-    here.sin, here.cos = upright(layout, n, s, 1.0 - v)
-    here.lever = s - ring[n & mask].slenderness * (1.0 - v)
+    here.sin, here.cos = from_vertical(layout, n, s, 1.0 - v)
+    here.lever = s - ring[n & mask].tan_phi * (1.0 - v)
     here.jac_before, here.jac_after = 1.0, 1.0
     here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
     for i in range(n - 1, low - 1, -1):
         contact = ring[i & mask]
         s_i, v_i, omega, psi, ratio = contact_at(contact, s, v, mu)
-        old = omega
+        omega_before = omega
         if flushing and contact.kind == arrays.CORNER:
-            angle = past_flush(contact, v - contact.v_flush)
-            if abs(angle) <= 2.0 * arrays.IMPACT_TOLERANCE:
-                old, omega = tip_ratio(contact, s, v), 0.0
+            past = past_flush(contact, v - contact.v_flush)
+            if abs(past) <= 2.0 * arrays.IMPACT_TOLERANCE:  # the contact takes part in the impact
+                omega_before, omega = tip_omega(contact, s, v), 0.0
         drv = omega * drv + psi * jac_after * jac_after
-        jac_before, jac_after, w = old * jac_before, omega * jac_after, w * ratio
+        jac_before, jac_after, w = omega_before * jac_before, omega * jac_after, w * ratio
         arm = layout.height[i] * arm_behind(contact, s, v, mu)
         s, v = s_i, v_i
         here = geometry[i]
-        here.sin, here.cos = upright(layout, i, s, 1.0 - v)
-        here.lever = s - contact.slenderness * (1.0 - v)
+        here.sin, here.cos = from_vertical(layout, i, s, 1.0 - v)
+        here.lever = s - contact.tan_phi * (1.0 - v)
         here.jac_before, here.jac_after = jac_before, jac_after
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
 
 @internal
 def contact_impulses(ring, state, n, low, geometry, speed_before, speed_after, least):
-    """Update the least impulses (N,) of contacts by those of a change of the leader's speed."""
-    passed, arm_back = 0.0, 0.0
+    """Update the least impulses (N,) of contacts by those of a change of the leader's ω."""
+    impulse, arm_back = 0.0, 0.0
     for i in range(low, n):
         here = geometry[i]
         change = here.jac_after * speed_after - here.jac_before * speed_before
-        turn = ring[i & state.mask].inertia * change
-        passed = (arm_back * passed - turn) / here.arm
-        least[i] = min(least[i], passed)
+        momentum = ring[i & state.mask].inertia * change
+        impulse = (arm_back * impulse - momentum) / here.arm
+        least[i] = min(least[i], impulse)
         arm_back = here.arm_next
 
 
 @internal
 def contact_forces(layout, ring, state, n, low, geometry, loads):
-    """Update the least contact forces and loads on the pivots by those at one instant."""
+    """Update contact forces, loads on pivots and floor friction by those at one instant."""
     mask, mu, gravity, u = state.mask, state.mu, state.gravity, state.u
-    m, g, d = 0.0, 0.0, 0.0
+    sum_m, sum_g, sum_d = 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here = ring[i & mask], geometry[i]
-        weight = gravity * domino.half_weight * here.lever
-        m += here.w * domino.inertia * here.jac_after
-        g += here.w * weight
-        d += here.w * domino.inertia * here.drv
-    lead = (g - u * d) / m
+        torque = gravity * domino.half_weight * here.lever
+        sum_m += here.w * domino.inertia * here.jac_after
+        sum_g += here.w * torque
+        sum_d += here.w * domino.inertia * here.drv
+    alpha_n = (sum_g - u * sum_d) / sum_m
     force, push_x, push_z, arm_back = 0.0, 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here, load = ring[i & mask], geometry[i], loads[i]
         s, c = here.sin, here.cos
-        weight = gravity * domino.half_weight * here.lever
-        alpha = here.jac_after * lead + here.drv * u
+        torque = gravity * domino.half_weight * here.lever
+        alpha = here.jac_after * alpha_n + here.drv * u
         omega2 = here.jac_after * here.jac_after * u
-        back_x, back_z = push_x, push_z
-        push_x, push_z = 0.0, 0.0
+        back_x, back_z, push_x, push_z = push_x, push_z, 0.0, 0.0
         if i < n:
-            force = (weight - domino.inertia * alpha + arm_back * force) / here.arm
+            force = (torque - domino.inertia * alpha + arm_back * force) / here.arm
             load.contact_force = min(load.contact_force, force)
-            # normal and friction on i+1, along the face that is slid upon
+            # normal force and friction on i+1; the normal is that of the face of the contact
             face = geometry[i + 1 if domino.kind == arrays.TIP else i]
             push_x = force * (face.cos - mu * face.sin)
             push_z = force * (-face.sin - mu * face.cos)
             arm_back = here.arm_next
         mass, height, thickness = mass_of(layout, domino, i), layout.height[i], layout.thickness[i]
-        x = 0.5 * (height * s - thickness * c)
+        x = 0.5 * (height * s - thickness * c)  # of the centre from the pivot
         z = 0.5 * (height * c + thickness * s)
         floor_x = mass * (alpha * z - omega2 * x) - back_x + push_x
         floor_z = mass * (gravity - alpha * x - omega2 * z) - back_z + push_z
@@ -203,7 +203,10 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
 
 @entry_point
 def diagnose_chain(layout, mu, gravity, push, rtol, loads):
-    """Simulate a chain and write loads (N,); return the outcome."""
+    """Simulate a chain and write loads (N,); return the outcome.
+
+    Before, the least values must be inf, and the largest floor friction -inf.
+    """
     count = len(layout.thickness)
     own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
     states, lanes, ring = borrow(own)
@@ -243,7 +246,8 @@ def diagnose_chain(layout, mu, gravity, push, rtol, loads):
             break
         low = max(state.back, n + 1 - DEEPEST)
         stack_geometry(layout, ring, state, n + 1, low, 0.0, geometry, False)
-        speed /= fall.hit_ratio(ring[n & state.mask])  # expressed by the J of the new stack
+        # before the hit ω_i is J_i of the new stack times ω_n / Ω_n
+        speed /= fall.omega_at_hit(ring[n & state.mask])
         contact_impulses(
             ring, state, n + 1, low, geometry, speed, math.sqrt(state.u), loads["hit_impulse"]
         )

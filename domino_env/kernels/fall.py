@@ -1,4 +1,4 @@
-"""One fall: from the hit on the leading domino until it hits the next, interval by interval."""
+"""One fall: from the hit on the leading domino until it hits the next, in intervals."""
 
 import math
 
@@ -7,18 +7,18 @@ from domino_env.kernels.contact import can_flush, place_contact, place_domino, r
 from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
 
-TORQUE_ROUNDING = 8.0  # in EPS, relative: of a leader's torque, per contact
-HIT_ROUNDING = 4.0  # in EPS, relative: of u in a hit
+TORQUE_ROUNDING = 8.0  # [EPS] relative error of a torque, per contact
+HIT_ROUNDING = 4.0  # [EPS] relative error of u in a hit
 FIRST_RULE = 3  # 14 nodes, where no decay is known or the stack is short
-SHALLOW = 3  # leaders before it have short stacks, whose P and Q vary most
-DEEP = 6  # leaders after it may use panels with any rule, those before only with the finest
-LEAST_DECAY = 0.35  # of the logarithm of Legendre coefficients, per order
-LONGER = 4.0  # times the last interval: one from which its decay says little
+SHALLOW = 3  # number of first leaders, whose stacks are short and whose P and Q vary most
+DEEP = 6  # last leader that may use panels with the finest rule only; later ones with any rule
+LEAST_DECAY = 0.35  # of the logarithm of Legendre coefficients per order: the least that is assumed
+LONGER = 4.0  # times the last interval: the decay there predicts little of one that is longer
 MOST_INTERVALS = 4000  # of a fall; a few are used, some hundred near a paradox
 REMAINDER = 1e-3  # of an interval: a shorter rest of the fall is added to it
-GROWTH = 3.0  # of the length of intervals after one that was halved
-# Lengths of an interval over the angle of the fall: errors are accepted below the first, and no
-# answer exists below the second.
+GROWTH = 3.0  # factor from an interval to the largest length of the next, after one was halved
+# Lengths of an interval over the angle of the fall: below the first, errors are accepted; below the
+# second, an interval that is still not resolved has no rigid answer.
 SHORT, SHORTEST = 1e-9, 1e-14
 
 
@@ -47,7 +47,10 @@ def initialise(state, push):
 
 @always_inline
 def configure(state, ring, mu, gravity, rtol, exact_minimum):
-    """Store the settings of a simulation in its state."""
+    """Store the settings of a simulation in its state.
+
+    exact_minimum: locate the minimum of u in every interval, for exact margins.
+    """
     state.mask, state.mu, state.gravity = len(ring) - 1, mu, gravity
     state.rtol, state.exact_minimum = rtol, exact_minimum
 
@@ -79,8 +82,8 @@ def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
     units = TORQUE_ROUNDING
     if arrays.is_uneven(ring[n & state.mask]) and state.mu == 0.0:
-        # u is a difference of energies there.  A lean is not small where a gap is, and each
-        # contact passes its rounding on to all behind it.
+        # u is a difference of energies there. Leans are not small where gaps are, and the rounding
+        # of each contact adds to that of all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
     state.noise = units * arrays.EPS * state.gravity * state.kappa
     state.fall_time = 0.0
@@ -90,18 +93,18 @@ def begin_fall(ring, state, n):
 
 @always_inline
 def slow_down(state, keep):
-    """Multiply the leader's angular velocity by `keep`."""
-    k2 = keep * keep
-    state.u *= k2
-    state.u_error *= k2
-    state.u_round *= k2
-    state.gain *= k2
-    state.offset *= k2
+    """Multiply the leader's angular velocity by `keep`, and u by its square."""
+    square = keep * keep
+    state.u *= square
+    state.u_error *= square
+    state.u_round *= square
+    state.gain *= square
+    state.offset *= square
 
 
 @internal
 def add_time(state):
-    """Add the time of the last fall; compensated, so that a million falls add up exactly."""
+    """Add the time of the last fall, by Kahan's summation: rounding errors do not accumulate."""
     y = state.fall_time - state.time_low
     total = state.time + y
     state.time_low = (total - state.time) - y
@@ -116,8 +119,8 @@ def choose_rule(state, h, tol):
     if state.log_rho <= 0.0:
         return FIRST_RULE
     rho = max(state.log_rho + math.log(state.last_h / h), LEAST_DECAY)
-    nodes = 0.5 * math.log(1.0 / tol) / rho  # the error of a Gauss rule is a square
-    # the decay on a short interval says little about a much longer one
+    # the error of a Gauss rule is the square of the first neglected coefficient
+    nodes = 0.5 * math.log(1.0 / tol) / rho
     for k in range(2 if h > LONGER * state.last_h else 1, len(ORDERS)):
         if ORDERS[k] >= nodes:
             return k
@@ -126,7 +129,7 @@ def choose_rule(state, h, tol):
 
 @internal
 def stack_at(lanes, ring, n, state, angle, detect):
-    """Compute M of the stack at one angle of the leader; return the lowest domino included."""
+    """Compute M of the stack at one angle of the leader; return what `sweep` returns first."""
     count = stack.set_angles(lanes, 0, angle, 0.0)
     low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
     state.m_end = lanes[arrays.SUM_M]
@@ -136,7 +139,11 @@ def stack_at(lanes, ring, n, state, angle, detect):
 
 @noinline
 def fall(lanes, ring, n, state, a, b, tape):
-    """Advance leader n from angle a to b: u, time and their errors in the state."""
+    """Advance leader n from angle a to b: update u, time and their errors; return the outcome.
+
+    Every interval ends at b, after a step, or at a change of contact. If no rule resolves it, it
+    is halved.
+    """
     lanes, ring, tape = borrow((lanes, ring, tape))
     mask, gravity, finest = state.mask, state.gravity, len(ORDERS) - 1
     step, end, at_switch, least_rule = b, b, False, 0
@@ -196,10 +203,10 @@ def fall(lanes, ring, n, state, a, b, tape):
             step = max(step, GROWTH * h)
         if at_switch:
             at_switch, step = False, b
-            flushes = can_flush(ring[due_contact & mask])
+            is_flush = can_flush(ring[due_contact & mask])
             keep = stack.switch(ring, state, n, due_contact, low, end)
             if records.has_tape(tape):
-                records.record_switch(tape, ring, state, n, due_contact, low, end, flushes)
+                records.record_switch(tape, ring, state, n, due_contact, low, end, is_flush)
             if not keep > 0.0:
                 state.angle = end
                 return arrays.JAMMED
@@ -207,7 +214,7 @@ def fall(lanes, ring, n, state, a, b, tape):
             state.switch_angle, state.speed_before = end, math.sqrt(state.u)
             slow_down(state, keep)
             state.speed_after = math.sqrt(state.u)
-            if a >= b:  # the hit follows at once, with M of the new contacts
+            if a >= b:  # the hit follows at the same angle, with M of the new contacts
                 stack_at(lanes, ring, n, state, b, stack.IGNORE_SWITCHES)
     if a < b:
         state.angle = a
@@ -216,20 +223,24 @@ def fall(lanes, ring, n, state, a, b, tape):
 
 
 @leaf
-def hit_ratio(leader):
-    """Return Ω of the leader when it hits the next domino, the ratio of the new J to the old."""
+def omega_at_hit(leader):
+    """Return Ω of the leader when it hits the next domino: every J is multiplied by it."""
     return 1.0 - arrays.rise_of(leader) / math.sqrt(leader.rest * (1.0 + leader.s_l))
 
 
 @always_inline
 def hit(leader, next_domino, state):
-    """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction."""
+    """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction.
+
+    Returns PROPAGATED or JAMMED.
+    """
     s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
     cd = math.sqrt(leader.rest * (1.0 + s_l))
+    # M of the old stack with the weights of the new one
     m = state.m_end * (cd - arrays.rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
         return arrays.JAMMED
-    slow_down(state, m / (m * hit_ratio(leader) + next_domino.inertia))
+    slow_down(state, m / (m * omega_at_hit(leader) + next_domino.inertia))
     state.u_error += (HIT_ROUNDING * arrays.EPS + 2.0 * state.tail_bound) * state.u
     state.u_round += HIT_ROUNDING * arrays.EPS * state.u
     return arrays.PROPAGATED
@@ -237,22 +248,22 @@ def hit(leader, next_domino, state):
 
 @always_inline
 def fall_angle(leader, strikes):
-    """Return the angle at which the leader hits the next or, with none in reach, tips over."""
+    """Return the angle at which the leader hits the next domino, or its tipping angle [rad]."""
     if strikes:
         s_l = leader.s_l
         return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - arrays.turn_of(leader)
-    return math.atan(leader.slenderness)
+    return math.atan(leader.tan_phi)
 
 
 @always_inline
 def strikes_next(layout, n):
-    """Return True if domino n reaches the next."""
+    """Return True if domino n has a next one within reach."""
     return n + 1 < len(layout.thickness) and layout.spacing[n] < layout.height[n]
 
 
 @always_inline
 def close_fall(ring, state, n, b, u_start, strikes, outcome):
-    """Complete the results of a fall to angle b, and hit the next domino; return the outcome."""
+    """Complete the results of a fall to angle b, with the hit at its end; return the outcome."""
     state.margin = 0.0 if outcome == arrays.STALLED else state.margin / u_start
     state.lowest_margin = min(state.lowest_margin, state.margin)
     if outcome != arrays.PROPAGATED:
@@ -270,9 +281,12 @@ def close_fall(ring, state, n, b, u_start, strikes, outcome):
 
 @always_inline
 def fall_and_hit(lanes, ring, n, state, strikes, is_last, tape):
-    """Advance a chain by one fall and the hit that ends it; return the outcome."""
+    """Advance a chain by one fall and the hit that ends it; return the outcome.
+
+    strikes: True if the leader reaches a next domino. is_last: True if there is none.
+    """
     if state.composing:
-        state.u = state.gravity * state.kappa  # its order of magnitude, for the tail
+        state.u = state.gravity * state.kappa  # order of magnitude of u, for the bound on the tail
     u_start = begin_fall(ring, state, n)
     b = fall_angle(ring[n & state.mask], strikes)
     outcome = fall(lanes, ring, n, state, 0.0, b, tape)

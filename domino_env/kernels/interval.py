@@ -1,8 +1,8 @@
-"""Interval of a fall between two changes of contact: its affine map u → E (u + U), and its time.
+"""Interval of a fall without a change of contact: its affine map u → E (u + U), and its time.
 
-Between them u obeys the linear equation u′ = 2P(θ_n) + 2Q(θ_n) u, so the interval is an affine
-map, computed by Gauss-Legendre quadrature of P and Q, and its time is the integral of 1/√u.  No
-ODE solver is involved.
+Within it u obeys the linear equation u′ = 2P(θ_n) + 2Q(θ_n) u. Its solution is an affine map,
+computed by Gauss-Legendre quadrature of P and Q, and the time is the integral of 1/√u. No ODE
+solver is involved.
 """
 
 import math
@@ -42,32 +42,33 @@ from domino_env.kernels.quadrature import (
 ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
 NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
 
-DEEP_DIP = 0.3  # of the largest term of u: where a node is lower, the minimum of u is located
-SURE_STALL = 1e-6  # of the depth below zero: an error of u that leaves no doubt of a stall
-SHARP = 1e-3  # mismatch from which 1/√u may have a narrow feature between the nodes of rule 3
-SLOW = 4.0  # mismatch over the last coefficients from which these decay slowly
+DEEP_MINIMUM = 0.3  # of the largest term of u: below it the minimum of u is located
+SURE_STALL = 1e-6  # of the depth of u below zero: with a smaller error of u a stall is certain
+# A mismatch is the difference of a function at the ends of an interval from the polynomial through
+# the nodes: it has the size of the first neglected Legendre coefficients.
+SHARP = 1e-3  # mismatch above which 1/√u may have a narrow peak between the nodes of rule 3
+SLOW = 4.0  # mismatch over the last two coefficients above which these decay slowly
 LEAST_MISMATCH, MOST_MISMATCH = 1e-15, 0.5  # between rounding and no decay at all
 # Bounds on rounding errors: of u at the end of an interval, and of the polynomial through up to 32
-# lanes, in EPS times the largest term of u; of that polynomial in noises of the torques; of a time
-# by panels, relative.
+# lanes, in EPS times the largest term of u; of that polynomial in multiples of state.noise; of a
+# time by panels, relative.
 U_ROUNDING, LANE_ROUNDING, LANE_NOISE, PANEL_ROUNDING = 16.0, 64.0, 8.0, 1e-14
 
 
 class MapError(NamedTuple):
-    """Error of the affine map of an interval."""
+    """Errors of the affine map of an interval."""
 
-    log_e: float  # error of log E and of U at the end
-    u: float
-    q: float  # mismatch at the ends of the polynomials through the nodes of 2 Q h and 2 P h / E
-    r: float
+    log_e: float  # error of log E at the end
+    u: float  # error of U at the end
+    q: float  # mismatch of 2 Q h
+    r: float  # mismatch of 2 P h / E
 
 
 @always_inline
-def integrals(lanes, values, k):
-    """Integrate lanes up to every node, into COEF, and up to the end.
+def integrate(lanes, values, k):
+    """Integrate the polynomial through the nodes at `values` up to every node, into COEF.
 
-    Returns the integral to the end, the values that the nodes predict at both ends, and the
-    largest size at a node.
+    Returns its integral to the end, its values at both ends, and the largest size at a node.
     """
     m = ORDERS[k]
     total, low, high, size = 0.0, 0.0, 0.0, 0.0
@@ -86,7 +87,7 @@ def integrals(lanes, values, k):
 
 @internal
 def affine_map(lanes, k, h, mu, gravity):
-    """Compute E and U of an interval at all lanes; return True if M is positive, and the error."""
+    """Compute E and U of an interval at all lanes; return True if M is positive, and the errors."""
     m = ORDERS[k]
     end = m + 1
     for j in range(m + 2):
@@ -94,7 +95,7 @@ def affine_map(lanes, k, h, mu, gravity):
             return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
-    if mu == 0.0:
+    if mu == 0.0:  # M u is twice the kinetic energy: no quadrature is needed
         m0 = lanes[SUM_M]
         scale = 2.0 * gravity / m0
         for j in range(1, m + 2):
@@ -106,7 +107,7 @@ def affine_map(lanes, k, h, mu, gravity):
         inv = 1.0 / lanes[SUM_M + j]
         lanes[EXPO + j] = -2.0 * h * lanes[SUM_D + j] * inv  # 2 Q h
         lanes[RATE + j] = g2 * lanes[SUM_G + j] * inv  # 2 P h, then 2 P h / E
-    q_end, q_lo, q_hi, q_size = integrals(lanes, EXPO, k)
+    q_end, q_lo, q_hi, q_size = integrate(lanes, EXPO, k)
     for j in range(m):
         e = math.exp(lanes[COEF + j])
         lanes[MAP_E + 1 + j] = e
@@ -114,12 +115,11 @@ def affine_map(lanes, k, h, mu, gravity):
     e_end = math.exp(q_end)
     lanes[MAP_E + end] = e_end
     lanes[RATE + end] /= e_end
-    r_end, r_lo, r_hi, r_size = integrals(lanes, RATE, k)
+    r_end, r_lo, r_hi, r_size = integrate(lanes, RATE, k)
     for j in range(m):
         lanes[MAP_U + 1 + j] = lanes[COEF + j]
     lanes[MAP_U + end] = r_end
-    # The mismatch between the values that the nodes predict at the two ends and those there is the
-    # size of the first neglected Legendre coefficients.  Gauss rules err by its square.
+    # the error of a Gauss rule is the square of the mismatch
     q = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
     r = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
     return True, MapError(q * q / max(q_size, TINY), r * r / max(r_size, TINY) + r * q, q, r)
@@ -127,7 +127,7 @@ def affine_map(lanes, k, h, mu, gravity):
 
 @always_inline
 def end_interval(lanes, k, h, mismatch, tail, state):
-    """Store the properties of an accepted interval on which the next depends."""
+    """Store the results of an accepted interval on which the next interval or the hit depends."""
     decay = min(max(mismatch, LEAST_MISMATCH), MOST_MISMATCH)
     state.log_rho = math.log(1.0 / decay) / ORDERS[k]
     state.last_h = h
@@ -139,10 +139,11 @@ def end_interval(lanes, k, h, mismatch, tail, state):
 def propagate(lanes, k, a, h, error, tail, state, effort):
     """Advance u and the time over the interval [a, a + h], whose map is in the lanes.
 
-    ACCEPTED: done, errors added up.  UNRESOLVED: the rule is too coarse, nothing has changed.
-    STALLED: u reaches zero, at state.angle.
-    effort: NEAR_STALL, where only the root of u is unresolved: integrate the polynomial of u in
-        small panels; LAST_RESORT: accept the error, however large.
+    tail: bound on the change of u by neglected dominoes, over u.
+    effort: NEAR_STALL to integrate 1/√u of the polynomial u in small panels where only 1/√u is
+        unresolved; LAST_RESORT to accept the error, however large.
+    Returns ACCEPTED: the state has advanced, with its errors. UNRESOLVED: the rule is too coarse,
+    and the state is unchanged. STALLED: u reaches zero, at state.angle.
     """
     lanes = borrow(lanes)
     tol = INTERVAL_SHARE * state.rtol
@@ -159,9 +160,9 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
     local = (u0 + abs(lanes[MAP_U + last])) * error.log_e + error.u
     map_error = error.r + error.q * size
-    known = state.exact_minimum or u_low < DEEP_DIP * size
+    is_located = state.exact_minimum or u_low < DEEP_MINIMUM * size
     x_low = 0.0
-    if known:
+    if is_located:
         series(lanes, SPEED2, k)
         x_low, u_low = lowest_point(lanes, SPEED2, k)
     if u_low <= 0.0:
@@ -171,6 +172,8 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         return STALLED
     for j in range(last + 1):
         lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
+    # by the nodes: time over h and minus its derivative by u at the start; 1/√u at both ends, and
+    # its last two coefficients
     t, sens, f_lo, f_hi, f_high, f_top = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(1, last):
         f = lanes[SLOWNESS + j]
@@ -184,14 +187,15 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     mismatch = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
     high, top = 0.0, 0.0
     if k > 0:
-        # The mismatch at the ends may be zero by chance.  The last two coefficients then bound the
-        # first neglected ones, if all decay like a power series.
+        # The mismatch may be zero by chance. If all coefficients decay like a power series, the
+        # last two bound the first neglected ones.
         high, top = abs(f_high) / t, abs(f_top) / t
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         mismatch = max(mismatch, high * root, top * math.sqrt(math.sqrt(top)))
+    # of 1/√u at the nodes, with a margin of mismatch^(-1/8)
     node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, TINY))))
     if k == 3 and mismatch > SHARP:
-        # The coefficients of a small sharp feature decay slowly from a low level: use their decay.
+        # the coefficients of a small narrow peak decay slowly from a low level: use their decay
         node_error = max(
             node_error, t * min(mismatch / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2)
         )
@@ -202,28 +206,30 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     if t_error > tol * t:
         if effort == NORMAL:
             return UNRESOLVED
-        if not known:
+        if not is_located:
             series(lanes, SPEED2, k)
             x_low, u_low = lowest_point(lanes, SPEED2, k)
-        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + map_error / ORDERS[k]
+        # error of u by the polynomial: its last coefficients, and the error of the map
+        u_error = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1])
+        u_error += map_error / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
-        limit = left <= LANE_ROUNDING * EPS * size + LANE_NOISE * state.noise
-        if not (left * sens_slow <= tol * t_slow or limit or last_resort):
+        is_rounding = u_error <= LANE_ROUNDING * EPS * size + LANE_NOISE * state.noise
+        if not (u_error * sens_slow <= tol * t_slow or is_rounding or last_resort):
             return UNRESOLVED
-        t, sens, t_error = t_slow, sens_slow, left * sens_slow + PANEL_ROUNDING * t_slow
+        t, sens, t_error = t_slow, sens_slow, u_error * sens_slow + PANEL_ROUNDING * t_slow
         state.slowest_at = x_low
-        if limit:
+        if is_rounding:
             state.time_round += h * t_error
     elif mismatch > SLOW * max(high, top):
-        # With a slow decay the first coefficients that a Gauss rule confuses with others are hardly
-        # smaller than the last two.
+        # with a slow decay the first coefficients that the Gauss rule integrates wrongly are hardly
+        # smaller than the last two
         decay = mismatch / (mismatch + max(high, top))
         t_error = max(t_error, t * min(max(high, top) * decay ** ORDERS[k], tol))
     noise = U_ROUNDING * EPS * size + state.noise
-    cut = tail * u0
-    state.time_error += h * (sens * (state.u_error + local + cut + noise) + t_error)
+    neglected = tail * u0
+    state.time_error += h * (sens * (state.u_error + local + neglected + noise) + t_error)
     state.time_round += h * (sens * (state.u_round + noise) + EPS * t)
-    state.u_error = e_end * (state.u_error + local + cut) + noise * max(e_end, 1.0)
+    state.u_error = e_end * (state.u_error + local + neglected) + noise * max(e_end, 1.0)
     state.u_round = e_end * state.u_round + noise * max(e_end, 1.0)
     state.u = u_end
     state.fall_time += h * t
@@ -234,7 +240,10 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
 
 @internal
 def compose(lanes, k, h, error, tail, state):
-    """Add the map of an interval to the composed map of all falls so far, for any start u_0."""
+    """Compose the map of an interval with that of all falls so far, for any u_0 at the push.
+
+    Returns ACCEPTED, or UNRESOLVED with the state unchanged.
+    """
     tol = INTERVAL_SHARE * state.rtol
     last = ORDERS[k] + 1
     size = TINY
@@ -243,7 +252,7 @@ def compose(lanes, k, h, error, tail, state):
     series(lanes, MAP_U, k)
     mismatch = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1])
     mismatch += (error.r + error.q * size) / ORDERS[k]
-    mismatch -= LANE_NOISE * state.noise
+    mismatch -= LANE_NOISE * state.noise  # rounding does not count
     if not (error.log_e <= tol and error.u <= tol * size and mismatch <= tol * size):
         return UNRESOLVED
     _, u_low = lowest_point(lanes, MAP_U, k)

@@ -1,4 +1,7 @@
-"""Gauss-Legendre rules, the polynomial through their nodes, and time near a stall."""
+"""Gauss-Legendre rules, the polynomial through their nodes, and time near a stall.
+
+All positions are those of an interval that is mapped to [0, 1].
+"""
 
 import math
 
@@ -8,11 +11,12 @@ from numpy.polynomial import legendre
 from domino_env.kernels.arrays import COEF, TINY
 from domino_env.kernels.jit import internal
 
-ORDERS = np.array([2, 6, 10, 14, 22, 30])
+ORDERS = np.array([2, 6, 10, 14, 22, 30])  # numbers of nodes of the rules
 _MAX_LANES = 32  # nodes of the finest rule, and both ends
 
 
-def _rules() -> tuple[np.ndarray, ...]:
+def _tables() -> tuple[np.ndarray, ...]:
+    """Compute the tables of all rules."""
     shape = (len(ORDERS), _MAX_LANES)
     nodes, weights, to_start, to_end, positions, high, top = (np.zeros(shape) for _ in range(7))
     running = np.zeros((len(ORDERS), _MAX_LANES, _MAX_LANES))
@@ -38,11 +42,12 @@ def _rules() -> tuple[np.ndarray, ...]:
     return nodes, weights, positions, running, to_start, to_end, high, top, closed
 
 
-NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
-"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); POSITIONS: (rule, lane), both ends and the nodes;
-HIGH, TOP: (rule, node), last two Legendre coefficients of the polynomial through the nodes;
-RUNNING: (rule, node, j), ∫ from 0 to x_j of the node's Lagrange polynomial; CLOSED: (rule,
-point, n), Legendre coefficients of the polynomial through start, nodes and end."""
+NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _tables()
+"""NODES, WEIGHTS: (rule, node); POSITIONS: (rule, lane), start, nodes and end; TO_START, TO_END,
+HIGH, TOP: (rule, node), weights that give the values at both ends and the last two Legendre
+coefficients of the polynomial through the nodes; RUNNING: (rule, node, j), ∫ from 0 to x_j of the
+node's Lagrange polynomial; CLOSED: (rule, lane, n), weights that give the Legendre coefficients of
+the polynomial through all lanes."""
 
 _n = np.arange(_MAX_LANES)
 RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
@@ -51,7 +56,7 @@ RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
 
 @internal
 def series(lanes, values, k):
-    """Compute the Legendre coefficients (COEF) of the polynomial through some lanes."""
+    """Compute the Legendre coefficients (COEF) of the polynomial through the lanes at `values`."""
     count = ORDERS[k] + 2
     for j in range(count):
         lanes[COEF + j] = 0.0
@@ -63,8 +68,9 @@ def series(lanes, values, k):
 
 @internal
 def series_at(lanes, count, x):
-    """Return the value and two derivatives of that polynomial at x in [0, 1]."""
+    """Return the value and two derivatives of the polynomial in COEF at x."""
     z = 2.0 * x - 1.0
+    # P_n(z), its first and its second derivative, of two successive n
     p0, p1, d0, d1, c0, c1 = 1.0, z, 0.0, 1.0, 0.0, 0.0
     y = lanes[COEF] + lanes[COEF + 1] * z
     dy, ddy = lanes[COEF + 1], 0.0
@@ -83,7 +89,7 @@ def series_at(lanes, count, x):
 
 @internal
 def lowest_point(lanes, values, k):
-    """Return position and value of the minimum over [0, 1] of the polynomial in COEF."""
+    """Return position and value of the minimum of the polynomial in COEF, through `values`."""
     count = ORDERS[k] + 2
     j = 0
     for i in range(1, count):
@@ -97,7 +103,7 @@ def lowest_point(lanes, values, k):
     _, dy, _ = series_at(lanes, count, hi)
     if dy <= 0.0 and j == count - 1:
         return 1.0, lanes[values + j]
-    for _ in range(60):
+    for _ in range(60):  # bisection alone would take 30
         y, dy, ddy = series_at(lanes, count, x)
         if dy > 0.0:
             hi = x
@@ -116,14 +122,17 @@ def lowest_point(lanes, values, k):
 
 @internal
 def first_zero(lanes, values, k, x_low):
-    """Return where the polynomial in COEF first reaches zero before its minimum at x_low."""
+    """Return the position of the first zero of the polynomial in COEF, through `values`.
+
+    x_low: position of its minimum, which is not positive.
+    """
     count = ORDERS[k] + 2
     lo, hi = 0.0, x_low
     for j in range(count):  # the first lane that is not positive bounds the first zero
         if lanes[values + j] <= 0.0 and POSITIONS[k, j] < hi:
             hi = POSITIONS[k, j]
             break
-    for _ in range(80):
+    for _ in range(80):  # to rounding, 50 are enough
         x = 0.5 * (lo + hi)
         y, _, _ = series_at(lanes, count, x)
         if y > 0.0:
@@ -137,12 +146,12 @@ def first_zero(lanes, values, k, x_low):
 
 @internal
 def slow_panel(lanes, count, x0, x1, moments):
-    """Return ∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u in COEF, by ten nodes.
+    """Return ∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u in COEF.
 
-    moments: ½∫ P_n(2x - 1) dx/u^(3/2) are added to them; empty for none.
+    moments: room to which ½∫ P_n(2x - 1) dx/u^(3/2) is added for all n; empty if not wanted.
     """
     time, sens = 0.0, 0.0
-    for j in range(10):
+    for j in range(10):  # nodes of rule 2
         x = x0 + (x1 - x0) * NODES[2, j]
         y, _, _ = series_at(lanes, count, x)
         y = max(y, TINY)
@@ -161,16 +170,16 @@ def slow_panel(lanes, count, x0, x1, moments):
 
 @internal
 def slow_time(lanes, count, x_low, moments):
-    """Return the two integrals over [0, 1] where u nearly vanishes, by panels away from x_low.
+    """Return the integrals of `slow_panel` over [0, 1], by panels from the minimum of u at x_low.
 
     A panel spans most of the distance over which u changes by its own size, so ten nodes suffice
-    and the number of panels is proportional to the logarithm of the depth of the dip.
+    and the number of panels grows like the logarithm of 1/u at the minimum.
     """
     time, sens = 0.0, 0.0
     for side in range(2):
         x = x_low
         target = 1.0 if side == 1 else 0.0
-        for _ in range(2000):
+        for _ in range(2000):  # panels grow by a third each, from 1e-12 or more: 100 are enough
             if x == target:
                 break
             y, dy, ddy = series_at(lanes, count, x)

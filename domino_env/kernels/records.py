@@ -1,6 +1,6 @@
 """Records of a chain: its arrival times, its summary, and the event tape for gradients.
 
-If the tape is full, further events are counted only, so that a longer tape can be made.
+If the tape is full, further events are only counted, so that a longer tape can be made.
 """
 
 import math
@@ -25,7 +25,7 @@ def clear_arrivals(arrivals, push):
 
 @internal
 def record_fall(arrivals, n, outcome, state):
-    """Record the margin of fall n and, if it ended in a hit, both speeds and the arrival time."""
+    """Record the margin of fall n and, after a hit, ω before and after it and its time."""
     if len(arrivals) == 0:
         return
     arrivals[n].margin = state.margin
@@ -38,7 +38,7 @@ def record_fall(arrivals, n, outcome, state):
 
 @internal
 def summarise(summary, count, outcome, leader, hit_count, toppled, state):
-    """Write the summary of a chain of `count` dominoes."""
+    """Write the summary of a chain of `count` dominoes, whose last leader is `leader`."""
     summary.outcome, summary.hit, summary.toppled = outcome, hit_count, toppled
     summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.fraction) / count
     summary.total_time = state.time if outcome == PROPAGATED else np.inf
@@ -85,7 +85,7 @@ def record_hit(tape, state, n):
 
 @internal
 def record_flips(tape, ring, state, n, low):
-    """Record the contacts that went to the corner since the last event; return their number."""
+    """Record the contacts that moved to the corner since the last event; return their number."""
     flips = 0
     for i in range(low, n):
         contact = ring[i & state.mask]
@@ -99,12 +99,15 @@ def record_flips(tape, ring, state, n, low):
 
 
 @internal
-def record_switch(tape, ring, state, n, due_contact, low, angle, flushes):
-    """Record a change of contact at the leader's angle, and the contacts that it concerns."""
+def record_switch(tape, ring, state, n, due_contact, low, angle, is_flush):
+    """Record a change of contact at the leader's angle, then the contacts that moved to the corner.
+
+    is_flush: True for a face impact, False for a separation.
+    """
     at, has_room = next_event(tape, state)
     flips = record_flips(tape, ring, state, n, low)
     if has_room:
         event = tape[at]
         event.kind, event.leader, event.low = SWITCH, n, low
-        event.contact, event.is_flush, event.flips = due_contact, flushes, flips
+        event.contact, event.is_flush, event.flips = due_contact, is_flush, flips
         event.angle, event.u = angle, state.u

@@ -1,7 +1,7 @@
 """The stack: all dominoes that lean on the leader, and its changes of contact.
 
-All lanes advance along it together, one contact at a time. Newton's method locates the angle of the
-leader at which faces meet or a contact separates.
+All lanes advance along the stack together, one contact at a time. Newton's method locates the
+angle of the leader at which faces meet or a contact separates.
 """
 
 import math
@@ -41,16 +41,18 @@ from domino_env.kernels.contact import (
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
-IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2  # changes of contact that `sweep` detects
-# Margins of a change of contact, relative to 1 - cos θ: a contact is examined from the first before
-# its change on; the change was missed, behind an earlier cut, from the second after it on.
+# ends of an interval: each has its own changes of contact for `sweep` to detect, the first none
+IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2
+# Margins relative to the 1 - cos θ at which a contact changes: from the first below it on, the
+# contact is examined; from the second above it on, an earlier cut of the stack left the change out.
 DUE_MARGIN, MISSED_MARGIN = 1e-6, 1e-9
 ANGLE_ERROR = 1e-12  # relative error of 1 - cos θ at an angle found by `switch_angle`
-EARLY_SHARE = 1e-3  # of IMPACT_TOLERANCE: a contact farther past its change changes earlier
-HIT_LAG = 1e-12  # [rad] a face impact later than a hit by no more than this precedes it
-NEWTON_TOLERANCE = 1e-10  # relative to the bracket; convergence is quadratic: the next step is none
+EARLY_SHARE = 1e-3  # of IMPACT_TOLERANCE: a contact farther past its change changed earlier
+HIT_LAG = 1e-12  # [rad] of the leader: a change of contact so little after a hit is made before it
+NEWTON_TOLERANCE = 1e-10  # of the bracket: the error is the square of the last step
 MIN_WEIGHT_RATIO = 1e-4  # old weight over new, below which their ratio is not reliable
 
+# coefficients of the Taylor series of sin and cos, by the power of x
 _ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
 S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
 _EVEN = [(-1.0) ** n / math.factorial(2 * n) for n in range(10)]
@@ -59,7 +61,7 @@ C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 @always_inline
 def half_angle(x):
-    """Return sin and cos of x in [0, π/4] by series, which vectorise, unlike those of libm."""
+    """Return sin and cos of x in [0, π/4] by series, which vectorise; library functions do not."""
     q = x * x
     s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
     c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
@@ -68,11 +70,11 @@ def half_angle(x):
 
 @always_inline
 def set_angles(lanes, k, a, h):
-    """Set the lanes to the angles of the interval [a, a + h]; return their number."""
+    """Write sin θ and 1 - cos θ at the lanes of the interval [a, a + h]; return their number."""
     count = ORDERS[k] + 2
     for j in range(count):
         lanes[EXPO + j] = 0.5 * (a + h * POSITIONS[k, j])
-    for j in range(count):  # without a lookup, so that it vectorises
+    for j in range(count):  # in a loop without table, so that it vectorises
         s, c = half_angle(lanes[EXPO + j])
         lanes[SIN + j] = 2.0 * s * c
         lanes[VER + j] = 2.0 * s * s
@@ -81,8 +83,11 @@ def set_angles(lanes, k, a, h):
 
 @always_inline
 def add_leader(lanes, count, leader, mu):
-    """Start the sums with the leading domino."""
-    inertia, half, slenderness = leader.inertia, leader.half_weight, leader.slenderness
+    """Start the sums with the leading domino.
+
+    Without friction SUM_G is the change of potential energy in the interval so far, over g.
+    """
+    inertia, half, tan_phi = leader.inertia, leader.half_weight, leader.tan_phi
     for j in range(count):
         s, v = lanes[SIN + j], lanes[VER + j]
         lanes[WGT + j] = 1.0
@@ -91,18 +96,21 @@ def add_leader(lanes, count, leader, mu):
         lanes[SUM_M + j] = inertia
         lanes[SUM_D + j] = 0.0
         if mu > 0.0:
-            lanes[SUM_G + j] = half * (s - slenderness * (1.0 - v))
+            lanes[SUM_G + j] = half * (s - tan_phi * (1.0 - v))
         else:
-            at_start = slenderness * lanes[SIN] - lanes[VER]
-            lanes[SUM_G + j] = half * ((slenderness * s - v) - at_start)
+            at_start = tan_phi * lanes[SIN] - lanes[VER]
+            lanes[SUM_G + j] = half * ((tan_phi * s - v) - at_start)
     leader.end_weight = 1.0
 
 
 @always_inline
 def add_with_friction(lanes, count, contact, mu, kind):
-    """Add the domino behind a contact of one kind, `tip` or `corner`, each with its own loop."""
+    """Add the domino behind a contact.
+
+    kind: `tip` or `corner`, so that each has a loop of its own.
+    """
     shape, inertia = shape_of(contact), contact.inertia
-    half, slenderness = contact.half_weight, contact.slenderness
+    half, tan_phi = contact.half_weight, contact.tan_phi
     for j in range(count):
         s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
@@ -115,13 +123,16 @@ def add_with_friction(lanes, count, contact, mu, kind):
         lanes[JAC + j] = jac
         lanes[WGT + j] = w
         lanes[SUM_M + j] += w * inertia * jac
-        lanes[SUM_G + j] += w * half * (s - slenderness * (1.0 - v))
+        lanes[SUM_G + j] += w * half * (s - tan_phi * (1.0 - v))
         lanes[SUM_D + j] += w * inertia * drv
 
 
 @always_inline
 def add_without_friction(lanes, count, contact, kind):
-    """Add the domino behind a contact: w = J, and potential energy instead of forces."""
+    """Add the domino behind a contact to M; without friction w = J.
+
+    kind: `tip` or `corner`.
+    """
     shape, inertia = shape_of(contact), contact.inertia
     for j in range(count):
         s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
@@ -145,11 +156,11 @@ def add_domino(lanes, count, contact, mu):
         add_without_friction(lanes, count, contact, tip)
     else:
         add_without_friction(lanes, count, contact, corner)
-    # the change since the start of the interval, whose small differences stay exact
-    half, slenderness = contact.half_weight, contact.slenderness
-    at_start = slenderness * lanes[SIN] - lanes[VER]
+    # terms of a domino are subtracted before those of others are added: small changes stay exact
+    half, tan_phi = contact.half_weight, contact.tan_phi
+    at_start = tan_phi * lanes[SIN] - lanes[VER]
     for j in range(count):
-        lanes[SUM_G + j] += half * ((slenderness * lanes[SIN + j] - lanes[VER + j]) - at_start)
+        lanes[SUM_G + j] += half * ((tan_phi * lanes[SIN + j] - lanes[VER + j]) - at_start)
 
 
 @always_inline
@@ -159,10 +170,11 @@ def weights(mu):
 
 
 @always_inline
-def tail_size(lanes, count, mu, force, h, tail):
-    """Return a bound on the effect of the dominoes behind the cut, in all lanes, relative to u.
+def tail_bound(lanes, count, mu, force, h, tail):
+    """Return a bound on the change of u by the dominoes behind the cut, in all lanes, over u.
 
-    tail: bound on their Σ I w, relative to w of the last domino included.
+    force: bound on 2 h G / (I u) of a domino. h: length of the interval [rad].
+    tail: bound on Σ I w behind the cut, over w of the last domino included.
     """
     largest = 0.0
     lightest = lanes[SUM_M]
@@ -183,15 +195,17 @@ def tail_size(lanes, count, mu, force, h, tail):
 def sweep(lanes, count, ring, n, state, force, h, detect):
     """Add the dominoes behind leader n to the sums until the rest is negligible.
 
-    Returns the lowest domino included, the bound on the tail, and whether a contact changes on the
-    way.  state.last_due is the lowest contact that changes at the very end of the interval, or n.
+    force, h: as for `tail_bound`. detect: IGNORE_SWITCHES, END_AT_HIT or END_AT_SWITCH.
+    Returns (lowest domino included, bound on the tail, False); at the first contact found that
+    changes within the interval, (this contact, 0, True). state.last_due is the lowest contact that
+    changes at the very end of the interval, n if none does.
     """
     lanes, ring = borrow((lanes, ring))
     mask, mu, tol = state.mask, state.mu, TAIL_SHARE * (INTERVAL_SHARE * state.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], mu)
     back = state.back
-    first_check = max(4, state.depth - 2)
+    first_check = max(4, state.depth - 2)  # near the cut of the last interval
     oldest = back if mask == ONE_FOR_ALL else max(back, n - mask)
     state.last_due = n
     i = n
@@ -203,7 +217,6 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
                 catch_up(contact, i, lanes[VER], state)
                 if contact.kind == SEPARATED:
                     return i + 1, 0.0, False
-            # Changes at the instant of the change that ends an interval belong to the interval.
             dv = lanes[VER + end] - contact.v_switch
             if detect == END_AT_HIT and dv + HIT_LAG * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
@@ -211,25 +224,25 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
                 if past_flush(contact, dv) >= EARLY_SHARE * IMPACT_TOLERANCE:
                     return i, 0.0, True
                 if past_flush(contact, dv) >= -IMPACT_TOLERANCE:
-                    state.last_due = i
+                    state.last_due = i  # it changes with the contact that ends the interval
         add_domino(lanes, count, contact, mu)
         contact.end_weight = lanes[weights(mu) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_size(lanes, count, mu, force, h, contact.tail - contact.inertia)
+            tail = tail_bound(lanes, count, mu, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring is shorter than the chain
-        return i, tail_size(lanes, count, mu, force, h, ring[i & mask].tail), False
+        return i, tail_bound(lanes, count, mu, force, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 
 @internal
 def renew_tails(ring, mask, low, n):
-    """Update the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
+    """Update the bounds T_i on Σ_{k ≤ i} I_k w_k / w_i from the lowest domino up to the leader.
 
-    T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a contact only falls until its faces meet;
-    then Ω ≤ (1 - p² - e² + d²)/2 bounds it.  An old bound remains valid.
+    T_i = I_i + |B/A| T_{i-1}. As θ only grows, |B/A| of a contact only falls until its faces meet;
+    then Ω ≤ (1 - p² - e² + d²)/2 bounds it. So a bound of an earlier interval remains valid.
     """
     for i in range(low + 1, n + 1):
         previous, domino = ring[(i - 1) & mask], ring[i & mask]
@@ -245,7 +258,10 @@ def renew_tails(ring, mask, low, n):
 
 @internal
 def switch_guess(lanes, k, a, h, v_switch):
-    """Return the leader's angle at which 1 - cos θ_{i+1} is v_switch, by a cubic between lanes."""
+    """Return a guess of the leader's angle at which contact i changes, by a cubic between lanes.
+
+    The lanes hold 1 - cos θ_{i+1}, and v_switch is its value at the change.
+    """
     last = ORDERS[k] + 1
     j = 1
     while j < last and lanes[VER + j] < v_switch:
@@ -268,7 +284,7 @@ def switch_angle(ring, state, n, i, a, b, guess):
     mask, mu = state.mask, state.mu
     v_switch = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
-    for _ in range(100):
+    for _ in range(100):  # bisection alone would take 35
         s, v = sin_versine(x)
         jac = 1.0
         for j in range(n - 1, i, -1):
@@ -292,24 +308,25 @@ def switch_angle(ring, state, n, i, a, b, guess):
 
 @internal
 def count_toppled(ring, state, n, s, v):
-    """Update all contacts behind domino n, with s = sin θ and v = 1 - cos θ; count the toppled.
+    """Return the number of dominoes 0 … n that have toppled; apply changes that a cut left out.
 
+    s, v: sin θ and 1 - cos θ of domino n.
     Dominoes behind a separated contact, or no longer in the ring, count as toppled.
     """
-    mask, mu, fallen, i, back = state.mask, state.mu, 0, n, state.back
+    mask, mu, toppled, i, back = state.mask, state.mu, 0, n, state.back
     while True:
-        if s > ring[i & mask].slenderness * (1.0 - v):
-            fallen += 1
+        if s > ring[i & mask].tan_phi * (1.0 - v):
+            toppled += 1
         if i == back:
-            return fallen + i
+            return toppled + i
         i -= 1
         if mask != ONE_FOR_ALL and n - i > mask:
-            return fallen + i + 1
+            return toppled + i + 1
         contact = ring[i & mask]
         if mask != ONE_FOR_ALL and v > contact.v_switch * (1.0 + MISSED_MARGIN):
             catch_up(contact, i, v, state)
             if contact.kind == SEPARATED:
-                return fallen + i + 1
+                return toppled + i + 1
         s, v, _, _, _ = contact_at(contact, s, v, mu)
 
 
@@ -317,10 +334,12 @@ def count_toppled(ring, state, n, s, v):
 def switch(ring, state, n, due_contact, low, angle):
     """Change every contact that is due at the leader's angle; return ω⁺/ω⁻ of the impact.
 
-    The angle was located for due_contact; the lowest that changes with it is state.last_due.
+    The angle is that of due_contact; the lowest contact that changes with it is state.last_due.
     Faces that meet at the same instant do so in one impact: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the
-    new contacts, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down
+    new contacts, J⁺ = 0 behind the first of them. state.m_end holds Σ w I J⁻ with the old w down
     to domino `low`; behind the last contact that changes, w changes by a common factor.
+    Returns 1 for a separation and without friction. A ratio that is not positive means a jam; it is
+    0 if Σ w I J⁺ is 0.
     """
     ring = borrow(ring)
     mask, mu = state.mask, state.mu

@@ -1,15 +1,16 @@
 """Steps in time: the equation of motion for ODE solvers, explicit Euler and classic Runge-Kutta.
 
-Contacts, hits and changes of contact are those of all kernels. The angle of the leading domino n
-is integrated in time, by
+Contacts, hits and changes of contact are those of all kernels. The equation of motion of the
+leading domino n is
 
     α_n = (Σ w G - ω_n² Σ w I D) / Σ w I J
 
-over all dominoes that lean on it, back … n, and changes of contact are located in time.
+with sums over the stack, back … n.
 
-Fixed steps are those of Euler's or the classic Runge-Kutta method (RK4) with every event at the end
-of the step that passes it, as in Chapman's program, which is of order one; or those of RK4 with
-located events, which keeps its order four. `domino_env.validation.ode` compares them.
+Fixed steps are those of Euler's method or of the classic Runge-Kutta method (RK4). Without located
+events, every event takes place at the end of the step that passes it, as in Chapman's program, and
+both are of order one. With located events RK4 keeps its order four. `domino_env.validation.ode`
+compares these methods.
 """
 
 import math
@@ -21,15 +22,18 @@ from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_ver
 from domino_env.kernels.jit import entry_point, internal
 from domino_env.kernels.stack import switch
 
-EULER, RK4, LOCATED = 0, 1, 2
+EULER, RK4, LOCATED = 0, 1, 2  # methods of `take_fixed_steps`; LOCATED: RK4 with located events
 UNFINISHED = -1  # result of `apply_events` if the wave continues
-ITERATIONS = 60  # halvings of a step, down to rounding
+ITERATIONS = 60  # halvings of a step: down to rounding
 STEP_ROUNDING = 1e-16  # of a step: a smaller correction of its length ends the search
 
 
 @entry_point
 def push_chain(layout, mu, gravity, push):
-    """Return the ring and the state (1,) of a chain whose first domino has just been pushed."""
+    """Return the ring and the state (1,) of a chain whose first domino has just been pushed.
+
+    The ring holds all dominoes, domino i at ring[i].
+    """
     count, size = len(layout.thickness), 2
     while size <= count:
         size *= 2
@@ -42,19 +46,20 @@ def push_chain(layout, mu, gravity, push):
 
 
 @internal
-def sums(ring, state, n, angle):
-    """Return Σ w I J, Σ w G / g, Σ w I D, the least 1 - cos θ left to a change, and the lowest due.
+def sum_stack(ring, state, n, angle):
+    """Return Σ w I J, Σ w G / g, Σ w I D, the distance to a change of contact, and the lowest due.
 
-    The lowest due is the last contact that changes together with one that changes here; n if none.
+    The distance is the least by which 1 - cos θ of a domino is below that of the next change. The
+    lowest due is the lowest contact that changes at this angle; n if none does.
     """
     s, v = sin_versine(angle)
     leader = ring[n]
-    w, jac, drv, left, lowest_due = 1.0, 1.0, 0.0, np.inf, n
+    w, jac, drv, distance, lowest_due = 1.0, 1.0, 0.0, np.inf, n
     sum_m, sum_d = leader.inertia, 0.0
-    sum_g = leader.half_weight * (s - leader.slenderness * (1.0 - v))
+    sum_g = leader.half_weight * (s - leader.tan_phi * (1.0 - v))
     for i in range(n - 1, state.back - 1, -1):
         contact = ring[i]
-        left = min(left, contact.v_switch - v)
+        distance = min(distance, contact.v_switch - v)
         if past_flush(contact, v - contact.v_switch) >= -arrays.IMPACT_TOLERANCE:
             lowest_due = i
         s, v, omega, psi, ratio = contact_at(contact, s, v, state.mu)
@@ -62,15 +67,15 @@ def sums(ring, state, n, angle):
         jac *= omega
         w *= ratio
         sum_m += w * contact.inertia * jac
-        sum_g += w * contact.half_weight * (s - contact.slenderness * (1.0 - v))
+        sum_g += w * contact.half_weight * (s - contact.tan_phi * (1.0 - v))
         sum_d += w * contact.inertia * drv
-    return sum_m, sum_g, sum_d, left, lowest_due
+    return sum_m, sum_g, sum_d, distance, lowest_due
 
 
 @internal
 def acceleration(ring, state, n, angle, speed):
     """Return α_n at an angle and ω_n; nan where M is not positive."""
-    sum_m, sum_g, sum_d, _, _ = sums(ring, state, n, angle)
+    sum_m, sum_g, sum_d, _, _ = sum_stack(ring, state, n, angle)
     if not sum_m > 0.0:
         return np.nan
     return (state.gravity * sum_g - speed * speed * sum_d) / sum_m
@@ -78,22 +83,23 @@ def acceleration(ring, state, n, angle, speed):
 
 @entry_point
 def right_side(ring, states, n, angle, speed):
-    """Return α_n, and the least 1 - cos θ left to a change of contact."""
+    """Return α_n at an angle and ω_n, and the distance to a change of contact in 1 - cos θ."""
     state = states[0]
-    return acceleration(ring, state, n, angle, speed), sums(ring, state, n, angle)[3]
+    return acceleration(ring, state, n, angle, speed), sum_stack(ring, state, n, angle)[3]
 
 
 @entry_point
-def apply_events(layout, ring, states, n, angle, speed, now, arrivals):
+def apply_events(layout, ring, states, n, angle, speed, now, arrival_times):
     """Change the contacts that are due at an angle, and hit the next domino at the end of the fall.
 
-    Returns the outcome or UNFINISHED; then leader, angle, ω and angle of the end of its fall.
+    Writes the arrival time. Returns (outcome or UNFINISHED, leader, angle, ω, angle at which its
+    fall ends).
     """
     state, end = states[0], fall.fall_angle(ring[n], fall.strikes_next(layout, n))
     at = min(angle, end)
     state.u = speed * speed
-    state.m_end, _, _, left, state.last_due = sums(ring, state, n, at)
-    if left <= 0.0:
+    state.m_end, _, _, distance, state.last_due = sum_stack(ring, state, n, at)
+    if distance <= 0.0:
         keep = switch(ring, state, n, state.last_due, state.back, at)
         if not keep > 0.0:
             return arrays.JAMMED, n, angle, speed, end
@@ -102,8 +108,8 @@ def apply_events(layout, ring, states, n, angle, speed, now, arrivals):
         if not fall.strikes_next(layout, n):
             outcome = arrays.PROPAGATED if n + 1 == len(layout.thickness) else arrays.OUT_OF_REACH
             return outcome, n, angle, speed, end
-        state.m_end = sums(ring, state, n, at)[0]
-        arrivals[n + 1] = now
+        state.m_end = sum_stack(ring, state, n, at)[0]
+        arrival_times[n + 1] = now
         if fall.hit(ring[n], ring[n + 1], state) == arrays.JAMMED:
             return arrays.JAMMED, n, angle, speed, end
         n, angle = n + 1, 0.0
@@ -114,49 +120,49 @@ def apply_events(layout, ring, states, n, angle, speed, now, arrivals):
 @internal
 def rk4_step(ring, state, n, angle, speed, a1, h):
     """Return angle and ω after one Runge-Kutta step of h seconds; a1: α at its start."""
-    v2 = speed + 0.5 * h * a1
-    a2 = acceleration(ring, state, n, angle + 0.5 * h * speed, v2)
-    v3 = speed + 0.5 * h * a2
-    a3 = acceleration(ring, state, n, angle + 0.5 * h * v2, v3)
-    v4 = speed + h * a3
-    a4 = acceleration(ring, state, n, angle + h * v3, v4)
+    speed2 = speed + 0.5 * h * a1
+    a2 = acceleration(ring, state, n, angle + 0.5 * h * speed, speed2)
+    speed3 = speed + 0.5 * h * a2
+    a3 = acceleration(ring, state, n, angle + 0.5 * h * speed2, speed3)
+    speed4 = speed + h * a3
+    a4 = acceleration(ring, state, n, angle + h * speed3, speed4)
     return (
-        angle + h / 6.0 * (speed + 2.0 * v2 + 2.0 * v3 + v4),
+        angle + h / 6.0 * (speed + 2.0 * speed2 + 2.0 * speed3 + speed4),
         speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4),
     )
 
 
 @internal
-def locate(ring, state, n, angle, speed, a1, h, end, has_change):
-    """Return time, angle and ω of the first change of contact in a step of h, or of `end`.
+def locate(ring, state, n, angle, speed, a1, h, end, at_change):
+    """Return time, angle and ω at the first change of contact in a step of h, or at angle `end`.
 
-    By Newton's method for the angle `end`, by bisection for a change of contact.
+    at_change: locate the change of contact, by bisection; else the angle, by Newton's method.
     """
     low, high, t = 0.0, h, h
-    new, v = angle, speed
+    new, rate = angle, speed
     for _ in range(ITERATIONS):
-        new, v = rk4_step(ring, state, n, angle, speed, a1, t)
-        # nan, if the step goes too far, counts as past
-        is_past = sums(ring, state, n, min(new, end))[3] <= 0.0 if has_change else not new < end
+        new, rate = rk4_step(ring, state, n, angle, speed, a1, t)
+        # an angle that is nan, after too long a step, is past `end`
+        is_past = sum_stack(ring, state, n, min(new, end))[3] <= 0.0 if at_change else not new < end
         low, high = (low, t) if is_past else (t, high)
-        closer = t - (new - end) / v
-        if has_change or not low < closer < high:
+        closer = t - (new - end) / rate
+        if at_change or not low < closer < high:
             closer = 0.5 * (low + high)
         if abs(closer - t) <= STEP_ROUNDING * h:
             break
         t = closer
-    if has_change:
+    if at_change:
         t = high
-        new, v = rk4_step(ring, state, n, angle, speed, a1, t)
-    return t, new, v
+        new, rate = rk4_step(ring, state, n, angle, speed, a1, t)
+    return t, new, rate
 
 
 @entry_point
-def take_fixed_steps(layout, ring, states, h, rule, arrivals):
+def take_fixed_steps(layout, ring, states, h, method, arrival_times):
     """Advance a chain in steps of h seconds until its wave ends; return its outcome.
 
-    Writes arrival times (N,).  Without located events the next leader starts from its rest: the
-    overshoot of the last step is lost, as in Chapman's program.
+    Writes arrival_times (N,). Without located events the next leader starts upright at the end of
+    the step that passes the hit: the overshoot is lost, as in Chapman's program.
     """
     state = states[0]
     n, angle, speed, now = 0, 0.0, math.sqrt(state.u), 0.0
@@ -164,20 +170,20 @@ def take_fixed_steps(layout, ring, states, h, rule, arrivals):
     while True:
         a = acceleration(ring, state, n, angle, speed)
         dt = h
-        if rule == EULER:
-            new, v = angle + h * speed, speed + h * a
+        if method == EULER:
+            new, rate = angle + h * speed, speed + h * a
         else:
-            new, v = rk4_step(ring, state, n, angle, speed, a, h)
-        due = sums(ring, state, n, min(new, end))[3] <= 0.0
-        if rule == LOCATED and (due or not new < end):
-            dt, new, v = locate(ring, state, n, angle, speed, a, h, end, due)
+            new, rate = rk4_step(ring, state, n, angle, speed, a, h)
+        due = sum_stack(ring, state, n, min(new, end))[3] <= 0.0
+        if method == LOCATED and (due or not new < end):
+            dt, new, rate = locate(ring, state, n, angle, speed, a, h, end, due)
             if not due:
                 new = end
-        if not v > 0.0:
-            return arrays.NO_RIGID_ANSWER if math.isnan(v) else arrays.STALLED
-        angle, speed, now = new, v, now + dt
+        if not rate > 0.0:
+            return arrays.NO_RIGID_ANSWER if math.isnan(rate) else arrays.STALLED
+        angle, speed, now = new, rate, now + dt
         if due or angle >= end:
-            events = apply_events(layout, ring, states, n, angle, speed, now, arrivals)
-            outcome, n, angle, speed, end = events
+            result = apply_events(layout, ring, states, n, angle, speed, now, arrival_times)
+            outcome, n, angle, speed, end = result
             if outcome != UNFINISHED:
                 return outcome

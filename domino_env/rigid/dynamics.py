@@ -1,23 +1,21 @@
 """Non-smooth mechanics of a chain: boxes, contacts that open, stick and slip, small time steps.
 
-Moreau's time stepping.  Contacts are detected half a step ahead, where the velocities v follow from
-those half a step behind by v+ = v + (h f + impulses of the contacts) / m, where at
-every contact
+This is Moreau's time stepping. Velocities half a step ahead, v+, follow from those half a step
+behind, v, by v+ = v + (h f + impulses of the contacts) / m, with the contacts that are closed half
+a step ahead. At each of them
 
-    0 <= normal impulse  _|_  normal velocity after the step >= 0       (no restitution)
+    0 <= normal impulse  ⟂  normal velocity after the step >= 0         (no restitution)
     |tangential impulse| <= friction * normal impulse, against sliding  (Coulomb)
 
-solved by projected Gauss-Seidel sweeps, forward and backward along the chain, that start from the
-last step's impulses. Positions change by h v+.  Impulses act in the directions at the beginning of
-the step, and velocities are taken half a step ahead, as in the leapfrog method with constraints, so
-smooth motion has an error of second order.  A step ends when a tip reaches the next domino, and the
-impact is a step of length 0. No contact is assumed to be closed, and the analytic model is not
-used.
+Projected Gauss-Seidel sweeps, forward and backward along the chain, solve these conditions,
+starting from the impulses of the last step. Then positions change by h v+. Impulses act in the
+directions at the beginning of the step. As in the leapfrog method with constraints, smooth motion
+has an error of second order. A step ends when a tip reaches the next domino, and the impact is a
+step of length 0. No contact is assumed to be closed, and the analytic model is not used.
 
-The reference point of a box is its centre if it is free-standing, and its front bottom edge, which
-does not move, if it turns about a fixed pivot.  Leans and angular velocities
-are positive towards +x: a point (rx, ry) from the reference point moves with (vx + omega ry,
-vy - omega rx).
+The reference point of a box is its centre if it is free-standing. If it turns about a fixed pivot,
+it is this pivot, the front bottom edge. Leans and angular velocities are positive towards +x: a
+point (rx, ry) from the reference point moves with (vx + omega ry, vy - omega rx).
 
 J. J. Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics, and M. Jean
 (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
@@ -37,60 +35,81 @@ from domino_env.kernels.jit import compile_alone
 REAR, FRONT, LYING, TIP, CORNER = range(5)
 KINDS = 5
 FLOOR = -1  # second partner of a contact with the floor
-FRONT_FACE, END_FACE, EITHER = 0, 1, -1  # of a domino that a vertex meets; the farther one
+# faces of a domino that a vertex of its neighbour meets: front or rear; top or bottom; the one that
+# the vertex is farther outside of
+LARGE_FACE, END_FACE, EITHER = 0, 1, -1
 FIXED_PIVOTS = -1.0  # in place of the friction of a floor
 MAX_SWEEPS = 4096  # of a step
-STAGNATION = 0.98  # of the change after half as many sweeps, at which the sweeps end
-MAX_TURN = 2.5e-3  # [rad] largest turn of the leader in a step of fineness 1
-MAX_STEP = 2.3e-3  # [sqrt(L/g)] longest step of fineness 1
+STAGNATION = 0.98  # of the change after half as many sweeps: the sweeps end above it
+MAX_TURN = 2.5e-3  # [rad] largest turn of the leader in a step of coarseness 1
+MAX_STEP = 2.3e-3  # [√(L/g)] longest step of coarseness 1
 FIRST_CHECK = 64  # sweeps before stagnation is tested; the number is doubled after each test
-TOUCHING = 1e-6  # of the height: closer contacts are closed
-AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
+TOUCHING = 1e-6  # of the height: contacts with smaller gaps are closed
+AT_REST = 1e-5  # [rad] the last domino has come to rest if its lean grows by less
 RUNNING, ENDED, FAILED = range(3)  # states of a run; failed: a velocity is not a number
 
-# columns of a closed contact: coefficients of its normal and tangential velocity (at 0, 4) in the
-# velocities of the two dominoes, and the directions of its impulses (at 8, 12): x, y, turn of the
-# first, turn of the second; then the response of these velocities to unit impulses, the friction,
-# and the inverse of the responses
+# Columns of a closed contact. VELOCITY: coefficients of its normal velocity, and 4 columns further
+# of its tangential velocity, in x, y and turn of the first domino and turn of the second. IMPULSE:
+# directions of its normal and tangential impulse, likewise. NORMAL, TANGENTIAL: response of each
+# velocity to its own unit impulse; CROSS: of the tangential velocity to a normal impulse. FRICTION:
+# coefficient. PER_NORMAL, PER_TANGENTIAL: inverse of the responses.
 VELOCITY, IMPULSE = 0, 8
 NORMAL, CROSS, TANGENTIAL, FRICTION = 16, 17, 18, 19
 PER_NORMAL, PER_TANGENTIAL = 20, 21
 COLUMNS = 22
 
 
-# Standing dominoes: lengths [m], mass and inertia per width, tilt of the ground [rad], its
-# sine and cosine (N, 2), and the front bottom edge from the reference point, on level ground
+# Standing dominoes: lengths (N,) [m]; mass [kg/m] and inertia about the reference point [kg m] per
+# width (N,); front bottom edges (N, 2) [m]; slope of the ground (N,) [rad], its sine and cosine
+# (N, 2); the front bottom edge from the reference point of an upright domino (N, 2) [m]
 Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edge")
 
-# A run: friction, that of the floor or FIXED_PIVOTS, gravity; fineness of the steps (in
-# those of MAX_TURN and MAX_STEP), change of velocity at which sweeps end [m/s], dominoes behind the
-# leader that still move, time without progress after which the run ends [s]
-Setting = namedtuple("Setting", "friction floor gravity fineness tolerance window patience")
+# Settings of a run: friction between dominoes; friction of the floor, or FIXED_PIVOTS; gravity
+# [m/s²]; coarseness, the steps over those of MAX_TURN and MAX_STEP; change of velocity at which
+# sweeps end [m/s]; dominoes behind the leader that still move; time without progress after which
+# the run ends [s]
+Setting = namedtuple("Setting", "friction floor gravity coarseness tolerance window patience")
 
-# Results: arrival times (N,) [s], largest leans (N,) [rad], largest slips (N,) [m], largest opening
-# of the contact with the next after it had closed (N-1,) [m], and its time [s]
+# Results: arrival times (N,) [s]; largest leans (N,) [rad]; largest slips (N,) [m]; largest opening
+# of the contact with the next domino after it had closed (N-1,) [m], and its time (N-1,) [s]
 Record = namedtuple("Record", "arrival_times lean slid opened opened_at")
 
-# All that changes: place (N, 3) of the reference points x, y and lean; velocity (N, 3); inverse
-# mass and inertia (N,), 0 for dominoes at rest; impulse (N, KINDS, 2), normal and tangential;
-# pose now and half a step ahead (N, 4), x, y, sine and cosine of the lean; gaps (N,) of the nearer
+# All that changes: place (N, 3), x and y of the reference point and lean; velocity (N, 3); inverse
+# mass and inertia (N,), 0 for dominoes held at rest; impulse (N, KINDS, 2), normal and tangential;
+# poses now and half a step ahead (N, 4), x, y, sine and cosine of the lean; gaps (N,) of the nearer
 # contact with the next, inf where neither face is met; columns of closed contacts; their partners,
-# first domino, second or FLOOR, kind; velocities before the step; a record of RUN
+# first domino, second or FLOOR, kind; velocities of moving dominoes before the step; (1,) of RUN
 State = namedtuple(
     "State",
     "place velocity inverse_mass inverse_inertia impulse now mid gaps contact partners before run",
 )
 
-# First domino that still moves, leader, steps taken; time [s], time of the last progress, how far
-# the last domino leant then, length of the last step, kick of the impulses, share of a full step to
-# take next (0: an impact), distance from the leader's tip to the next domino
+# First domino that still moves, leader, number of steps; time [s], time of the last progress [s],
+# lean of the last domino then [rad], length of the last step [s], its kick (the time from velocity
+# to velocity, half a step behind to half a step ahead) [s], share of a full step to take next (0:
+# an impact), distance from the leader's tip to the next domino [m]
 COUNTS = ("low", "leader", "steps")
 NUMBERS = ("time", "progress", "last_lean", "last_step", "last_kick", "share", "tip_gap")
 RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for name in NUMBERS])
 
 
 def start(chain: Chain, setting: Setting, push: float) -> State:
-    """Return the state at the push, an angular velocity of the first domino [rad/s]."""
+    """Return the state at the push.
+
+    Parameters
+    ----------
+    chain
+        Standing dominoes.
+    setting
+        Settings of the run.
+    push
+        Angular velocity of the first domino about its front bottom edge [rad/s].
+
+    Returns
+    -------
+    State
+        The first domino moves; the others are held at rest until they are hit.
+    """
     count, fixed = len(chain.height), setting.floor == FIXED_PIVOTS
     sine, cosine = chain.slope.T
     ex, ey = chain.edge.T
@@ -117,15 +136,33 @@ def start(chain: Chain, setting: Setting, push: float) -> State:
 
 @compile_alone
 def advance(chain, setting, state, record, most_steps):
-    """Advance by at most `most_steps` and fill the record; return RUNNING, ENDED or FAILED."""
+    """Advance a run by some steps, unless it ends before.
+
+    Parameters
+    ----------
+    chain, setting
+        As for `start`.
+    state
+        State, which is overwritten.
+    record
+        Results so far, which are updated; arrival times are inf where a domino is not yet hit.
+    most_steps
+        Largest number of steps.
+
+    Returns
+    -------
+    int
+        RUNNING, ENDED or FAILED.
+    """
     run = state.run[0]
     place, velocity, impulse = state.place, state.velocity, state.impulse
     fixed, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
     scale = math.sqrt(chain.height.max() / setting.gravity)
     for _ in range(most_steps):
         low, leader = run.low, run.leader
+        # 1e-9 rad/s: a leader at rest or in reverse takes the longest step
         longest = min(MAX_STEP * scale, MAX_TURN / max(velocity[leader, 2], 1e-9))
-        step = run.share * setting.fineness * longest
+        step = run.share * setting.coarseness * longest
         kick = 0.5 * (run.last_step + step)
         for i in range(max(low - 1, 0), leader + 1):
             _pose(state.now, i, place, velocity, 0.0)
@@ -140,10 +177,10 @@ def advance(chain, setting, state, record, most_steps):
             else:
                 velocity[i, 1] -= kick * setting.gravity
         closed = _find_contacts(chain, setting, state)
-        growth = kick / run.last_kick if run.last_kick > 0.0 else 0.0
+        ratio = kick / run.last_kick if run.last_kick > 0.0 else 0.0
         for c in range(closed):
             i, kind = state.partners[c, 0], state.partners[c, 2]
-            impulse[i, kind] *= growth
+            impulse[i, kind] *= ratio
             _apply_impulse(state, c, impulse[i, kind, 0], impulse[i, kind, 1])
         _sweep(state, closed, setting.tolerance)
         run.steps, run.last_kick = run.steps + 1, kick
@@ -153,7 +190,8 @@ def advance(chain, setting, state, record, most_steps):
         if leader < last:
             after = _tip_gap(leader, place, velocity, step, chain)
             if after <= 0.0 < run.tip_gap and run.share == 1.0:
-                run.share = run.tip_gap / (run.tip_gap - after)  # repeated, to end with the hit
+                # the step is repeated, so that it ends with the hit
+                run.share = run.tip_gap / (run.tip_gap - after)
                 for i in range(low, leader + 1):
                     velocity[i] = state.before[i - low]
                 continue
@@ -192,7 +230,7 @@ def advance(chain, setting, state, record, most_steps):
 
 @compile_alone
 def _pose(pose, i, place, velocity, later):
-    """Write x, y, sine and cosine of the lean of i some time later."""
+    """Write x, y, sine and cosine of the lean of i, at a time later [s]."""
     lean = place[i, 2] + later * velocity[i, 2]
     pose[i, 0] = place[i, 0] + later * velocity[i, 0]
     pose[i, 1] = place[i, 1] + later * velocity[i, 1]
@@ -201,9 +239,9 @@ def _pose(pose, i, place, velocity, later):
 
 @compile_alone
 def _distance_ahead(i, up, j, place, velocity, later, chain):
-    """Return how far a point is ahead of the pivot of j along the ground, some time later [m].
+    """Return the distance of a point ahead of the pivot of j along the ground, some time later [m].
 
-    The point is on the front face of i, `up` above its bottom edge.
+    The point is on the front face of i, `up` [m] above its bottom edge.
     """
     lean = place[i, 2] + later * velocity[i, 2]
     sine, cosine = math.sin(lean), math.cos(lean)
@@ -248,13 +286,13 @@ def _find_contacts(chain, setting, state):
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _meet(state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain)
+            gap, met, face = _detect(state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain)
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * chain.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _meet(state.contact, closed, IMPULSE, kind, i, face, now, chain)
+            _detect(state.contact, closed, IMPULSE, kind, i, face, now, chain)
             _write_responses(state, closed, i, i + 1, kind, setting.friction)
             closed += 1
     return closed
@@ -262,7 +300,10 @@ def _find_contacts(chain, setting, state):
 
 @compile_alone
 def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
-    """Write normal and tangent of a contact at r from the first domino and q from the second."""
+    """Write the columns from `at` on of a contact at r from the first domino, q from the second.
+
+    n: unit vector of its normal.
+    """
     contact[c, at], contact[c, at + 1] = nx, ny
     contact[c, at + 2], contact[c, at + 3] = ry * nx - rx * ny, qy * nx - qx * ny
     at += 4
@@ -271,13 +312,12 @@ def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
 
 
 @compile_alone
-def _meet(contact, c, at, kind, i, face, pose, chain):
-    """Write the directions of a contact of i with the next; return gap, whether it is met, face.
+def _detect(contact, c, at, kind, i, face, pose, chain):
+    """Detect a contact of i with the next, and write its directions from column `at` on.
 
-    The tip of i touches the rear face or the bottom end of the next, or the rear bottom edge of the
-    next touches the front face or the top end of i. Unless given, the face is the one that the
-    vertex is farther outside of. It is met if the vertex is within the face's length. The normal
-    points towards i.
+    The tip of i meets the rear face or the bottom of the next, or the rear bottom edge of the next
+    meets the front face or the top of i. The normal points towards i.
+    Returns (gap [m], True if the vertex is within the length of the face, face).
     """
     j = i + 1
     owner = j if kind == TIP else i  # of the faces
@@ -300,8 +340,8 @@ def _meet(contact, c, at, kind, i, face, pose, chain):
         fy = ry + ex * sine - ey * cosine
         ahead, past = fx * cosine - fy * sine, fx * sine + fy * cosine - chain.height[i]
     if face == EITHER:
-        face = FRONT_FACE if ahead >= past else END_FACE
-    if face == FRONT_FACE:
+        face = LARGE_FACE if ahead >= past else END_FACE
+    if face == LARGE_FACE:
         gap, met = ahead, -chain.height[owner] <= past <= 0.0
         nx, ny = -cosine, sine
     else:
@@ -313,23 +353,23 @@ def _meet(contact, c, at, kind, i, face, pose, chain):
 
 @compile_alone
 def _write_responses(state, c, i, j, kind, friction):
-    """Write partners, friction and the response to unit impulses of a contact."""
+    """Write partners and friction of a contact, and its responses to unit impulses."""
     contact = state.contact
     state.partners[c, 0], state.partners[c, 1], state.partners[c, 2] = i, j, kind
     contact[c, FRICTION] = friction
-    mass, turn = state.inverse_mass[i], state.inverse_inertia[i]
-    mass2 = turn2 = 0.0
+    per_mass, per_inertia = state.inverse_mass[i], state.inverse_inertia[i]
+    per_mass2 = per_inertia2 = 0.0
     if j != FLOOR:
-        mass2, turn2 = state.inverse_mass[j], state.inverse_inertia[j]
+        per_mass2, per_inertia2 = state.inverse_mass[j], state.inverse_inertia[j]
     for column, move, act in (
         (NORMAL, VELOCITY, IMPULSE), (CROSS, VELOCITY + 4, IMPULSE),
         (TANGENTIAL, VELOCITY + 4, IMPULSE + 4),
     ):  # fmt: skip
         straight = contact[c, move] * contact[c, act] + contact[c, move + 1] * contact[c, act + 1]
         contact[c, column] = (
-            (mass + mass2) * straight
-            + turn * contact[c, move + 2] * contact[c, act + 2]
-            + turn2 * contact[c, move + 3] * contact[c, act + 3]
+            (per_mass + per_mass2) * straight
+            + per_inertia * contact[c, move + 2] * contact[c, act + 2]
+            + per_inertia2 * contact[c, move + 3] * contact[c, act + 3]
         )
     for column, inverse in ((NORMAL, PER_NORMAL), (TANGENTIAL, PER_TANGENTIAL)):
         response = contact[c, column]
@@ -356,15 +396,16 @@ def _apply_impulse(state, c, normal, tangential):
 
 @compile_alone
 def _sweep(state, closed, tolerance):
-    """Sweep forward and backward until no contact velocity changes by more than the tolerance."""
+    """Sweep until no contact velocity changes by more than the tolerance, or sweeps stagnate."""
     contact, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
-    mass, inertia = state.inverse_mass, state.inverse_inertia
+    per_mass, per_inertia = state.inverse_mass, state.inverse_inertia
     check, earlier = FIRST_CHECK, np.inf
     for sweep in range(1, MAX_SWEEPS + 1):
         change = 0.0
-        for turn in range(closed):
-            c = turn if sweep % 2 else closed - 1 - turn
+        for k in range(closed):
+            c = k if sweep % 2 else closed - 1 - k
             i, j, kind = partners[c, 0], partners[c, 1], partners[c, 2]
+            # columns 0 to 7 are those of VELOCITY, 8 to 15 those of IMPULSE
             x, y, w = v[i, 0], v[i, 1], v[i, 2]
             speed = contact[c, 0] * x + contact[c, 1] * y + contact[c, 2] * w
             slip = contact[c, 4] * x + contact[c, 5] * y + contact[c, 6] * w
@@ -374,29 +415,29 @@ def _sweep(state, closed, tolerance):
                 speed -= contact[c, 0] * x2 + contact[c, 1] * y2 + contact[c, 3] * w2
                 slip -= contact[c, 4] * x2 + contact[c, 5] * y2 + contact[c, 7] * w2
             normal = max(0.0, impulse[i, kind, 0] - speed * contact[c, PER_NORMAL])
-            more = normal - impulse[i, kind, 0]
-            slip += contact[c, CROSS] * more
+            more_n = normal - impulse[i, kind, 0]
+            slip += contact[c, CROSS] * more_n
             limit = contact[c, FRICTION] * normal
             tangential = impulse[i, kind, 1] - slip * contact[c, PER_TANGENTIAL]
             tangential = min(limit, max(-limit, tangential))
-            more2 = tangential - impulse[i, kind, 1]
+            more_t = tangential - impulse[i, kind, 1]
             impulse[i, kind, 0], impulse[i, kind, 1] = normal, tangential
-            px = contact[c, 8] * more + contact[c, 12] * more2
-            py = contact[c, 9] * more + contact[c, 13] * more2
-            v[i, 0] = x + mass[i] * px
-            v[i, 1] = y + mass[i] * py
-            v[i, 2] = w + inertia[i] * (contact[c, 10] * more + contact[c, 14] * more2)
+            px = contact[c, 8] * more_n + contact[c, 12] * more_t
+            py = contact[c, 9] * more_n + contact[c, 13] * more_t
+            v[i, 0] = x + per_mass[i] * px
+            v[i, 1] = y + per_mass[i] * py
+            v[i, 2] = w + per_inertia[i] * (contact[c, 10] * more_n + contact[c, 14] * more_t)
             if j != FLOOR:
-                v[j, 0] = x2 - mass[j] * px
-                v[j, 1] = y2 - mass[j] * py
-                v[j, 2] = w2 - inertia[j] * (contact[c, 11] * more + contact[c, 15] * more2)
-            change = max(change, contact[c, NORMAL] * abs(more))
-            change = max(change, contact[c, TANGENTIAL] * abs(more2))
+                v[j, 0] = x2 - per_mass[j] * px
+                v[j, 1] = y2 - per_mass[j] * py
+                v[j, 2] = w2 - per_inertia[j] * (contact[c, 11] * more_n + contact[c, 15] * more_t)
+            change = max(change, contact[c, NORMAL] * abs(more_n))
+            change = max(change, contact[c, TANGENTIAL] * abs(more_t))
         if change <= tolerance:
             return
         if sweep == check:
-            # the impulse on a domino wedged between its neighbour and the floor grows a little in
-            # every sweep, without effect on the others
+            # the impulses on a domino that is jammed between its neighbour and the floor may grow a
+            # little in every sweep, without effect on the others
             if change > STAGNATION * earlier:
                 return
             earlier, check = change, 2 * check

@@ -1,10 +1,11 @@
 """Third-party engine: the same layout in Chipmunk (pymunk), which shares no code with the model.
 
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
-and with the friction of the physics. With fixed pivots each turns about its front bottom edge, as
-in the model, and a stop keeps it from leaning back. On a floor it may slide and lift; on uneven
-ground each stands on a separate plank along the chord under its base, so that boxes cannot catch on
-joints. Lengths are millimetres inside, as the engine's tolerances are made for numbers near one.
+and with the friction of the physics. With fixed pivots each domino turns about its front bottom
+edge, as in the model, and a stop keeps it from leaning back. On a floor it may slide and lift. On
+uneven ground each domino stands on a separate plank along the chord under its base, so that boxes
+cannot catch on joints. The engine computes in millimetres, as its tolerances are meant for numbers
+near one.
 
 In every step the engine's contact solver makes a fixed number of sweeps over all contacts. The
 impulse of a face impact acts on the whole stack, which bounces back if the sweeps are too few.
@@ -26,14 +27,14 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.rigid import dynamics, simulation
 
-MM = 1000.0
-KINDS = 32  # categories of bodies; i and i ± 1 collide; on uneven ground half are of planks
-PLANK = 1.5  # [heights] before and behind a pivot: where a domino may come to lie
-OVERLAP = 1e-4  # [mm] of faces, which the engine tolerates
-DEPTH = 10.0  # [mm] of a floor or plank
-RTOL = 5e-4  # of an arrival time
-STEPS = (8e-5, 4e-5, 2e-5)  # [s]
-SWEEPS, MAX_SWEEPS = 60, 1920
+MM = 1000.0  # millimetres in a metre
+KINDS = 32  # bits of a collision filter: domino i collides with i ± 1; half are for planks, if any
+PLANK = 1.5  # [heights] length before and behind a pivot, where a domino may come to lie
+OVERLAP = 1e-4  # [mm] overlap of faces that the engine tolerates
+DEPTH = 10.0  # [mm] thickness of a floor or plank
+RTOL = 5e-4  # relative error allowed in the arrival times
+STEPS = (8e-5, 4e-5, 2e-5)  # [s] time steps, of which the last is not always needed
+SWEEPS, MAX_SWEEPS = 60, 1920  # first and largest number of sweeps in a step
 
 
 def simulate_in_engine(
@@ -42,10 +43,10 @@ def simulate_in_engine(
     """Simulate in Chipmunk, with more sweeps and finer steps until the arrival times converge.
 
     At the coarsest step the sweeps are doubled until no arrival time changes by more than half of
-    `RTOL`; then the steps become finer until the limit, extrapolated linearly from the two finest
+    `RTOL`. Then the steps become finer until the limit, extrapolated linearly from the two finest
     steps to a step of zero, converges. The error estimate is the change by the last doubling plus
-    the change of the limit by the last step; after two steps only, the distance of the limit from
-    the finer one.
+    the change of the limit by the last step. With two steps only, the latter is the difference of
+    the limit from the result of the finer step.
 
     Parameters
     ----------
@@ -55,7 +56,8 @@ def simulate_in_engine(
     Returns
     -------
     RigidWave
-        Arrival times and leans; slips and openings are nan.
+        Arrival times and leans; slips and openings are nan. `lean` is the last angle, not the
+        largest.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def simulate_in_engine(
         with progress_bar(
             progress, total=layout.count, desc=description, unit=" dominoes", leave=False, delay=1.0
         ) as bar:
-            return follow(layout, physics, floor_friction, step, sweeps, window, bar.update)
+            return run_engine(layout, physics, floor_friction, step, sweeps, window, bar.update)
 
     sweeps, change = min(SWEEPS, MAX_SWEEPS), math.inf
     times, lean = run(STEPS[0], sweeps)
@@ -108,7 +110,7 @@ def simulate_in_engine(
     )
 
 
-def follow(
+def run_engine(
     layout: Layout,
     physics: Physics,
     floor_friction: float | None,
@@ -117,7 +119,9 @@ def follow(
     window: int | None = None,
     on_hit: Callable[[], object] = lambda: None,
 ) -> tuple[Floats, Floats]:
-    """Follow a layout in the engine until its last domino has toppled or nothing more happens.
+    """Simulate in Chipmunk with one step, until the last domino topples or comes to rest.
+
+    A wave that stops ends the simulation, too.
 
     Parameters
     ----------
@@ -126,18 +130,18 @@ def follow(
     step
         Time step [s].
     sweeps
-        Iterations of the contact solver in every step.
+        Number of sweeps of the contact solver in every step.
     window
         Number of dominoes behind the leader that still move; those further back are removed, to
         save time. None keeps all.
     on_hit
-        Called without arguments whenever a domino is struck.
+        Function without arguments that is called whenever a domino is hit.
 
     Returns
     -------
     tuple of ndarray
-        Arrival times (N,) [s], the tip before it reaches the rear face of the next; angles (N,) at
-        the end, or when removed [rad].
+        Arrival times (N,) [s], at which the tip of the domino before reaches the rear face; leans
+        (N,) [rad] at the end, or when the domino was removed.
     """
     space = _Space(layout, physics, sweeps, floor_friction)
     arrivals = np.full(layout.count, np.inf)
@@ -169,7 +173,7 @@ def follow(
 
 
 class _Space:
-    """The engine's space; dominoes are placed in it shortly before the wave reaches them."""
+    """Space of the engine, in which dominoes are placed shortly before the wave reaches them."""
 
     def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
         self._pymunk = _engine()
@@ -182,7 +186,8 @@ class _Space:
         self.bodies: list[Any] = []
         self._removed_count = 0
         self.advance: Callable[[float], None] = space.step
-        # the engine multiplies the coefficients of two bodies: that of dominoes must not be 0
+        # The engine multiplies the coefficients of two bodies. That of dominoes must not be 0, as
+        # that of the floor is divided by it.
         self._friction = math.sqrt(max(physics.friction, 1e-6))
         self._floor = None if floor is None else floor / self._friction
         if layout.is_flat:
@@ -205,9 +210,9 @@ class _Space:
             height, thickness = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
             mass = float(layout.density[i] * layout.height[i] * layout.thickness[i])
             body = pymunk.Body(mass, mass * (height * height + thickness * thickness) / 12.0)
-            edge, foot = (float(place) * MM for place in self._pivots[i])
+            pivot_x, pivot_y = (float(place) * MM for place in self._pivots[i])
             ahead, up = self._rotate_to_ground(i, -thickness / 2.0, height / 2.0)
-            body.position, body.angle = (edge + ahead, foot + up), -float(layout.tilt[i])
+            body.position, body.angle = (pivot_x + ahead, pivot_y + up), -float(layout.tilt[i])
             shape = pymunk.Poly.create_box(body, (thickness, height))
             shape.friction, shape.elasticity = self._friction, 0.0
             kinds = KINDS if layout.is_flat else KINDS // 2
@@ -217,26 +222,29 @@ class _Space:
                 reach = PLANK * height
                 plank = pymunk.ShapeFilter(categories=kind << kinds, mask=kind)
                 partners |= kind << kinds
-                self._add_floor(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
+                self._add_floor(-reach, reach, (pivot_x, pivot_y), float(layout.tilt[i]), plank)
             shape.filter = pymunk.ShapeFilter(categories=kind, mask=partners)
             self._space.add(body, shape)
             if self._fixed:
                 static = self._space.static_body
-                hinge = pymunk.PivotJoint(static, body, (edge, foot))
+                hinge = pymunk.PivotJoint(static, body, (pivot_x, pivot_y))
                 stop = pymunk.RotaryLimitJoint(static, body, -math.pi, body.angle)
                 hinge.collide_bodies = stop.collide_bodies = False
                 self._space.add(hinge, stop)
             self.bodies.append(body)
 
     def _rotate_to_ground(self, i: int, x: float, y: float) -> tuple[float, float]:
-        """Return a direction on flat ground, turned to the ground under domino i."""
+        """Return a vector on flat ground, rotated to the ground under domino i."""
         cosine, sine = map(float, self._directions[i])
         return x * cosine + y * sine, y * cosine - x * sine
 
     def _add_floor(
         self, begin: float, end: float, pivot: tuple[float, float], tilt: float, plank: Any
     ) -> None:
-        """Lay a floor from begin to end along a slope through a pivot [mm]."""
+        """Add a floor from begin to end [mm] along a slope [rad] through a pivot [mm].
+
+        plank: filter of its collisions; None if it collides with every domino.
+        """
         if self._floor is None:
             return
         turn = self._pymunk.Transform(
@@ -250,7 +258,7 @@ class _Space:
         self._space.add(ground)
 
     def remove_up_to(self, last: int) -> None:
-        """Remove the dominoes up to this one; if they were held in place they would push others."""
+        """Remove the dominoes up to this one; held in place instead, they would push others."""
         for body in self.bodies[self._removed_count : max(last + 1, 0)]:
             self._space.remove(*body.constraints, *body.shapes, body)
             self._removed_count += 1
@@ -268,10 +276,10 @@ class _Space:
         body = self.bodies[i]
         half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
         sine, cosine = math.sin(body.angle), math.cos(body.angle)
-        tip = body.position.x + half[0] * cosine - half[1] * sine
-        top = body.position.y + half[0] * sine + half[1] * cosine
-        (rear, foot), (along, down) = self._rears[i + 1], self._directions[i + 1]
-        return float((rear * MM - tip) * along - (foot * MM - top) * down)
+        tip_x = body.position.x + half[0] * cosine - half[1] * sine
+        tip_y = body.position.y + half[0] * sine + half[1] * cosine
+        (rear_x, rear_y), (along, down) = self._rears[i + 1], self._directions[i + 1]
+        return float((rear_x * MM - tip_x) * along - (rear_y * MM - tip_y) * down)
 
 
 def engine_name() -> str:
@@ -280,7 +288,7 @@ def engine_name() -> str:
     Raises
     ------
     ImportError
-        If it is missing; the message has the command that installs it.
+        If pymunk is missing; the message has the command that installs it.
     """
     return f"pymunk {_engine().version}"
 

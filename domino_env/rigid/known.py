@@ -1,7 +1,7 @@
 """Stored verifications of the shipped layouts, and their table.
 
-`known.json` beside this file has a `Verified` under each scene's name. ``domino best-known --verify
---update`` writes it; the documentation and `domino report` read it.
+`known.json` beside this file has a `StoredVerification` under the name of each scene.
+``domino best-known --verify --update`` writes it; the documentation and `domino report` read it.
 """
 
 from __future__ import annotations
@@ -31,22 +31,23 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Check:
-    """One layout on one floor, in numbers.
+    """Result of one layout on one floor, compared with the model.
 
     Attributes
     ----------
     layout
-        The best known, or the uniform baseline of this floor.
+        "best" for the best known, "uniform" for the uniform baseline of this floor.
     simulator
-        Name and version.
+        Name of the simulator, with the version of an engine.
     floor
-        Its friction; None for fixed pivots.
+        Friction of the floor; None for fixed pivots.
     last
-        Time of the last hit over that of the model with fixed pivots - 1; None if there is none.
+        Time of the last hit over that of the model with fixed pivots, minus one; None if the last
+        domino is not hit.
     largest
-        Largest such difference of all hits.
+        Largest such difference of all hits, as an absolute value.
     uncertainty
-        Error estimate of the simulator; None if it has none.
+        Error estimate of the simulator; None if it is not finite.
     staying_up
         Number of dominoes that do not topple.
     gap
@@ -54,8 +55,8 @@ class Check:
     score
         Score of the layout in its scene, as text.
     gain
-        Speed over that of the uniform baseline of this floor - 1; None for that layout, for
-        scenes with other scores, and if a domino does not topple.
+        Speed over that of the uniform baseline of this floor, minus one; None for this baseline,
+        for scenes with other scores, and if a domino does not topple.
     """
 
     layout: Literal["best", "uniform"]
@@ -71,22 +72,22 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Verified:
+class StoredVerification:
     """Checks of one shipped layout and of its uniform baselines.
 
     Attributes
     ----------
     digest
-        Digest of layout and physics.
+        Digest of layout and physics, see `digest`.
     count
         Number of dominoes.
     first
-        Number of dominoes simulated, from the first.
+        Number of dominoes that were simulated, from the first on.
     verdict
-        Verdict on the layout with fixed pivots.
+        Verdict on the layout with fixed pivots, see `Verification`.
     checks
-        Checks of the best known layout and the uniform baseline, and of the engine if it was
-        run; fixed pivots first.
+        Checks of the best known layout and of the uniform baselines, by the reference simulator
+        and by the engine if it was run; fixed pivots first.
     """
 
     digest: str
@@ -113,33 +114,33 @@ def digest(layout: Layout, physics: Physics) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def read_verified(path: Path = PATH) -> dict[str, Verified]:
-    """Return the stored verifications by scene; none if there is no such file."""
+def read_verified(path: Path = PATH) -> dict[str, StoredVerification]:
+    """Return the stored verifications by the name of the scene; empty if there is no such file."""
     if not path.exists():
         return {}
     document = read_json(path)
     with errors_with_path(path):
-        return {name: read_model(Verified, table, name) for name, table in document.items()}
+        return {n: read_model(StoredVerification, table, n) for n, table in document.items()}
 
 
-def write_verified(verified: dict[str, Verified], path: Path = PATH) -> None:
-    """Write the verifications in the order of the names."""
+def write_verified(verified: dict[str, StoredVerification], path: Path = PATH) -> None:
+    """Write verifications by the name of the scene, in the order of the names."""
     document = {name: asdict(verified[name]) for name in sorted(verified)}
     write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
 @cache
-def _by_digest() -> dict[str, Verified]:
+def _by_digest() -> dict[str, StoredVerification]:
     return {verified.digest: verified for verified in read_verified().values()}
 
 
-def known_verification(layout: Layout, physics: Physics) -> Verified | None:
-    """Return the stored verification of this layout and physics, if there is one."""
+def known_verification(layout: Layout, physics: Physics) -> StoredVerification | None:
+    """Return the stored verification of a layout with its physics; None if there is none."""
     return _by_digest().get(digest(layout, physics))
 
 
-def known_table(verified_by_scene: dict[str, Verified]) -> list[str]:
-    """Return a Markdown table of the best known and the uniform baselines on every floor."""
+def known_table(verified_by_scene: dict[str, StoredVerification]) -> list[str]:
+    """Return the lines of a Markdown table of best known layouts and baselines on every floor."""
     lines = []
     for name, verified in verified_by_scene.items():
         count, first = verified.count, verified.first

@@ -18,26 +18,26 @@ from domino_env.physics.physics import Physics, require_arguments
 from domino_env.rigid import dynamics
 
 FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
-COARSEST_STEP, FINEST_STEP = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
-SWEEP_TOLERANCE = 5e-6  # [sqrt(g L)] velocity at which the sweeps of a step of fineness 1 end
+COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, over those of 0.16 ms for standard dominoes
+SWEEP_TOLERANCE = 5e-6  # [√(g L)] change of velocity at which sweeps end, for coarseness 1
 WINDOW = 24  # dominoes behind the leader that still move, at least
-NEGLIGIBLE = 1e-4  # of the leader's speed: slower dominoes are at rest
-PATIENCE = 3.0  # [sqrt(L/g)] without a hit after which a wave has stopped; a fall takes about one
-SAFETY = 3.0  # times the largest change by halved steps
-CHANCE_ERROR = 2e-4  # relative error at fineness 1 that a change may be too small to show
-STEPS_AT_ONCE = 256  # of the compiled code, some 0.1 s
-MAX_RUN_TIME = 1800.0  # [s] that a simulation may take
-MIN_MEASURED_TIME = 10.0  # [s] of all its runs, after which its time can be estimated
+NEGLIGIBLE = 1e-4  # of the leader's speed: slower dominoes are held at rest
+PATIENCE = 3.0  # [√(L/g)] without a hit after which a wave has stopped; a fall takes about one
+SAFETY = 3.0  # ratio of the error estimate to the largest change by halved steps
+CHANCE_ERROR = 2e-4  # relative error at coarseness 1 that halved steps may hide by chance
+STEPS_AT_ONCE = 256  # steps in a call of the compiled code, which takes some 0.1 s
+MAX_RUN_TIME = 1800.0  # [s] longest time that a simulation may take
+MIN_MEASURED_TIME = 10.0  # [s] of computation, after which the time of all runs can be estimated
 
 
 @dataclass(frozen=True, eq=False)
 class RigidWave:
-    """Wave of a layout of rigid bodies, by this simulator or a third-party engine.
+    """Wave of a layout of rigid bodies, by `simulate_standing` or a third-party engine.
 
     Attributes
     ----------
     layout, physics
-        As simulated.
+        Layout and physics that were simulated.
     floor_friction
         Coulomb coefficient between dominoes and the floor; None for fixed pivots.
     arrival_times
@@ -45,13 +45,13 @@ class RigidWave:
     lean
         (N,) largest angle from upright, towards the next domino, while it moved [rad].
     slid
-        (N,) largest distance of the front bottom edge from its place [m]; 0 with fixed pivots. An
-        engine gives neither this nor openings: nan.
+        (N,) largest distance of the front bottom edge from its first place [m]; 0 with fixed
+        pivots, nan for an engine.
     opened
-        (N-1,) largest opening of the contact with the next domino after it had closed [m], and
-        before the tip slipped off.
+        (N-1,) largest opening of the contact with the next domino after it had closed and before
+        the tip slipped off [m]; nan for an engine.
     opened_at
-        (N-1,) time of that opening [s]; 0 where there was none.
+        (N-1,) time of that opening [s]; 0 where there was none, nan for an engine.
     error_estimate
         Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps;
         see the notes of `simulate_standing`.
@@ -64,7 +64,7 @@ class RigidWave:
     run_time
         Time of the computation [s].
     simulator
-        Name, and version of an engine.
+        Name of the simulator, with the version of an engine.
     """
 
     layout: Layout
@@ -98,7 +98,7 @@ class RigidWave:
 
     @property
     def topples(self) -> Bools:
-        """True for dominoes that passed their tipping angle (N,)."""
+        """Mask of dominoes that passed their tipping angle (N,)."""
         tipping = np.arctan2(self.layout.thickness, self.layout.height)
         return np.asarray(self.lean > tipping)
 
@@ -114,13 +114,13 @@ class RigidWave:
 
     @property
     def propagated(self) -> bool:
-        """True if all dominoes were hit and toppled, as of a wave of the model."""
+        """True if all dominoes were hit and toppled."""
         return self.hit == self.toppled == self.layout.count
 
     @property
     def mean_speed(self) -> float:
-        """Length of the standing layout over the last arrival time [m/s]; 0 if it is not hit."""
-        last = float(self.arrival_times[-1])
+        """Length of the layout over the last arrival time [m/s]; 0 if the last is not hit."""
+        last = float(self.arrival_times[-1])  # 0 for a single domino
         return self.layout.length / last if 0.0 < last < math.inf else 0.0
 
 
@@ -130,7 +130,13 @@ def floor_name(floor_friction: float | None) -> str:
 
 
 def largest_difference(times: Floats, reference: Floats) -> float:
-    """Return the largest |t_k / t'_k - 1|; inf where the waves end at different dominoes."""
+    """Return the largest |t_k / t'_k - 1|; inf if different dominoes are hit.
+
+    Parameters
+    ----------
+    times, reference
+        Arrival times t and t' (N,) [s]; inf where not hit.
+    """
     hit = np.isfinite(reference)
     if not np.array_equal(hit, np.isfinite(times)):
         return math.inf
@@ -139,7 +145,7 @@ def largest_difference(times: Floats, reference: Floats) -> float:
 
 
 class StoppedError(Exception):
-    """Raised by a simulation whose `stop` returned True."""
+    """Error of a simulation whose `stop` returned True."""
 
 
 def simulate_standing(
@@ -160,15 +166,15 @@ def simulate_standing(
     Parameters
     ----------
     layout
-        On flat ground or not; each domino's floor is the plane that it stands on.
+        Layout. On uneven ground the floor of each domino is the plane on which it stands.
     physics
         Friction between dominoes, gravity and push; by default those of `Physics()`.
     floor_friction
-        Coulomb coefficient between dominoes and the floor, 0 or more; None turns every domino
-        about its front bottom edge, as the analytic model does.
+        Coulomb coefficient between dominoes and the floor, 0 or more. With None every domino turns
+        about its front bottom edge, as in the analytic model.
     rtol
-        Relative error allowed in the arrival times, 1e-5 or more: steps are halved until the
-        estimate meets it.
+        Relative error allowed in the arrival times, from 1e-5 to below 1. Steps are halved until
+        the error estimate is not larger, or the steps are the finest.
     progress
         True for a progress bar; None for a bar on a terminal, else a line every half minute.
     stop
@@ -177,10 +183,12 @@ def simulate_standing(
     Returns
     -------
     RigidWave
-        Arrival times with an estimate of their error, and which dominoes toppled, slid, opened.
+        Arrival times with an estimate of their error, leans, slips and openings of contacts.
 
     Raises
     ------
+    TypeError
+        For a layout, physics or stop of another type.
     ValueError
         For a friction or tolerance out of its range, and for a layout that would take more than
         half an hour.
@@ -191,13 +199,14 @@ def simulate_standing(
 
     Notes
     -----
-    The error estimate is three times the largest change of an arrival time by halved steps, plus
-    2e-4 of the last step in units of 0.16 ms (for standard dominoes). It holds where arrival times
-    depend on the steps smoothly. An impact with friction may have two solutions, and finer steps
-    may switch to the other one, of which coarser runs show nothing: of 45 runs of random layouts
-    of 16 dominoes on floors (friction 0.3 and 0.5, flat and uneven ground, rtol=1e-3) 43 had an
-    error below half of the estimate, and two had one of 2.6 and 9 times the estimate. With
-    rtol=2e-4 all errors were below a third of it.
+    The error estimate is three times the largest relative change of an arrival time by halved
+    steps, plus 2e-4 times the last step over 0.16 ms (for standard dominoes). The change by an
+    earlier halving counts half at every further one. The estimate holds where arrival times depend
+    on the steps smoothly. An impact with friction may have two solutions, and finer steps may
+    switch to the other one without a sign of it in coarser runs. Of 45 runs of random layouts of 16
+    dominoes on floors (friction 0.3 and 0.5, flat and uneven ground, rtol=1e-3) 43 had an error
+    below half of the estimate, and two had errors of 2.6 and 9 times the estimate. With rtol=2e-4
+    all errors were below a third of it.
 
     References
     ----------
@@ -217,17 +226,17 @@ def simulate_standing(
     floor_friction = None if floor_friction is None else float(floor_friction)
     require_type("stop", stop, Callable | None, "a function that returns True or False, or None")
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
-    run, steps = _run(layout, physics, floor_friction, COARSEST_STEP, progress, stop)
-    fineness, largest = COARSEST_STEP, 0.0
-    while fineness > FINEST_STEP:
-        fineness /= 2.0
-        finer, steps = _run(layout, physics, floor_friction, fineness, progress, stop)
-        # an error halves with the steps; a change smaller than that may be small by chance
+    run, steps = _run(layout, physics, floor_friction, COARSEST, progress, stop)
+    coarseness, largest = COARSEST, 0.0
+    while coarseness > FINEST:
+        coarseness /= 2.0
+        finer, steps = _run(layout, physics, floor_friction, coarseness, progress, stop)
+        # an error halves with the steps: a change below half of the last one may be small by chance
         change = largest_difference(run.arrival_times, finer.arrival_times)
         largest = max(change, 0.5 * largest)
-        uncertainty = SAFETY * largest + CHANCE_ERROR * fineness
+        uncertainty = SAFETY * largest + CHANCE_ERROR * coarseness
         run = finer
-        if uncertainty <= rtol and fineness <= COARSEST_STEP / 4.0:
+        if uncertainty <= rtol and coarseness <= COARSEST / 4.0:  # at least two changes are known
             break
     return RigidWave(
         layout=layout,
@@ -258,7 +267,7 @@ def window_size(layout: Layout) -> int:
     Notes
     -----
     Behind a closed contact a domino turns by about 1 - √(λ² - d²)/L times the turn of the next one,
-    with pitch λ, thickness d and height L: stacks with small gaps come to rest slowly.
+    with pitch λ, thickness d and height L. With small gaps more dominoes are needed.
     """
     pitch, thickness, height = layout.pitch, layout.thickness[1:], layout.height[:-1]
     ratios = 1.0 - np.sqrt(np.maximum(pitch**2 - thickness**2, 0.0)) / height
@@ -270,7 +279,7 @@ def window_size(layout: Layout) -> int:
 def longest_wait(layout: Layout, physics: Physics) -> float:
     """Return the time without a hit after which a wave has stopped [s].
 
-    For a push smaller than the least that tips the first domino, it is the time of the least.
+    A push smaller than the least that tips the first domino counts as the least.
     """
     height, thickness, tilt = layout.height[0], layout.thickness[0], layout.tilt[0]
     diagonal = math.hypot(height, thickness)
@@ -284,11 +293,11 @@ def _run(
     layout: Layout,
     physics: Physics,
     floor: float | None,
-    fineness: float,
+    coarseness: float,
     progress: bool | None = False,
     stop: Callable[[], bool] | None = None,
 ) -> tuple[dynamics.Record, int]:
-    """Simulate with steps of one fineness; return the results and the number of steps."""
+    """Simulate with steps of one coarseness; return the results and the number of steps."""
     count, height, thickness = layout.count, layout.height, layout.thickness
     mass, square = layout.density * height * thickness, height**2 + thickness**2
     edge = np.zeros((count, 2))
@@ -301,8 +310,8 @@ def _run(
     tallest = float(height.max())
     friction = dynamics.FIXED_PIVOTS if floor is None else floor
     setting = dynamics.Setting(
-        physics.friction, friction, physics.gravity, fineness,
-        SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_size(layout),
+        physics.friction, friction, physics.gravity, coarseness,
+        SWEEP_TOLERANCE * coarseness * math.sqrt(physics.gravity * tallest), window_size(layout),
         longest_wait(layout, physics),
     )  # fmt: skip
     arrival_times = np.append(0.0, np.full(count - 1, np.inf))
@@ -310,24 +319,25 @@ def _run(
     record = dynamics.Record(arrival_times, *map(np.zeros, lengths))
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
-    first: tuple[float, int] | None = None  # time and hits at the end of the first piece
-    description = f"{floor_name(floor)}, steps of {fineness:g}"
+    first: tuple[float, int] | None = None  # time and dominoes hit after the first call
+    description = f"{floor_name(floor)}, steps of {coarseness:g}"
     with progress_bar(
         progress, total=count, desc=description, unit=" dominoes", leave=False, delay=1.0
     ) as bar:
-        while status == dynamics.RUNNING:  # in pieces, between which Python handles signals
+        while status == dynamics.RUNNING:  # between calls, Python handles signals
             if stop is not None and stop():
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
             hit_count, now = int(state.run["leader"][0]) + 1, time.perf_counter()
             bar.update(hit_count - bar.n)
-            first = first or (now, hit_count)  # the first piece may have been compiled
-            # steps are halved at least until their fineness is 1: 2 c + 4 c after c for steps of 4
-            elapsed = (now - first[0]) * max(2.0 * fineness - 1.0, 1.0)
+            first = first or (now, hit_count)  # the first call may include compilation
+            # steps are halved until their coarseness is 1 or less: from 4 on, all runs take
+            # 1 + 2 + 4 = 7 times as long as this one, from 2 on 3 times
+            elapsed = (now - first[0]) * max(2.0 * coarseness - 1.0, 1.0)
             _require_time(elapsed, hit_count - first[1], count, floor_name(floor))
     if status == dynamics.FAILED:
         raise ArithmeticError(
             f"a velocity is not a number after {np.isfinite(arrival_times).sum()} of {count} "
-            "dominoes were hit: this is a fault of the simulator: please report the layout"
+            "dominoes were hit; this is a fault of the simulator: please report the layout"
         )
     return record, int(state.run["steps"][0])

@@ -19,9 +19,9 @@ from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
 
 FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
-AGREES, CLOSE = 0.001, 0.003  # largest relative differences of these verdicts
+AGREES, CLOSE = 0.001, 0.003  # largest relative differences for these verdicts
 NEAR_STALL = 0.05  # stall margins below this are given as a reason
-NEAR = 10  # contacts behind the leader; those further back hardly affect it
+NEAR = 10  # contacts behind the leader that affect it; openings further back are no reason
 WIDE = 1e-3  # of the height: smaller openings of contacts are not given as a reason
 
 
@@ -36,7 +36,7 @@ class Verification:
     reference
         Waves of `simulate_standing`: with fixed pivots, as in the model, then one per floor.
     engine
-        The same of the third-party engine; empty if it was not run.
+        Waves of the third-party engine, likewise; empty if it was not run.
     """
 
     wave: Wave
@@ -57,17 +57,17 @@ class Verification:
 
     @property
     def difference(self) -> float:
-        """Reference over model - 1 at the last hit, with fixed pivots; nan without this hit."""
+        """Time of the last hit with fixed pivots, over that of the model, minus one; or nan."""
         return last_difference(self.wave, self.fixed)
 
     @property
     def largest_difference(self) -> float:
-        """Largest relative difference of all arrival times with fixed pivots."""
+        """Largest relative difference, with fixed pivots, of arrival times that both waves have."""
         return common_difference(self.wave, self.fixed)
 
     @property
     def verdict(self) -> str:
-        """Verdict and its reason: AGREES, CLOSE, DIFFERS or UNDECIDED."""
+        """Verdict with its reason, beginning with AGREES, CLOSE, DIFFERS or UNDECIDED."""
         return self._verdict(self.fixed)
 
     @property
@@ -101,7 +101,7 @@ class Verification:
 
     @property
     def reason(self) -> str:
-        """Reason in the layout for a difference of model and reference."""
+        """Sentence with the reasons in the layout for a difference of model and reference."""
         margins, reasons = self.wave.stall_margin, []
         if np.isfinite(margins).any() and np.nanmin(margins) < NEAR_STALL:
             reasons.append(
@@ -109,6 +109,7 @@ class Verification:
                 f"{np.nanmin(margins):.2g}), where every small difference grows"
             )
         rigid, height = self.fixed, self.wave.layout.height[:-1]
+        # time at which the leader is NEAR dominoes ahead
         latest = np.append(rigid.arrival_times, np.full(NEAR, np.inf))[NEAR:-1]
         is_wide = (rigid.opened > WIDE * height) & (rigid.opened_at <= latest)
         if is_wide.any():
@@ -135,14 +136,14 @@ def verify(
     Parameters
     ----------
     layout, physics
-        As for `simulate`.
+        As for `simulate`; two dominoes or more.
     floors
-        Friction of each floor.
+        Friction of each floor, above 0.
     engine
-        True to simulate all of them with the third-party engine Chipmunk (extra ``verify``) too,
-        which takes seconds to minutes.
+        True to simulate fixed pivots and floors with the third-party engine Chipmunk (extra
+        ``verify``) too, which takes seconds to minutes.
     rtol
-        Relative error allowed in the arrival times of the reference simulator.
+        Relative error allowed in the arrival times of the reference simulator, from 1e-5 to 1.
     progress
         As for `simulate_standing`.
 
@@ -153,10 +154,13 @@ def verify(
 
     Raises
     ------
+    TypeError
+        For a layout or physics of another type.
     ImportError
         For `engine` without pymunk; the message has the command that installs it.
     ValueError
-        For a single domino, or a floor without friction.
+        For a single domino, a floor without friction, a tolerance out of its range, and a layout
+        that would take more than half an hour.
     """
     require_arguments(layout, physics)
     if layout.count < 2:
@@ -164,7 +168,7 @@ def verify(
     frictions = np.atleast_1d(numbers("floors", floors))
     require("floors", frictions, above=0.0, hint="coefficients of friction", array=True)
     require_choice("engine", engine, (False, True))
-    places = (None, *frictions.tolist())
+    places = (None, *frictions.tolist())  # None: fixed pivots
     return Verification(
         simulate(layout, physics),
         tuple(
@@ -178,7 +182,7 @@ def verify(
 
 
 def last_difference(wave: Wave, rigid: RigidWave) -> float:
-    """Return rigid over model - 1 at the last hit; nan if either wave ended before."""
+    """Return the time of the last hit, rigid over model, minus one; nan if a wave ended before."""
     last, model = float(rigid.arrival_times[-1]), float(wave.arrival_times[-1])
     return last / model - 1.0 if math.isfinite(last) and math.isfinite(model) else math.nan
 
@@ -190,7 +194,7 @@ def common_difference(wave: Wave, rigid: RigidWave) -> float:
 
 
 def verification_table(verification: Verification) -> list[str]:
-    """Return a table of differences of arrival times, every tenth domino, and the verdicts."""
+    """Return the lines of a table of differences at every tenth domino, and the verdicts."""
     model, count = verification.wave.arrival_times, verification.wave.layout.count
     waves = (*verification.reference, *verification.engine)
     names = ["domino", "model [s]"]
@@ -225,7 +229,7 @@ def verification_table(verification: Verification) -> list[str]:
 
 
 def as_document(verification: Verification) -> dict[str, Any]:
-    """Return the document `verification.json`; null if a domino is not reached."""
+    """Return the document `verification.json`; null for arrival times that do not exist."""
     wave = verification.wave
 
     def floor(rigid: RigidWave) -> dict[str, Any]:
@@ -252,5 +256,5 @@ def as_document(verification: Verification) -> dict[str, Any]:
 
 
 def _percent(value: float, model: float) -> str:
-    """Return the difference of a time from that of the model; nothing without either."""
+    """Return the relative difference of a time from that of the model; "" if one is not finite."""
     return f"{value / model - 1.0:+.3%}" if math.isfinite(value) and math.isfinite(model) else ""

@@ -12,7 +12,7 @@ from domino_env.core.threads import allowed_threads
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
 from domino_env.rigid.engine import simulate_in_engine
-from domino_env.rigid.known import Check, Verified, digest
+from domino_env.rigid.known import Check, StoredVerification, digest
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 from domino_env.rigid.verification import Verification, common_difference, last_difference
 from domino_env.scenes.scene import Scene
@@ -29,7 +29,7 @@ def verify_best_known(
     floors: Sequence[float],
     engine: bool = False,
     report: Callable[[str], object] = print,
-) -> dict[str, Verified]:
+) -> dict[str, StoredVerification]:
     """Simulate best known layouts and uniform baselines on fixed pivots and floors, on all cores.
 
     Parameters
@@ -63,7 +63,7 @@ def verify_best_known(
             scene, waves = scenes[name], [jobs[name, floor].result() for floor in all_floors]
             fixed = waves[0][0]
             verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
-            verifications[name] = Verified(
+            verifications[name] = StoredVerification(
                 digest=digest(entry.layout, scene.physics), count=entry.layout.count,
                 first=fixed.layout.count, verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),

@@ -13,7 +13,7 @@ from domino_env.kernels.adjoint.contact import (
     PARAM_INERTIA,
     PARAM_PITCH,
     PARAM_RISE,
-    PARAM_SLENDERNESS,
+    PARAM_TAN_PHI,
     PARAM_THICKNESS,
     PARAM_TURN,
     PARAMS,
@@ -113,16 +113,16 @@ def tilt_back(layout, ring, param_bars, bar, tilt):
     count = len(tilt)
     bar.tilt[:] = 0.0
     for i in range(count):
-        slenderness, domino = layout.thickness[i] / layout.height[i], ring[i]
+        tan_phi, domino = layout.thickness[i] / layout.height[i], ring[i]
         s, c = math.sin(tilt[i]), math.cos(tilt[i])
-        half_bar, slenderness_bar = param_bars[i, PARAM_HALF], param_bars[i, PARAM_SLENDERNESS]
+        half_bar, tan_phi_bar = param_bars[i, PARAM_HALF], param_bars[i, PARAM_TAN_PHI]
         half = 0.5 * layout.density[i] * layout.height[i] * layout.height[i] * layout.thickness[i]
-        rate = 1.0 + domino.slenderness * domino.slenderness  # derivative of tan(φ - α)
-        bar.tilt[i] += half * (slenderness * c - s) * half_bar - rate * slenderness_bar
-        param_bars[i, PARAM_HALF] = (c + slenderness * s) * half_bar
-        upright_rate = 1.0 + slenderness * slenderness
-        param_bars[i, PARAM_SLENDERNESS] = rate / upright_rate * slenderness_bar
-        param_bars[i, PARAM_SLENDERNESS] += half * s * half_bar
+        rate = 1.0 + domino.tan_phi * domino.tan_phi  # derivative of tan(φ - α)
+        bar.tilt[i] += half * (tan_phi * c - s) * half_bar - rate * tan_phi_bar
+        param_bars[i, PARAM_HALF] = (c + tan_phi * s) * half_bar
+        upright_rate = 1.0 + tan_phi * tan_phi
+        param_bars[i, PARAM_TAN_PHI] = rate / upright_rate * tan_phi_bar
+        param_bars[i, PARAM_TAN_PHI] += half * s * half_bar
         if i + 1 < count:
             bar.tilt[i] += param_bars[i, PARAM_TURN]
     for i in range(count - 1):
@@ -144,17 +144,17 @@ def layout_back(layout, ring, param_bars, bar):
     for i in range(count):
         length, d, rho = layout.height[i], layout.thickness[i], layout.density[i]
         inertia_bar, half_bar = param_bars[i, PARAM_INERTIA], param_bars[i, PARAM_HALF]
-        slenderness_bar = param_bars[i, PARAM_SLENDERNESS]
+        tan_phi_bar = param_bars[i, PARAM_TAN_PHI]
         square = (length * length + d * d) / 3.0
         bar.thickness[i] += (
             rho * length * (square + 2.0 * d * d / 3.0) * inertia_bar
             + 0.5 * rho * length * length * half_bar
-            + slenderness_bar / length
+            + tan_phi_bar / length
         )
         bar.height[i] += (
             rho * d * (square + 2.0 * length * length / 3.0) * inertia_bar
             + rho * length * d * half_bar
-            - d / (length * length) * slenderness_bar
+            - d / (length * length) * tan_phi_bar
         )
         bar.density[i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:

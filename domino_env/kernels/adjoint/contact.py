@@ -24,13 +24,13 @@ from domino_env.kernels.jit import always_inline, internal, leaf
 B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE, 4 * STRIDE
 SEED_M, SEED_G, SEED_D, B_MU = 5 * STRIDE, 6 * STRIDE, 7 * STRIDE, 8 * STRIDE
 B_PITCH, B_GAP, B_THICKNESS = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # of p, s, d
-B_INERTIA, B_HALF, B_SLENDERNESS = 12 * STRIDE, 13 * STRIDE, 14 * STRIDE
+B_INERTIA, B_HALF, B_TAN_PHI = 12 * STRIDE, 13 * STRIDE, 14 * STRIDE
 B_RISE, B_TURN = 15 * STRIDE, 16 * STRIDE  # of e and β, on uneven ground
 BARS = 17 * STRIDE
 
 # Parameters of each domino: p, s, d of its contact (in units of L_i), its inertia, half weight and
-# slenderness; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.
-PARAM_PITCH, PARAM_GAP, PARAM_THICKNESS, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDERNESS = range(6)
+# tan_phi; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.
+PARAM_PITCH, PARAM_GAP, PARAM_THICKNESS, PARAM_INERTIA, PARAM_HALF, PARAM_TAN_PHI = range(6)
 PARAM_RISE, PARAM_TURN = 6, 7
 PARAMS = 8  # on flat ground two are unused
 

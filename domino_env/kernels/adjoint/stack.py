@@ -10,7 +10,7 @@ from domino_env.kernels.adjoint.contact import (
     B_PITCH,
     B_RISE,
     B_SIN,
-    B_SLENDERNESS,
+    B_TAN_PHI,
     B_THICKNESS,
     B_TURN,
     B_VER,
@@ -59,20 +59,20 @@ def keep_shape(bars, j, contact, shape_bar):
 def friction_back(bars, above, here, count, contact, mu, kind_back):
     """Propagate bars over `add_with_friction`; above, here: lanes before and after it."""
     shape, inertia = shape_of(contact), contact.inertia
-    half, slenderness = contact.half_weight, contact.slenderness
+    half, tan_phi = contact.half_weight, contact.tan_phi
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
         s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
         m, g, d = bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j]
-        arm, turn = s_i - slenderness * c_i, m * jac_i + d * drv_i
+        arm, turn = s_i - tan_phi * c_i, m * jac_i + d * drv_i
         w_bar = bars[B_WGT + j] + inertia * turn + g * half * arm
         jac_bar = bars[B_JAC + j] + m * w_i * inertia
         drv_bar = bars[B_DRV + j] + d * w_i * inertia
         s_bar = bars[B_SIN + j] + g * w_i * half
-        v_bar = bars[B_VER + j] + g * w_i * half * slenderness
+        v_bar = bars[B_VER + j] + g * w_i * half * tan_phi
         bars[B_INERTIA + j] = w_i * turn
         bars[B_HALF + j] = g * w_i * arm
-        bars[B_SLENDERNESS + j] = -g * w_i * half * c_i
+        bars[B_TAN_PHI + j] = -g * w_i * half * c_i
         o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
         s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = kind_back(
             s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
@@ -89,17 +89,17 @@ def friction_back(bars, above, here, count, contact, mu, kind_back):
 def frictionless_back(bars, above, here, count, contact, kind_back):
     """Propagate bars over `add_without_friction`; above, here: lanes before and after it."""
     shape, inertia = shape_of(contact), contact.inertia
-    half, slenderness = contact.half_weight, contact.slenderness
+    half, tan_phi = contact.half_weight, contact.tan_phi
     for j in range(count):
         s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
         s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
         m, g = bars[SEED_M + j], bars[SEED_G + j]
         jac_bar = bars[B_JAC + j] + 2.0 * m * inertia * jac_i
-        s_bar = bars[B_SIN + j] + g * half * slenderness
+        s_bar = bars[B_SIN + j] + g * half * tan_phi
         v_bar = bars[B_VER + j] - g * half
         bars[B_INERTIA + j] = m * jac_i * jac_i
-        bars[B_HALF + j] = g * (slenderness * s_i - v_i)
-        bars[B_SLENDERNESS + j] = g * half * s_i
+        bars[B_HALF + j] = g * (tan_phi * s_i - v_i)
+        bars[B_TAN_PHI + j] = g * half * s_i
         s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
             s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
         )
@@ -182,21 +182,21 @@ def contact_back(bars, above, here, count, contact, mu):
 @always_inline
 def add_leader_back(bars, first, count, leader, mu):
     """Propagate bars over `add_leader`; first: lanes at the leader."""
-    half, slenderness = leader.half_weight, leader.slenderness
+    half, tan_phi = leader.half_weight, leader.tan_phi
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
         keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no contact
         bars[B_INERTIA + j] = bars[SEED_M + j]
         if mu > 0.0:
             bars[B_SIN + j] += g * half
-            bars[B_VER + j] += g * half * slenderness
-            bars[B_HALF + j] = g * (s - slenderness * (1.0 - v))
-            bars[B_SLENDERNESS + j] = -g * half * (1.0 - v)
+            bars[B_VER + j] += g * half * tan_phi
+            bars[B_HALF + j] = g * (s - tan_phi * (1.0 - v))
+            bars[B_TAN_PHI + j] = -g * half * (1.0 - v)
         else:
-            bars[B_SIN + j] += g * half * slenderness
+            bars[B_SIN + j] += g * half * tan_phi
             bars[B_VER + j] -= g * half
-            bars[B_HALF + j] = g * (slenderness * s - v)
-            bars[B_SLENDERNESS + j] = g * half * s
+            bars[B_HALF + j] = g * (tan_phi * s - v)
+            bars[B_TAN_PHI + j] = g * half * s
 
 
 @internal

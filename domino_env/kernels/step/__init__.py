@@ -1,4 +1,4 @@
-"""Step of the environments: an action places a domino, the leader falls onto it.
+"""Step of the environments: an action places a domino, and the leader falls onto it.
 
 batch        rules, episodes and arrays of B environments
 action       decoding of actions, its inverse and its reverse mode

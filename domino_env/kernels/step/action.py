@@ -1,7 +1,7 @@
 """Actions: numbers in [-1, 1] for the gap, thickness and growth of the next domino.
 
-An action is scaled to the bounds that the rules still leave: `decode`, its inverse `encode`, and
-its reverse mode `decode_back`.
+An action has one entry for each of these that is free, in this order. `decode` scales the entries
+to the bounds that the rules still leave; `encode` is its inverse, `decode_back` its reverse mode.
 """
 
 import numpy as np
@@ -10,15 +10,15 @@ from domino_env.kernels.jit import always_inline, internal
 
 
 @always_inline
-def scale_action(action, low, high):
-    """Return the value of an action, scaled from [-1, 1] to [low, high] and clipped."""
-    value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
+def scale_entry(entry, low, high):
+    """Return the value of an entry, scaled from [-1, 1] to [low, high] and clipped."""
+    value = low + 0.5 * (min(max(entry, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
 
 
 @always_inline
-def action_for(value, low, high):
-    """Return the action of a value or the nearer bound; 0 for equal bounds."""
+def entry_for(value, low, high):
+    """Return the entry for a value, or for the nearer bound; 0 for equal bounds."""
     if not low < high:
         return 0.0
     return min(max(2.0 * (value - low) / (high - low) - 1.0, -1.0), 1.0)
@@ -26,7 +26,7 @@ def action_for(value, low, high):
 
 @always_inline
 def narrow_bounds(low, high, least, most):
-    """Return [low, high] narrowed to [least, most]; a single value if rounding leaves none."""
+    """Return [low, high] narrowed to [least, most]; twice one value if rounding leaves none."""
     new_low, new_high = max(low, least), min(high, most)
     if new_low > new_high:
         middle = min(max(0.5 * (least + most), low), high)
@@ -36,11 +36,14 @@ def narrow_bounds(low, high, least, most):
 
 @always_inline
 def pitch_bounds(rules, pairs_left, distance):
-    """Return the bounds of this pitch within which the total length can still be met."""
+    """Return the bounds of the next pitch within which the total length can still be met.
+
+    pairs_left: number of gaps to place, with this one. distance: from the first pivot to the last.
+    """
     low = rules.gap_low + rules.thickness_low
     high = rules.gap_high + rules.thickness_high
-    left, after = rules.length - distance, pairs_left - 1
-    return left - after * high, left - after * low
+    remaining, later = rules.length - distance, pairs_left - 1
+    return remaining - later * high, remaining - later * low
 
 
 @always_inline
@@ -67,18 +70,18 @@ def gap_bounds(rules, spacing, n, distance, thickness):
 
 
 @internal
-def nearest_kind(kinds, left, thickness):
-    """Return the index of the nearest thickness that is still in stock."""
+def nearest_kind(kinds, pieces, thickness):
+    """Return the index of the nearest thickness of which there are pieces."""
     best, least = 0, np.inf
     for k in range(len(kinds)):
-        if left[k] > 0.0 and abs(kinds[k] - thickness) < least:
+        if pieces[k] > 0.0 and abs(kinds[k] - thickness) < least:
             best, least = k, abs(kinds[k] - thickness)
     return best
 
 
 @always_inline
 def pieces_of(rules, batch, b):
-    """Return the numbers of pieces of each kind that can be placed next: in hand, or all left."""
+    """Return the numbers of pieces that can be placed, by kind: in the hand if there is one."""
     return batch.hand[b] if rules.hand > 0 else batch.box[b]
 
 
@@ -100,9 +103,9 @@ def draw(batch, b, first, last):
 
 @internal
 def nearest_within(values, low, high, gap):
-    """Return the value of a list in [low, high] that is nearest to a gap."""
+    """Return the value of a list in [low, high] that is nearest to a gap; the gap if none is."""
     best, least = gap, np.inf
-    for value in values:
+    for value in values:  # the bounds are exact to rounding only
         if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < least:
             best, least = value, abs(value - gap)
     return best
@@ -110,24 +113,24 @@ def nearest_within(values, low, high, gap):
 
 @always_inline
 def decode(action, rules, batch, b, n, distance, layout):
-    """Write gap n, thickness (and height) of domino n+1 from an action into layout b.
+    """Write gap n and the thickness and height of domino n+1 from an action into layout b.
 
     The batch has the lists of allowed gaps and thicknesses, if any, and the rest of a stock.
     """
     spacing, height = layout.spacing, layout.height
     column = len(action) - 1
-    behind = height[n]
+    behind = height[n]  # and ahead: heights
     if rules.grows:
         growth = rules.growth_low
         if rules.growth_low < rules.growth_high:
-            growth = scale_action(action[column], rules.growth_low, rules.growth_high)
+            growth = scale_entry(action[column], rules.growth_low, rules.growth_high)
             column -= 1
         height[n + 1] = behind * growth
     ahead = height[n + 1]
     thickness = rules.thickness_low
     if rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
-        thickness = scale_action(action[column], low, high)
+        thickness = scale_entry(action[column], low, high)
         if batch.kinds.shape[1] > 0:
             pieces = pieces_of(rules, batch, b)
             k = nearest_kind(batch.kinds[0], pieces, thickness)
@@ -137,7 +140,7 @@ def decode(action, rules, batch, b, n, distance, layout):
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, thickness)
-        gap = scale_action(action[0], low, high)
+        gap = scale_entry(action[0], low, high)
         if len(batch.gap_values) > 0:
             gap = nearest_within(batch.gap_values, low, high, gap)
     if rules.in_heights:
@@ -148,42 +151,42 @@ def decode(action, rules, batch, b, n, distance, layout):
 
 @always_inline
 def add_placement_error(rules, errors, b, n, spacing):
-    """Add the placement error to gap n, if there are errors."""
+    """Add the placement error to gap n, if there are errors; at least `least_placed` remains."""
     if len(errors) > 0:
         spacing[n] = max(spacing[n] + errors[b, n], rules.least_placed)
 
 
 @always_inline
 def encode(rules, spacing, n, distance, target, action):
-    """Write the action that is nearest to a given domino after gap n.
+    """Write the action that comes nearest to a given gap n and domino n+1.
 
-    target: gap, thickness, and the heights of the domino before and of this one [m].
+    target: gap, thickness, and heights of dominoes n and n+1 [m].
     """
     gap, thickness, behind, ahead = target[0], target[1], target[2], target[3]
     if rules.in_heights:
         gap, thickness = gap / min(behind, ahead), thickness / ahead
     column = len(action) - 1
     if rules.growth_low < rules.growth_high:
-        action[column] = action_for(ahead / behind, rules.growth_low, rules.growth_high)
+        action[column] = entry_for(ahead / behind, rules.growth_low, rules.growth_high)
         column -= 1
     low, high = thickness_bounds(rules, len(spacing) - n, distance)
     if rules.thickness_low < rules.thickness_high:
-        action[column] = action_for(thickness, low, high)
+        action[column] = entry_for(thickness, low, high)
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, min(max(thickness, low), high))
-        action[0] = action_for(gap, low, high)
+        action[0] = entry_for(gap, low, high)
 
 
 @always_inline
-def scale_action_back(action, low, high, bar):
-    """Return the derivatives of `scale_action` by action, low and high, times a bar."""
-    fraction = 0.5 * (min(max(action, -1.0), 1.0) + 1.0)
+def scale_entry_back(entry, low, high, bar):
+    """Return derivatives of `scale_entry` by entry, low and high, times the bar of its value."""
+    fraction = 0.5 * (min(max(entry, -1.0), 1.0) + 1.0)
     return 0.5 * (high - low) * bar, (1.0 - fraction) * bar, fraction * bar
 
 
 @always_inline
 def narrow_bounds_back(low, high, least, most, low_bar, high_bar):
-    """Return the derivative of `narrow_bounds` by a shift of least and most, times bars."""
+    """Return the derivative of `narrow_bounds` by a shift of least and most, times its bars."""
     if max(low, least) > min(high, most):
         return low_bar + high_bar if low < 0.5 * (least + most) < high else 0.0
     return (low_bar if least > low else 0.0) + (high_bar if most < high else 0.0)
@@ -193,10 +196,10 @@ def narrow_bounds_back(low, high, least, most, low_bar, high_bar):
 def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar):
     """Write the derivatives by an action from those by gap n and domino n+1.
 
-    bars: direct derivatives by gap, thickness and height.
-    later_bars: derivatives through later dominoes by the distance so far, gap n and the height of
-    domino n+1; replaced by those by the distance, gap n-1 and the height of domino n.
-    Beyond [-1, 1] the derivatives are those at the nearer end.  Lists and stocks have none.
+    distance: from pivot 0 to pivot n. bars: direct derivatives by gap, thickness and height.
+    later_bars: derivatives through later dominoes by the distance to pivot n+1, gap n and the
+    height of n+1; replaced by those by the distance to pivot n, gap n-1 and the height of n.
+    Beyond [-1, 1] the derivatives are those at the nearer end. Lists and stocks are not supported.
     """
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]
@@ -217,7 +220,7 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, thickness)
-        action_bar[0], low_bar, high_bar = scale_action_back(action[0], low, high, gap_bar)
+        action_bar[0], low_bar, high_bar = scale_entry_back(action[0], low, high, gap_bar)
         if rules.length > 0.0:
             shift_bar = narrow_bounds_back(
                 rules.gap_low, rules.gap_high, pitch_low - thickness, pitch_high - thickness,
@@ -231,7 +234,7 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
     if rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
-        action_bar[k], low_bar, high_bar = scale_action_back(action[k], low, high, thickness_bar)
+        action_bar[k], low_bar, high_bar = scale_entry_back(action[k], low, high, thickness_bar)
         if rules.length > 0.0:
             distance_bar -= narrow_bounds_back(
                 rules.thickness_low, rules.thickness_high,
@@ -240,7 +243,7 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
     if rules.grows:
         behind_bar += ahead / behind * height_bar
         if free_growth:
-            action_bar[column], _, _ = scale_action_back(
+            action_bar[column], _, _ = scale_entry_back(
                 action[column], rules.growth_low, rules.growth_high, behind * height_bar
             )
     later_bars[0], later_bars[1], later_bars[2] = distance_bar, before_bar, behind_bar

@@ -1,4 +1,4 @@
-"""Step of the environments: one domino placed, one fall, for a whole batch in one call."""
+"""Reset and step of a batch of environments in one call; placement without simulation."""
 
 import math
 
@@ -29,7 +29,7 @@ def close_episode(rules, state, episode, n, outcome, layout):
     else:
         episode.reach = (n + state.fraction) / count
         episode.score = episode.reach - 1.0
-        if n >= count - 2 and state.worst > rules.rtol:
+        if n >= count - 2 and state.worst > rules.rtol:  # it may complete with a smaller tolerance
             episode.uncertain = True
 
 
@@ -49,7 +49,7 @@ def stand_on_ground(batch, curve, b, layout, n):
         return
     x = batch.places[b, n]
     gap, d = layout.spacing[n], layout.thickness[n + 1]
-    if len(curve.knots) == 1:  # an even slope: layouts on it remain exactly uniform
+    if len(curve.knots) == 1:  # an even slope: without rounding, so that layouts remain uniform
         tilt = layout.tilt[n]
         layout.rise[n], layout.tilt[n + 1] = -math.sin(tilt) * (gap + d), tilt
         batch.places[b, n + 1] = x + (gap + d) * math.cos(tilt)
@@ -79,11 +79,11 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
 def expected_gain(rules, uniform_left, state, episode):
     """Return the gain [%] if the rest of the chain were that of the uniform baseline.
 
-    uniform_left: (N, 2) length and time that the baseline has left with k dominoes placed.
+    uniform_left: (N, 2) length [m] and time [s] from domino k of the baseline to its last one.
     """
     uniform_length, time = uniform_left[episode.placed]
     length = uniform_length
-    if rules.length > 0.0:  # the same speed over what is left
+    if rules.length > 0.0:  # the remaining length, at the speed of the baseline there
         length = rules.length - episode.distance
         time *= length / uniform_length
     speed = (episode.distance + length) / (state.time + time)
@@ -92,10 +92,10 @@ def expected_gain(rules, uniform_left, state, episode):
 
 @always_inline
 def gain_in_tempo(rules, episode):
-    """Return the gain [%] if the remaining hits were on schedule, less a share for each of them.
+    """Return the part of the gain [%] that the dominoes placed so far contribute.
 
-    It is 0 with nothing placed, as 1 / score_unit - 1 is subtracted, the gain without errors, and
-    it is the gain of the layout with everything placed.
+    Each contributes the same part of the gain without errors of arrival times, 1 / score_unit - 1,
+    and the errors reduce the score. With all dominoes placed it is the gain of the layout.
     """
     pairs = rules.count - 1
     score = 1.0 / (1.0 + math.sqrt(episode.lateness / pairs) / rules.tolerance)
@@ -121,14 +121,15 @@ def step_reward(rules, batch, b):
 def reset_batch(first, last, batch, chosen, given, observations):
     """Begin episodes in the chosen environments, with the first `given` gaps of their arrays.
 
-    An episode whose wave stops among them is OVER afterwards.
+    chosen, given: (B,). Writes observations (B, O). An episode whose wave stops among the given
+    dominoes is OVER afterwards.
     """
     lanes, tape = np.zeros(LANES), no_tape()
     for b in range(first, last):
         if not chosen[b]:
             continue
         rules, layout = rules_of(batch, b), layout_in(batch, b)
-        episode, left = batch.episodes[b], batch.box[b]
+        episode, box = batch.episodes[b], batch.box[b]
         ring, state = batch.rings[b], batch.states[b]
         configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
         start_chain(layout, rules.push, ring, state)
@@ -137,8 +138,8 @@ def reset_batch(first, last, batch, chosen, given, observations):
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         action.restock(batch, b)
         for i in range(given[b]):
-            if len(left) > 0:
-                left[action.nearest_kind(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
+            if len(box) > 0:
+                box[action.nearest_kind(batch.kinds[0], box, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
             fall_onto_next(rules, batch, b, lanes, layout, tape)
             if episode.phase == OVER:
@@ -152,9 +153,9 @@ def reset_batch(first, last, batch, chosen, given, observations):
 def step_batch(first, last, batch, actions, observations, rewards, ended):
     """Take one step in environments first … last - 1.
 
-    actions: (B, A).  Writes observations (B, O), rewards (B,) and ended (B,); where an episode is
-    over, only rewards (0) and ended (False).  The caller computes the last reward of an episode
-    from its score; here it is 0.
+    actions: (B, A). Writes observations (B, O), rewards (B,) and ended (B,); where no episode is
+    running, only rewards (0) and ended (False). The last reward of an episode is 0 here: the
+    caller computes it from the score.
     """
     own_lanes, own_tape = np.zeros(LANES), no_tape()
     lanes, tape = borrow(own_lanes), borrow(own_tape)
@@ -199,9 +200,9 @@ def place_batch(first, last, batch, chosen, actions):
 
 @entry_point
 def place_vjp(first, last, batch, actions, bars, action_bars):
-    """Write derivatives by the actions (B, N-1, A) of layouts that `place_batch` wrote.
+    """Write derivatives by the actions (B, N-1, A) of `place_batch`, which wrote the layouts.
 
-    bars: (B, N-1, 3) by each gap, and by thickness and height of the domino after it.
+    bars: (B, N-1, 3) derivatives by each gap, and by thickness and height of the domino after it.
     """
     view, actions, later_bars = borrow(batch), borrow(actions), np.zeros(3)
     distances = np.zeros(actions.shape[1] + 1)
@@ -218,9 +219,9 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
 
 @entry_point
 def encode_batch(first, last, batch, target, actions):
-    """Write the actions (B, A) that are nearest to given dominoes, in running episodes.
+    """Write the actions (B, A) that come nearest to given dominoes, in running episodes.
 
-    target: (B, 4) gap, thickness, and the heights of the domino before and of this one [m].
+    target: (B, 4) next gap and thickness, and heights of the last and the next domino [m].
     """
     for b in range(first, last):
         episode = batch.episodes[b]
@@ -231,7 +232,7 @@ def encode_batch(first, last, batch, target, actions):
 
 @entry_point
 def next_bounds(batch, b):
-    """Return the bounds of the next gap, for the middle thickness, and of the next thickness."""
+    """Return low and high of the next gap, for the middle thickness, and of the next thickness."""
     rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
     n, distance = episode.placed, episode.distance
     thinnest, thickest = action.thickness_bounds(rules, len(spacing) - n, distance)

@@ -1,4 +1,4 @@
-"""Observations: named entries, in the order of the environment's documentation."""
+"""Observations: named parts, in the order of the documentation of `DominoChain`."""
 
 import math
 
@@ -8,27 +8,28 @@ from domino_env.kernels.ground import piece_at
 from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.step.batch import OVER, rules_of, schedule_of
 
-FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # clipped there
-LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
-LATENESS_UNIT = 3.0  # tolerances per unit of the entry `lateness`
+# sizes at which these parts are clipped
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0
+LEAD_UNIT = 10.0  # heights per unit of `lead`
+LATENESS_UNIT = 3.0  # tolerances per unit of `lateness`
 ENTRIES = (
     "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
     "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
     "features", "slopes", "rises",
 )  # fmt: skip
-# start of each entry in an observation, -1 if it is absent
+# number of dominoes observed, and start of each part in an observation: -1 if it is absent
 OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
 
 
 @always_inline
 def scaled(value, low, high):
-    """Return a value scaled from [low, high] to [-1, 1], clipped."""
+    """Return a value, scaled from [low, high] to [-1, 1] and clipped."""
     return min(max(2.0 / (high - low) * (value - low) - 1.0, -1.0), 1.0)
 
 
 @always_inline
-def observe_front(rules, state, episode, start, observation):
-    """Write the speed of the leader, lead and mean speed."""
+def observe_wave(rules, state, episode, start, observation):
+    """Write ω of the leader [√(g/L)] as `front`, and lead and speed against the reference wave."""
     distance, unit = episode.distance, rules.unit
     stopped = episode.phase == OVER and episode.outcome != PROPAGATED
     front = 0.0 if stopped else math.sqrt(state.u * unit / rules.gravity)
@@ -50,19 +51,19 @@ def observe_tempo(rules, schedule, state, placed, start, observation):
 
 
 @always_inline
-def observe_course(rules, distance, pairs, start, observation):
-    """Write the remaining length of the course, and the mean pitch that meets it."""
-    rest = max(rules.length - distance, 0.0)
+def observe_length(rules, distance, pairs_left, start, observation):
+    """Write the remaining length of the chain, and the mean pitch that meets it."""
+    remaining = max(rules.length - distance, 0.0)
     least = rules.gap_low + rules.thickness_low
     most = rules.gap_high + rules.thickness_high
-    mean = 2.0 * (rest / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
-    observation[start.length_left] = min(rest / rules.length, 1.0)
+    mean = 2.0 * (remaining / pairs_left - least) / (most - least) - 1.0 if pairs_left > 0 else 0.0
+    observation[start.length_left] = min(remaining / rules.length, 1.0)
     observation[start.pitch_left] = min(max(mean, -1.0), 1.0)
 
 
 @always_inline
 def observe_window(rules, layout, placed, start, observation):
-    """Write the latest gaps, thicknesses and growths; 0 before the first domino."""
+    """Write the latest gaps, thicknesses and growths, the last first; 0 where there is none."""
     spacing, thickness, height = layout.spacing, layout.thickness, layout.height
     for j in range(start.window):
         i = placed - j
@@ -89,8 +90,8 @@ def observe_window(rules, layout, placed, start, observation):
 def observe_ground(batch, curve, b, observation):
     """Write slope and rise of uneven ground at the next positions, a mean pitch apart.
 
-    Slopes are positive downhill, over the slope that tips the thinnest domino; rises are over the
-    last pivot, in heights.
+    Slopes are positive downhill, relative to that on which the thinnest domino tips; rises are
+    relative to the last pivot, in heights.
     """
     if curve is None:
         return
@@ -117,11 +118,11 @@ def observe(batch, b, layout, observation):
     rules, start = rules_of(batch, b), batch.entries[0]
     state, episode = batch.states[b], batch.episodes[b]
     placed, pairs = episode.placed, len(layout.spacing)
-    observe_front(rules, state, episode, start, observation)
+    observe_wave(rules, state, episode, start, observation)
     if start.lateness >= 0:
         observe_tempo(rules, schedule_of(batch, b), state, placed, start, observation)
     if start.length_left >= 0:
-        observe_course(rules, episode.distance, pairs - placed, start, observation)
+        observe_length(rules, episode.distance, pairs - placed, start, observation)
     observe_window(rules, layout, placed, start, observation)
     if start.height >= 0:
         most = math.log(rules.growth_high) * pairs

@@ -96,7 +96,7 @@ def test_removing_dominoes_far_behind_changes_no_arrival_time():
     pytest.importorskip("pymunk")
     layout = de.Layout.uniform(40, pitch=0.02)
     settings = layout, PHYSICS, None, 2e-4, 60
-    whole, near = (engine.follow(*settings, window)[0] for window in (None, 24))
+    whole, near = (engine.run_engine(*settings, window)[0] for window in (None, 24))
     assert largest_difference(near, whole) < 1e-5
 
 
