@@ -42,16 +42,16 @@ def _tables() -> tuple[np.ndarray, ...]:
     return nodes, weights, positions, running, to_start, to_end, high, top, closed
 
 
+# NODES, WEIGHTS: (rule, node); POSITIONS: (rule, lane), start, nodes and end; TO_START, TO_END,
+# HIGH, TOP: (rule, node), weights that give the values at both ends and the last two Legendre
+# coefficients of the polynomial through the nodes; RUNNING: (rule, node, j), ∫ from 0 to x_j of the
+# node's Lagrange polynomial; CLOSED: (rule, lane, n), weights that give the Legendre coefficients
+# of the polynomial through all lanes
 NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _tables()
-"""NODES, WEIGHTS: (rule, node); POSITIONS: (rule, lane), start, nodes and end; TO_START, TO_END,
-HIGH, TOP: (rule, node), weights that give the values at both ends and the last two Legendre
-coefficients of the polynomial through the nodes; RUNNING: (rule, node, j), ∫ from 0 to x_j of the
-node's Lagrange polynomial; CLOSED: (rule, lane, n), weights that give the Legendre coefficients of
-the polynomial through all lanes."""
 
 _n = np.arange(_MAX_LANES)
+# P_{n+1}(z) = RECUR_Z[n] z P_n - RECUR_0[n] P_{n-1}
 RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
-"""P_{n+1}(z) = RECUR_Z[n] z P_n - RECUR_0[n] P_{n-1}."""
 
 
 @internal
