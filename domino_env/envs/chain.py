@@ -9,14 +9,22 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require
 from domino_env.core.files import as_text
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import object_array
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import action_entries
-from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
+from domino_env.envs.vector import (
+    RTOL,
+    WINDOW,
+    DominoEnv,
+    DominoVectorEnv,
+    Indices,
+    Infos,
+    check_actions,
+)
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
@@ -486,10 +494,15 @@ class DominoChainVector(DominoVectorEnv):
         -------
         tuple of ndarray
             Gaps, thicknesses and heights of dominoes 1 … P, (B, P) each [m].
+
+        Raises
+        ------
+        ValueError
+            For actions of another shape or with entries that are not finite.
         """
-        batch, pairs = self._batch._replace(errors=self._batch.errors[:0]), actions.shape[1]
-        mask = np.ones(self.num_envs, np.bool_)
-        kernels.place_batch(0, self.num_envs, batch, mask, actions)
+        batch, shape = self._batch._replace(errors=self._batch.errors[:0]), self._placing_shape
+        mask, pairs = np.ones(self.num_envs, np.bool_), shape[1]
+        kernels.place_batch(0, self.num_envs, batch, mask, check_actions(actions, shape))
         height = np.broadcast_to(batch.height, batch.thickness.shape)
         return (
             batch.spacing[:, :pairs].copy(),
@@ -512,10 +525,24 @@ class DominoChainVector(DominoVectorEnv):
         -------
         ndarray
             Derivatives with respect to the actions, (B, P, A); 0 for surplus actions.
+
+        Raises
+        ------
+        ValueError
+            For arrays of another shape, or actions that are not finite.
         """
-        gradient = np.zeros(actions.shape)
+        shape = self._placing_shape
+        derivatives = numbers("derivatives", derivatives, None, (*shape[:2], 3))
+        gradient = np.zeros(shape)
+        actions = check_actions(actions, shape)
         kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
+
+    @property
+    def _placing_shape(self) -> tuple[int, int, int]:
+        """Shape (B, P, A) of the actions of `place_all`."""
+        longest = int(self._batch.rules["count"].max())
+        return self.num_envs, longest - 1, self.single_action_space.shape[0]
 
 
 def _check_start(layout: Layout, scene: Scene, rtol: float) -> None:

@@ -309,7 +309,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         ResetNeeded
             Before `reset`, and with DISABLED once an episode is over.
         """
-        values = check_actions(actions, self.action_space)
+        values = check_actions(actions, self.action_space.shape)
         if not self._begun.all():
             raise ResetNeeded("call reset() before the first step()")
         over = self._over
@@ -543,7 +543,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         ResetNeeded
             Before `reset`, and once the episode is over.
         """
-        values = check_actions(action, self.action_space)
+        values = check_actions(action, self.action_space.shape)
         if self._over or not self._begun:
             reason = "the episode is over: " if self._over else ""
             raise ResetNeeded(f"{reason}call reset() before the next step()")
@@ -573,9 +573,9 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         self._renderer.close()
 
 
-def check_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
+def check_actions(actions: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
     """Return actions as float64; raise a ValueError for another shape or entries not finite."""
-    values = numbers("action", actions, None, space.shape, "entries from -1 to 1")
+    values = numbers("action", actions, None, shape, "entries from -1 to 1")
     if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
         require("action", values, hint="from -1 to 1", array=True)
     return values
