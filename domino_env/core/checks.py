@@ -117,7 +117,8 @@ def numbers(
     """
     try:
         given = np.asarray(value)
-        if given.dtype.kind not in "iufO":  # booleans, strings and dates are rejected
+        # booleans, strings, dates and masked entries are rejected
+        if given.dtype.kind not in "iufO" or np.ma.is_masked(value):
             raise TypeError
         array = np.array(given, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):

@@ -80,7 +80,7 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     OSError
         If the file cannot be written; the message has the path and the reason.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
+    temporary = path.parent / f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import numbers, require_type
+from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.models import Number, Value, about
 from domino_env.core.progress import advise
 from domino_env.core.threads import share_pieces
@@ -167,9 +167,16 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Raises
         ------
         ValueError
-            For ground that deviates by more than 0.1 mm from the chord under a base.
+            For sizes of other shapes or not finite, and for ground that deviates by more than
+            0.1 mm from the chord under a base.
         """
-        gaps, thicknesses = numbers("spacing", spacing), numbers("thickness", thickness)
+        gaps = np.atleast_1d(numbers("spacing", spacing))
+        thicknesses = numbers(
+            "thickness", thickness, shape=(*gaps.shape[:-1], gaps.shape[-1] + 1),
+            meaning="one more than gaps",
+        )  # fmt: skip
+        require("spacing", gaps, unit="m", array=True)
+        require("thickness", thicknesses, unit="m", array=True)
         if self.slope is not None:
             slope = math.radians(self.slope)
             rise = -math.sin(slope) * (gaps + thicknesses[..., 1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -191,7 +192,7 @@ class Layout:
         if (pitch is None) == (spacing is None):
             raise ValueError(f"{pitch=}, {spacing=}: give either pitch or spacing (the gap) in m")
         require("thickness", thickness, above=0.0, unit="m")
-        require("slope", slope, unit="rad")
+        require("slope", slope, -0.5 * math.pi, 0.5 * math.pi, "rad")
         if pitch is not None:
             require("pitch", pitch, above=thickness, unit="m", hint="the thickness")
             spacing = pitch - thickness

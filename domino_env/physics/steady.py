@@ -212,7 +212,7 @@ def _check_chains(
     """Return pitch, thickness, height and density as arrays; raise for values out of range."""
     require_physics(physics)
     require("rtol", rtol, above=0.0, high=MAX_RTOL)
-    require("slope", slope, unit="rad")
+    require("slope", slope, -0.5 * math.pi, 0.5 * math.pi, "rad")
     names = ("pitch", "thickness", "height", "density")
     sizes = tuple(map(numbers, names, chain))
     for name, values in zip(names, sizes, strict=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import operator
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -354,10 +353,11 @@ class WaveBatch:
         Raises
         ------
         ValueError
-            For another shape than (B, N).
+            For another shape than (B, N), or a number that is not finite.
         """
         setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
         bars = numbers("arrival_bar", arrival_bar, shape=shape, meaning="that of the thicknesses")
+        require("arrival_bar", bars, array=True)
         return _pullback_batch(self.arrays, setting, bars, np.empty_like(self.summaries))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
@@ -381,8 +381,10 @@ class WaveBatch:
             For an index out of the batch.
         ValueError
             For a batch without fields per domino.
+        TypeError
+            For an index that is not a whole number.
         """
-        b = operator.index(b)
+        require_type("b", b, int | np.integer, "the index of a wave")
         if not self.arrivals.shape[1]:
             raise ValueError("no fields per domino: simulate with record=True, without gradient")
         if layout is None:
@@ -535,7 +537,7 @@ def simulate_batch(
     require_physics(physics)
     arrays = _check_batch(spacing, thickness, height, density, rise, tilt)
     (number, count), setting = arrays.thickness.shape, kernel_setting(physics, rtol)
-    record, time_gradient = record and not gradient, None
+    record, time_gradient = bool(record) and not gradient, None
     summaries = np.empty(number, kernel_arrays.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernel_arrays.ARRIVAL)
     inputs = number, count, arrays, *setting
@@ -636,7 +638,8 @@ def _check_batch(
     for name, values in zip(("spacing", "thickness", "height", "density"), parts, strict=True):
         unit = "kg/m³" if name == "density" else "m"
         require(name, values, above=0.0, unit=unit, array=True)
-    if np.any(rise) or np.any(tilt):
+    rise, tilt = numbers("rise", rise, None), numbers("tilt", tilt, None)
+    if rise.any() or tilt.any():
         parts.append(np.broadcast_to(full("rise", rise, count - 1), gaps.shape))
         parts.append(np.broadcast_to(full("tilt", tilt, count), thicknesses.shape))
     if violation := footing.find_violation(gaps, thicknesses, heights, *parts[4:]):

@@ -186,7 +186,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         for size in thickness:
             difference = np.abs(np.array(self.thickness) - size)
             kind = int(np.argmin(difference))
-            if difference[kind] > SAME_THICKNESS or count[kind] == 0:
+            if not difference[kind] <= SAME_THICKNESS or count[kind] == 0:  # not for NaN either
                 raise ValueError(
                     f"no domino of {size} m is in the stock: {self.describe()}; "
                     "the first domino is taken from it"
@@ -212,7 +212,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         order = np.argsort(sizes)
         nearest = find_nearest(thickness, sizes[order])
         kinds = order[np.searchsorted(sizes[order], nearest)]
-        unknown = np.flatnonzero(np.abs(thickness - sizes[kinds]) > SAME_THICKNESS)
+        unknown = np.flatnonzero(~(np.abs(thickness - sizes[kinds]) <= SAME_THICKNESS))
         if len(unknown):
             i = int(unknown[0])
             return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.describe()}"]

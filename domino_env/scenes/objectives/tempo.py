@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from domino_env.core.checks import numbers
 from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
@@ -91,7 +92,8 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
 
     def _errors(self, arrivals: Floats) -> Floats:
         """Return the errors (B, N-1) of arrival times (B, N) [s]."""
-        return arrivals[:, 1:] - self.schedule(arrivals.shape[1])
+        times = numbers("arrivals", arrivals, None, ("B", "N"), "a line for each layout")
+        return times[:, 1:] - self.schedule(times.shape[1])
 
     def error(self, arrivals: Floats) -> Floats:
         """Return root-mean-square errors of arrival times.

@@ -178,9 +178,9 @@ def test_misuse_is_explained():
         env.bounds_ahead(2)
     actions = np.zeros((2, 29, 1))
     for wrong in (actions[:1], actions[:, :5], actions[..., :0], actions + np.nan):
-        with pytest.raises(ValueError, match="^action"):
+        with pytest.raises(ValueError, match="action"):
             env.place_all(wrong)
-        with pytest.raises(ValueError, match="^action"):
+        with pytest.raises(ValueError, match="action"):
             env.place_all_vjp(wrong, np.zeros((2, 29, 3)))
     with pytest.raises(ValueError, match=r"derivatives has shape \(2, 29\): give \(2, 29, 3\)"):
         env.place_all_vjp(actions, np.zeros((2, 29)))

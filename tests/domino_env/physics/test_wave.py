@@ -235,6 +235,7 @@ def test_physics_are_floats_and_immutable():
 
 
 LAYOUT = de.Layout([0.02], 0.0075)
+CURVED = de.Ground(profile=[[0.0, 0.0], [0.5, 0.01], [1.0, 0.02]])
 
 
 @pytest.mark.parametrize("function", [
@@ -276,6 +277,17 @@ def test_arguments_of_another_type(function):
     (lambda: de.verify(de.Layout([], 0.0075), PHYSICS), "one domino has no wave"),
     (lambda: de.Ground(slope=1.0).along_ground(3, LAYOUT), "gradient = 3: give a Gradient"),
     (lambda: de.Ground(slope=1.0).rise_and_tilt("x", 0.0075), "spacing = 'x': give numbers"),
+    (lambda: CURVED.rise_and_tilt([0.01] * 5, [0.0075] * 2),
+     "thickness has shape (2,): give (6,), one more than gaps"),
+    (lambda: CURVED.rise_and_tilt([math.nan], [0.0075] * 2), "spacing[0] = nan m: give a finite"),
+    (lambda: de.Layout(np.ma.array([0.01, 0.03], mask=[0, 1]), 0.0075), "spacing = "),
+    (lambda: de.simulate_batch([[0.02]], 0.0075).pullback([[0.0, math.nan]]), "arrival_bar[0, 1]"),
+    (lambda: de.simulate_batch([[0.02]], 0.0075)["a"], "b = 'a': give the index of a wave"),
+    (lambda: de.simulate_batch([[0.02]], 0.0075, rise=[[1], [1, 2]]), "rise = [[1], [1, 2]]: give"),
+    (lambda: de.steady_wave(0.024, 0.0075, slope=10**30), "slope = 1"),
+    (lambda: de.Tempo(20.0, 40.0, tolerance=1e-3).error([0.1]), "arrivals has shape (1,): give"),
+    (lambda: de.Stock((0.005,), (3,)).without(math.nan), "no domino of nan m is in the stock"),
+    (lambda: LAYOUT.to_csv(""), ". cannot be written"),
     (lambda: de.fit_friction("ab", "cd"), "pitches = 'ab': give numbers"),
     (lambda: de.Layout(["0.02"], 0.0075), "spacing = ['0.02']: give numbers"),
     (lambda: de.Layout([0.02], 0.0075, height=10**400), "height = 1000"),
@@ -291,5 +303,5 @@ def test_arguments_of_another_type(function):
     (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
 def test_misuse_is_explained(call, words):
-    with pytest.raises((ValueError, TypeError), match=f"^{re.escape(words)}"):
+    with pytest.raises((ValueError, TypeError, OSError), match=f"^{re.escape(words)}"):
         call()
