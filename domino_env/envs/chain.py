@@ -539,10 +539,10 @@ class DominoChainVector(DominoVectorEnv):
         return gradient
 
     @property
-    def _placing_shape(self) -> tuple[int, int, int]:
+    def _placing_shape(self) -> tuple[int, ...]:
         """Shape (B, P, A) of the actions of `place_all`."""
         longest = int(self._batch.rules["count"].max())
-        return self.num_envs, longest - 1, self.single_action_space.shape[0]
+        return self.num_envs, longest - 1, *(self.single_action_space.shape or ())
 
 
 def _check_start(layout: Layout, scene: Scene, rtol: float) -> None:
