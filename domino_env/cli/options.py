@@ -174,7 +174,7 @@ class ChosenPhysics:
     physics
         Physics of the scene, or the defaults, with the values of the options.
     changed
-        Names of the options that are given.
+        Names of the given options, of friction, gravity and push.
     origin
         Source of the physics, as text.
     """

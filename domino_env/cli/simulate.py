@@ -149,7 +149,7 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     if "score" not in result:
         return [f"no score on '{name}': these are not the friction, gravity and push of the scene"]
     uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
-    comparison = f"below zero for a wave that stops; {uniform}"
+    comparison = f"no gain over {uniform}: a score of 0 or less is no success"
     if "gain" in result:
         comparison = f"{result['gain']:+z.2%} against {uniform}"
     return [f"score {result['score']:.6f} on '{name}', {comparison}"]

@@ -76,15 +76,16 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json:
             options.write_json(verification.as_document(result), arguments.json)
     if not engine and arguments.engine is None:
-        print(
-            "(to also verify with a third-party engine: pip install 'domino-chains[verify]')",
-            file=output,
-        )
+        hint = "to verify with a third-party engine too: pip install 'domino-chains[verify]'"
+        print(f"({hint})", file=output)
     return 1 if differs else 0
 
 
 def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
-    """Yield a line with the gain over the uniform baseline for each floor and fixed pivots."""
+    """Yield a line with the gain over the uniform baseline for each floor and fixed pivots.
+
+    Nothing is yielded if scores are no speeds, or if layout or physics are not those of the scene.
+    """
     from domino_env.rigid.simulation import floor_name, simulate_standing
     from domino_env.scenes.uniform import best_uniform_on
 

@@ -20,7 +20,7 @@ MAX_GROUND_RATIO = 100.0  # largest ratio of the end of a profile to the longest
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
     ("physics.floor_friction", "[limits]",
-     "stall margins and flushes are those of dominoes with fixed pivots"),
+     "stall margins and losses in face impacts are those of fixed pivots"),
     ("stock.hand", "physics.floor_friction",
      "the uniform baseline is a mean over orders, which takes too long on a floor"),
     ("stock.hand", "row.length", "no environment has both a stock and a length"),
@@ -85,7 +85,7 @@ def _violations(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
-    """Yield keys in metres that do not go with others in heights, and the reverse."""
+    """Yield sentences about keys in metres that contradict others in heights, and the reverse."""
     thickness_in_heights = tables.thickness is not None and tables.thickness.of is not None
     if tables.in_heights != thickness_in_heights and tables.thickness is not None:
         here, there = ("spacing", "thickness") if tables.in_heights else ("thickness", "spacing")
@@ -103,7 +103,7 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
-    """Yield lengths with which no domino falls on the next, probably given in another unit."""
+    """Yield sentences about lengths that were probably given in another unit."""
     height, unit = tables.row.height, tables.row.height if tables.in_heights else 1.0
     low, high = (unit * gap for gap in tables.spacing.domain()[0])
     # a stock is checked later; until then a plausible thickness takes its place
@@ -201,7 +201,7 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
         hint = f"row.count = {counts} would fit"
     yield (
         f"row.length = {length:g} m cannot be met: {pairs + 1} dominoes within the bounds cover "
-        f"{pairs * low:.6g} to {pairs * high:.6g} m{'; ' if hint else ''}{hint or ''}"
+        f"{pairs * low:.6g} to {pairs * high:.6g} m; {hint or 'change the length or the bounds'}"
     )
 
 
@@ -244,7 +244,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
 def _violations_of_bends(
     ground: Ground, height: float, thickest: float, spacing: Bounds
 ) -> Iterator[str]:
-    """Yield places at which the ground is too curved for the narrowest or the widest gap.
+    """Yield a sentence for each place that is too curved for the narrowest or the widest gap.
 
     If the curvature is at most k, the slopes of the chords under two neighbouring dominoes differ
     by at most k (s + d), and a pivot lies at most k s (s + d)/2 from the line of the next chord.

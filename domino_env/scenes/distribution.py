@@ -30,7 +30,7 @@ class SceneDistribution:
 
     Numbers are sampled in the order of the file, but all lower bounds `min` first. A scene is
     sampled again if its tables contradict each other, such as by a length that its dominoes cannot
-    cover, and if no uniform layout completes in it, as it has no baseline then.
+    cover, and if none of a few uniform layouts scores more than 0, as no gain is defined then.
 
     Parameters
     ----------
@@ -53,6 +53,8 @@ class SceneDistribution:
         Names of the sampled numbers, such as "friction" and "spacing min".
     first
         Scene sampled with seed 0.
+    file
+        Name of the file in error messages.
 
     Raises
     ------
@@ -115,17 +117,17 @@ class SceneDistribution:
         Returns
         -------
         Scene
-            A scene in which some uniform layout completes.
+            A scene in which some uniform layout scores more than 0.
 
         Raises
         ------
         ValueError
-            If none of 1000 scenes can be used.
+            For an invalid seed, and if none of 1000 sampled scenes can be used.
         """
         return self.scene(self.sample_numbers(rng), name)
 
     def sample_numbers(self, rng: np.random.Generator | int, digits: int | None = None) -> Floats:
-        """Sample the numbers (V,) of a scene in which some uniform layout completes.
+        """Sample the numbers (V,) of a scene in which some uniform layout scores more than 0.
 
         Parameters
         ----------
@@ -142,11 +144,11 @@ class SceneDistribution:
         Raises
         ------
         ValueError
-            If none of 1000 scenes can be used.
+            For an invalid seed, and if none of 1000 sampled scenes can be used.
         """
         if not isinstance(rng, np.random.Generator):
             checks.require("rng", rng, 0, whole=True, hint="a seed; or a numpy.random.Generator")
-        rng, reason = np.random.default_rng(rng), "no uniform layout completes in any of them"
+        rng, reason = np.random.default_rng(rng), "no uniform layout scores more than 0"
         for _ in range(MAX_SAMPLES):
             numbers = self._sample_once(rng)
             if digits is not None:
@@ -157,7 +159,7 @@ class SceneDistribution:
             except ValueError as error:
                 reason = str(error)
                 continue
-            if _some_uniform_completes(scene):
+            if _some_uniform_succeeds(scene):
                 return numbers
         raise ValueError(
             f"{self.file}: none of {MAX_SAMPLES:,} scenes can be used ({reason}): change the ranges"
@@ -295,14 +297,14 @@ class SceneDistribution:
         return scaled
 
 
-def _some_uniform_completes(scene: Scene) -> bool:
-    """Return True if one of a few uniform layouts completes."""
+def _some_uniform_succeeds(scene: Scene) -> bool:
+    """Return True if one of a few uniform layouts scores more than 0."""
     try:
         layouts = UniformLayouts(scene)
     except ValueError:
         return False
     numbers = COARSE_GRID_WITH_THICKNESS if layouts.low[1] < layouts.high[1] else COARSE_GRID
-    # a relative tolerance of 1e-5 suffices to find out whether waves complete
+    # a relative tolerance of 1e-5 suffices for the sign of a score
     return bool(layouts.scores(grid(layouts.axes(numbers, np.geomspace)), 1e-5).max() > 0.0)
 
 

@@ -75,7 +75,7 @@ class ScenePool:
 
     def _sample(self, i: int) -> None:
         rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
-        while not score > 0.0:  # scenes without a uniform layout that completes are skipped
+        while not score > 0.0:  # scenes whose baseline scores 0 or less are skipped
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             score = self._scene(i).uniform().score

@@ -63,9 +63,9 @@ def change_violations(spacing: Floats, largest_change: float | None) -> list[str
 
 
 def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
-    """Return sentences if rise or tilt of a layout differ from the ground; None is flat ground."""
+    """Return sentences if rise or tilt of a layout are not those of the ground (None: flat)."""
     if ground is None:
-        sentence = "the layout has uneven ground and the scene does not: give rise and tilt of 0"
+        sentence = "the layout is on uneven ground, the scene on flat: give rise and tilt of 0"
         return [] if layout.is_flat else [sentence]
     rise, tilt = ground.rise_and_tilt(layout.spacing, layout.thickness)
     violations = []
@@ -110,7 +110,7 @@ def _violations(
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 
-MAX_DOMINOES = 100_000  # of a scene; the uniform baseline takes some 3 ms per domino
+MAX_DOMINOES = 100_000  # of a scene; its uniform baseline takes some 3 ms per domino
 MAX_KINDS = 1_000  # largest number of thicknesses in a stock
 SAME_THICKNESS = 1e-9  # [m] largest difference of thicknesses of one kind
 
@@ -189,7 +189,7 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
             if not difference[kind] <= SAME_THICKNESS or count[kind] == 0:  # not for NaN either
                 raise ValueError(
                     f"no domino of {size} m is in the stock: {self.describe()}; "
-                    "the first domino is taken from it"
+                    "choose one of these dominoes"
                 )
             count[kind] -= 1
         return self.replace(count=tuple(count))

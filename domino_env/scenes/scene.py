@@ -75,7 +75,8 @@ class Scene(Specification):
     in_heights
         True if `spacing` and `thickness` are given in heights of a domino.
     limits
-        Smallest stall margin and largest flush loss; None for no limits.
+        Smallest allowed stall margin, and largest allowed loss of speed in a face impact; None for
+        no limits.
     settings
         Table of the objective: a `Tempo` for "tempo", a `Placement` for "robust"; None for others.
     floor_friction
@@ -93,6 +94,8 @@ class Scene(Specification):
 
     Raises
     ------
+    TypeError
+        For physics that are no `Physics`, and for `in_heights` other than True or False.
     ValueError
         For a value out of its range, and for fields that contradict each other; the message has
         key, value and accepted range.
@@ -105,7 +108,7 @@ class Scene(Specification):
     0.833
     """
 
-    known_point: ClassVar[tuple[float, float] | None] = None  # `best_point`, if it is known
+    known_point: ClassVar[tuple[float, float] | None] = None  # set by `with_uniform`
 
     @property
     def unit(self) -> str:
@@ -189,9 +192,10 @@ class Scene(Specification):
     def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
         """Score waves that have been simulated.
 
-        The score of a wave that stopped in an incomplete layout does not depend on the dominoes
-        that are missing. Complete layouts are simulated again, with all threads, if the scores
-        need their draws of placement noise or free-standing dominoes.
+        The wave of an incomplete layout can be scored if it stopped: its `reach` has to be given
+        for all N dominoes of the scene, and the missing ones do not enter the score. Complete
+        layouts are simulated again, with all threads, if the scores need their draws of placement
+        noise or free-standing dominoes.
 
         Parameters
         ----------
@@ -328,7 +332,7 @@ class Scene(Specification):
         Raises
         ------
         ValueError
-            If the rules allow no uniform layout.
+            If the rules allow no uniform layout, and for a negative time limit.
         """
         require("seconds", seconds, 0.0, unit="s", optional=True)
         limit = None if self.floor_friction is None else seconds
@@ -365,10 +369,11 @@ class Scene(Specification):
         return format_toml(self.document())
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=32)  # scenes
 def _find_baseline(
     scene: Scene, known: tuple[float, float] | None, seconds: float | None
 ) -> UniformBaseline:
+    """Return the uniform baseline of a scene; arguments as for `best_uniform`."""
     layout, score = best_uniform(scene, known, seconds)
     wave = scene.simulate(layout)
     return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)

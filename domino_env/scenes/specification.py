@@ -74,6 +74,11 @@ class Specification:
         document
             Tables of the file, as `tomllib` reads them.
 
+        Returns
+        -------
+        Scene
+            The scene.
+
         Raises
         ------
         ValueError
@@ -84,7 +89,13 @@ class Specification:
         return scene
 
     def document(self) -> dict[str, Any]:
-        """Return the tables of the file that is read as the same scene."""
+        """Return the tables of the file that is read as the same scene.
+
+        Returns
+        -------
+        dict
+            Values by table and key, in the units of scene files.
+        """
         return make_document(self)
 
     def replace(self, **changes: Any) -> Self:
@@ -95,8 +106,15 @@ class Specification:
         **changes
             New values, by the names of fields.
 
+        Returns
+        -------
+        Scene
+            The other scene.
+
         Raises
         ------
+        TypeError
+            For a name that is no field, and as for `Scene`.
         ValueError
             For a value out of its range, and for fields that contradict each other; the message has
             key, value and accepted range.
@@ -209,7 +227,7 @@ class Specification:
             are not positive.
         """
         if thickness is None and self.free_thickness:
-            raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
+            raise ValueError(f"thickness is missing: give it, scene '{self.name}' leaves it free")
         pairs = self.count - 1
         gaps = full_array("spacing", spacing, pairs)[None]
         thicknesses, heights = (
@@ -251,7 +269,7 @@ class Specification:
             If the heights are missing, and for an array `spacing` of another shape.
         """
         if height is None and self.growth is not None:
-            raise ValueError(f"height is missing: scene '{self.name}' leaves it free")
+            raise ValueError(f"height is missing: give it, as heights grow in scene '{self.name}'")
         spacing = numbers("spacing", spacing, None, ("B", "N-1"))
         shape = (len(spacing), spacing.shape[1] + 1)
         heights = np.full((1, shape[1]) if height is None else shape, self.height)
@@ -282,6 +300,11 @@ class Specification:
         list of str
             One sentence for each rule, with the place, the value and the accepted range; empty if
             there is no violation.
+
+        Raises
+        ------
+        TypeError
+            For anything but a layout.
         """
         require_layout(layout)
         if complete and layout.count != self.count:

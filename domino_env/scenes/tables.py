@@ -88,7 +88,7 @@ class RangeTable(Table):
             )
         for a, b in pairwise(sorted(self.values or ())):
             if b - a < RESOLUTION:
-                raise ValueError(f"values has {a} and {b}: list values over {RESOLUTION} m apart")
+                raise ValueError(f"values has {a} and {b}: keep {RESOLUTION} m between values")
         low, high = self.min or 0.0, self.max or 0.0
         if low > high:
             raise ValueError(f"min = {low} is more than max = {high}: give min <= max")

@@ -30,11 +30,11 @@ Scorer = Callable[[Floats, float], Floats]
 
 POINTS_FILE = "uniform.json"
 LONG_COUNT = 1000  # [dominoes] from this number on, a search takes seconds and is announced
-MAX_GRID = 1_100_000  # [dominoes] of a first grid whose layouts are simulated whole
-# largest relative change of the velocity of a steady wave, for cells above and up to `FINE_CELL`
+MAX_GRID = 1_100_000  # [dominoes] in a first grid; of a larger one, prefixes are simulated
+# `change` of `UniformLayouts.scores_by_prefix`, for cells above and up to `FINE_CELL`
 COARSE_CHANGE, FINE_CHANGE = 1e-8, 1e-12
 FINE_CELL = 1e-5  # [m]
-SAME_SCORE = 1e-9  # largest relative difference of a score by the first dominoes from one by all
+SAME_SCORE = 1e-9  # largest relative difference of the score by a prefix from that of the layout
 
 
 class Fineness(NamedTuple):
@@ -50,7 +50,7 @@ class Fineness(NamedTuple):
 
 
 FULL = Fineness(1024, 96, (6, 6), 9, 4.0, 1e-9, 1e-11)
-BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))
+BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))  # for long layouts, scored by prefixes
 # scores over random draws are noisy, so that finer grids gain nothing
 RANDOM = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)
 # the error of the score is of second order in that of the gap
@@ -168,7 +168,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     Returns
     -------
     NDArray
-        (2,) gap and thickness of the best layout, or the numbers that replace them [m].
+        (2,) gap and thickness of the best layout [m], or the numbers that replace them.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
         point = _search(layouts, FREE_STANDING, score, points[chosen])
         return point, next(value for value, other in evaluated if np.array_equal(other, point))
     except StoppedError:
-        notice(f"the uniform baseline is approximate: its search on a floor took {seconds:g} s")
+        notice(f"the uniform baseline is approximate: its search ended after {seconds:g} s")
         best_score, point = max(evaluated, key=lambda entry: entry[0])
         return point, best_score
 
@@ -280,7 +280,7 @@ def _search(
         scores = score(points, float(cell.max()))
         cell, keep = cell / fineness.shrink, fineness.keep[1]
     equal = np.flatnonzero(first_scores >= scores.max())
-    if len(equal):  # the middle of several equal scores, as waves stop beyond their ends
+    if len(equal):  # of equal scores the middle one, far from points at which waves stop
         return np.asarray(first[equal[len(equal) // 2]])
     return np.asarray(points[int(np.argmax(scores))])
 
@@ -315,13 +315,13 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     Returns
     -------
     Layout
-        Layout of as many dominoes as the baseline has. It is the baseline itself if the score is
-        not a speed, if pieces are drawn in random order, and if the baseline is the first dominoes
-        of a layout with a given length.
+        Layout of as many dominoes as the baseline has. It is the baseline itself for fixed
+        pivots if no dominoes are missing, if the score is not a speed, if pieces are drawn in
+        random order, and if the baseline is the first dominoes of a layout with a given length.
     """
     is_whole = baseline.count == scene.count
-    is_unique = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
-    if is_unique or (floor is None and is_whole):
+    no_other = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
+    if no_other or (floor is None and is_whole):
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,

@@ -1,8 +1,8 @@
 """Uniform layouts of a scene, given by two numbers, and their scores.
 
-Later dominoes do not change earlier motion, so the first dominoes of a long layout topple as in a
-short one. If the intervals between hits have become constant in the short layout, its wave is
-extrapolated to the long one.
+Later dominoes do not change earlier motion, so the first dominoes of a long layout, its prefix,
+topple as if they were alone. If the intervals between hits have become constant in the prefix, its
+wave is extrapolated to the whole layout.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 
 PREFIX_RTOL = 1e-11  # relative tolerance of the arrival times of prefixes
 MAX_BATCH = 4_000_000  # [dominoes] simulated in one call, which takes some 200 MB
-FIRST_PREFIX = 64  # [dominoes] of the first prefixes; those whose waves are not steady are doubled
+FIRST_PREFIX = 64  # [dominoes] in the first prefixes; those with unsteady waves are doubled
 PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, over which scores are means
 WINDOW = 4  # the last 1/WINDOW of a prefix has to be steady
 
@@ -36,7 +36,8 @@ def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[Waves, NDAr
     count
         Number N of dominoes of the whole layouts.
     change
-        Largest relative change of the velocity at release in a steady wave.
+        Largest relative difference of `Wave.release_velocity` within the last 1/`WINDOW` of a
+        prefix whose wave is steady.
 
     Returns
     -------
@@ -243,8 +244,8 @@ class UniformLayouts:
     def scores_by_prefix(self, points: Floats, change: float) -> Floats:
         """Return the scores (B,) of `extendable` layouts at points (B, 2) from the first dominoes.
 
-        As many dominoes are simulated as the waves need until their velocities change by at most
-        `change`, which is about the relative error of the scores.
+        Prefixes become longer until `Wave.release_velocity` changes by at most a fraction `change`
+        at their ends, which is about the relative error of the scores.
         """
         scene = self.scene
         gaps, thicknesses, _ = self.sizes_at(points, 1)

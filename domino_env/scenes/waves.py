@@ -176,6 +176,11 @@ class Waves:
         count
             Number N of dominoes of complete layouts.
 
+        Returns
+        -------
+        Waves
+            The results, with infinite arrival times of the missing dominoes.
+
         Raises
         ------
         TypeError
@@ -199,7 +204,10 @@ class Waves:
 
     @property
     def falls(self) -> Ints:
-        """(B,) numbers of simulated falls, N for a wave that completes."""
+        """(B,) numbers of simulated intervals between hits.
+
+        N for a wave that completes, as the last domino falls too.
+        """
         return np.ceil(self.reach * self.count).astype(np.int64)
 
 
@@ -208,7 +216,19 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
     A layout completes if all its dominoes are hit and topple. Otherwise its reach is the fraction
     of the dominoes before the first that does not topple, plus a part for the lean of that one.
-    Stall margins and flush losses, which are those of fixed pivots, are set to 0.
+    Stall margins and losses in face impacts, which are those of fixed pivots, are set to 0.
+
+    Parameters
+    ----------
+    batch
+        B layouts.
+    floor_friction
+        Coulomb coefficient of the floor.
+
+    Returns
+    -------
+    Waves
+        Results of the B waves.
 
     Raises
     ------

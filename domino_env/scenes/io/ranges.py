@@ -74,7 +74,7 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
         ranges[place] = sampled = read_model(Range, document[table][key], name)
         if sampled.of is not None and (place not in SCALABLE_PLACES or "of" in document[table]):
             raise ValueError(
-                f"{name}.of = 'height': allowed only for a push or a length in metres; leave it out"
+                f"{name}.of = 'height': only for a push or metres along the chain; leave it out"
             )
         if place == COUNT and (sampled.min % 1 or sampled.max % 1):
             raise ValueError(f"{name} = {sampled.min} to {sampled.max}: give whole numbers")

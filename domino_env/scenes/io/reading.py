@@ -26,7 +26,7 @@ from domino_env.scenes.scene import Scene
 
 SHIPPED = resources.files("domino_env.scenes") / "shipped"
 DISTRIBUTIONS = resources.files("domino_env.scenes") / "distributions"
-SCENE = "scene.toml"
+SCENE = "scene.toml"  # in a run folder; row.scene.toml beside row.csv
 
 
 def scene_names() -> list[str]:
@@ -162,7 +162,7 @@ def parse_document(text: str, file: str) -> dict[str, Any]:
 
 
 def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene:
-    """Return the scene of a document read by `tomllib`; arguments and errors as `parse_scene`."""
+    """Return the scene of a document read by `tomllib`; arguments as for `parse_scene`."""
     with errors_with_path(file):
         if has_ranges(document):
             raise ValueError("it has ranges: load it by load_distribution, and sample scenes")

@@ -1,9 +1,9 @@
 """Interface of all objectives: scores of waves, and limits on waves.
 
-A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came.
-With limits, a wave that completes but violates one scores between -1/2 and 0, higher the smaller
-the violation, and waves that stop score between -1 and -1/2. So a search can compare any two
-layouts.
+A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came;
+with the objective "toppled" it is a success too. With limits, a wave that completes but violates
+one scores between -1/2 and 0, higher the smaller the violation, and waves that stop score between
+-1 and -1/2. So a search can compare any two layouts.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Evaluation:
         (B,) reaches of the waves, 1 if they complete. For a score of several simulations, 1 if the
         score without limits is more than 0, else the mean of their reaches.
     falls
-        (B,) numbers of simulated falls.
+        (B,) numbers of simulated intervals between hits.
     gradient
         Derivatives of the scores, 0 for scores of 0 or less; None unless requested.
     """
@@ -96,10 +96,10 @@ class Evaluation:
         return replace(self, gradient=gradient.scale(self.score > 0.0))
 
 
-# Rounding decides whether a layout at a limit satisfies it. Therefore simulations with at most this
-# rtol allow some excess. Those of a search, with a larger one, do not, so its results are accepted.
+# Rounding decides whether a layout at a limit satisfies it. Therefore scores with at most this rtol
+# allow some excess. Searches have a larger rtol and allow none, so their results are accepted.
 FINAL_RTOL = 1e-9
-ALLOWED_EXCESS = 1e-6  # excess over a limit of the stall margin or the loss
+ALLOWED_EXCESS = 1e-6  # by which stall margin and loss together may violate their limits
 
 
 Margin = Annotated[float, Meta(ge=0, lt=1)]
@@ -107,7 +107,7 @@ Loss = Annotated[float, Meta(ge=0, le=1)]
 
 
 class Limits(Value, frozen=True):  # type: ignore[misc]
-    """Limits on the wave that a design must keep.
+    """Limits on the wave of a layout.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         For a value out of its range, and if both are None.
     """
 
-    stall_margin: Annotated[Margin | None, about("of all intervals between hits, at least")] = None
-    flush_loss: Annotated[Loss | None, about("loss of speed in a face impact, at most")] = None
+    stall_margin: Annotated[Margin | None, about("smallest allowed stall margin")] = None
+    flush_loss: Annotated[Loss | None, about("largest loss of speed in a face impact")] = None
 
     SCHEMA: ClassVar = {"minProperties": 1}
 

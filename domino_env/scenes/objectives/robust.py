@@ -59,7 +59,7 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
     quantile: Annotated[Quantile, about("share of the draws that may be slower")] = 0.05
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the draws")] = 0
 
 
 def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
@@ -244,7 +244,7 @@ class MeanOverDraws(Objective):
 
     @property
     def simulations_per_score(self) -> int:
-        """Number of draws times that of the other objective's simulations."""
+        """Number of draws times `simulations_per_score` of the other objective."""
         return self.draws * int(self.settings.simulations_per_score)
 
     def success(self, waves: Waves) -> Floats:

@@ -43,7 +43,8 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
     first: Annotated[Size | None, about("frequency between dominoes 0 and 1 [hits/s]")] = None
     last: Annotated[Size | None, about("frequency between the last two [hits/s]")] = None
     times: Annotated[
-        tuple[Size, ...] | None, about("instead: arrival times of dominoes 1, 2, … [s]")
+        tuple[Size, ...] | None,
+        about("arrival times of dominoes 1, 2, …, in place of from and to [s]"),
     ] = None
     tolerance: Annotated[Size, about("root-mean-square error that halves the score [s]")] = 1e-3
 
@@ -92,7 +93,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
 
     def _errors(self, arrivals: Floats) -> Floats:
         """Return the errors (B, N-1) of arrival times (B, N) [s]."""
-        times = numbers("arrivals", arrivals, None, ("B", "N"), "a line for each layout")
+        times = numbers("arrivals", arrivals, None, ("B", "N"), "times of B layouts")
         return times[:, 1:] - self.schedule(times.shape[1])
 
     def error(self, arrivals: Floats) -> Floats:
