@@ -9,8 +9,8 @@
 
     env = gymnasium.make("DominoChain-v1", scene="sprint")
 
-Names are imported when they are first used. Importing the package registers the environments with
-Gymnasium, and the functions that draw results.
+Names are imported when they are first used. Importing the package registers the functions that draw
+results, and the environments with Gymnasium.
 """
 
 import sys
@@ -25,7 +25,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
-# the `domino` command uses no registered environments and starts faster without them
+# `_domino_command` is the module of the `domino` command, which uses no registered environments
+# and starts faster without them
 if "_domino_command" not in sys.modules:
     from domino_env.envs import register
 

@@ -100,14 +100,14 @@ def numbers(
     copy
         Argument `copy` of `numpy.array`: True to copy always, None to copy only if necessary.
     shape
-        Accepted shape, with letters for sizes that are free, as in (2, "N"); None for any.
+        Accepted shape, with strings for sizes that are free, as in (2, "N"); None for any.
     meaning
         Meaning of the shape, at the end of the message about another one.
 
     Returns
     -------
     ndarray
-        The numbers; NaN and infinity are not rejected.
+        The numbers; NaN and infinity are not rejected, and None becomes NaN.
 
     Raises
     ------

@@ -9,7 +9,8 @@ BLUE, RED, GREEN, PINK, AMBER, SKY = (
 )  # fmt: skip
 RESULT, UNIFORM, BEST_KNOWN = BLUE, "#7c828c", RED
 
-# After the named colours, each is the farthest in OKLab from the greys and all earlier ones.
+# Any two of these, or one of these and a grey, are 0.079 or more apart in the colour space OKLab,
+# in which black and white are 1 apart.
 COLOURS = (
     BLUE, RED, GREEN, PINK, AMBER, SKY, "#8b1a1a", "#500890", "#005000", "#a03098", "#70d050",
     "#8070f0", "#004070", "#887000", "#5848c0", "#98b088", "#600848", "#d03868", "#f088f8",

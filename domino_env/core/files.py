@@ -14,7 +14,8 @@ from typing import Any, BinaryIO, NoReturn
 
 LARGEST_FILE = 256 * 2**20  # [bytes]; a layout of a million different dominoes takes 105 MB
 LONGEST_SENTENCE, LONGEST_PATH = 480, 160  # [characters]
-_SHORT_REPR = reprlib.Repr()  # of values in messages
+# of values in messages: at most 60 characters, 4 items and 2 levels of nesting
+_SHORT_REPR = reprlib.Repr()
 _SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = 60
 _SHORT_REPR.maxlist = _SHORT_REPR.maxdict = _SHORT_REPR.maxtuple = 4
 _SHORT_REPR.maxlevel = 2
@@ -63,7 +64,7 @@ def raise_with_path(path: Path | str, error: BaseException | str) -> NoReturn:
     name = one_line(str(path), LONGEST_PATH, keep_end=True)
     text = str(error).removeprefix(f"{path}: ").removeprefix(f"{name}: ")
     if isinstance(error, MemoryError):
-        text = "too large for this computer's memory"
+        text = "too large for this computer's memory: give a smaller file"
     elif isinstance(error, UnicodeDecodeError):
         text = f"not valid {error.encoding} text ({error.reason}): save it as UTF-8"
     if text.startswith((f"{path}, ", f"{name}, ")):  # line and column follow
@@ -88,8 +89,8 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
-    except OSError as error:  # it names the temporary file, or no file if the disk is full
-        if error.errno is None:
+    except OSError as error:  # its message has the temporary file, or no file if the disk is full
+        if error.errno is None:  # raised by `fill`, not by the operating system
             raise
         raise type(error)(f"{path} cannot be written: {error.strerror}") from None
     finally:
@@ -123,7 +124,10 @@ def require_writable(folder: Path) -> None:
 
 
 def layout_name(path: Path) -> str:
-    """Return the stem of the name of a layout's file, or the name of its folder for "layout"."""
+    """Return the stem of the name of a layout's file, or the name of its folder for "layout".
+
+    Long names are shortened to 100 characters.
+    """
     in_run_folder = path.stem == "layout"
     return one_line(path.resolve().parent.name if in_run_folder else path.stem, 100)
 
@@ -147,7 +151,7 @@ def amount(number: int, noun: str) -> str:
 
 
 def as_text(value: object) -> str:
-    """Return the repr of a value, shortened for an error message."""
+    """Return the repr of a value for an error message, shortened to 80 characters."""
     try:
         return one_line(_SHORT_REPR.repr(value), 80)
     except (ValueError, RecursionError):  # an int of thousands of digits raises ValueError

@@ -68,6 +68,7 @@ def new_figure(
     """
     options: dict[str, Any] = {"facecolor": "white", "layout": None if placed else "constrained"}
     pyplot = sys.modules.get("matplotlib.pyplot")
+    # the inline backend of notebooks would show the figure a second time
     if register and pyplot is not None and "inline" not in pyplot.get_backend():
         figure: Figure = pyplot.figure(FigureClass=Picture, figsize=(width, height), **options)
         return figure
@@ -108,13 +109,13 @@ def new_panels(
         The figure and its panels, from left to right and from top to bottom, after `style`.
     """
     columns = min(number, max_columns)
-    lines = -(-number // columns)
+    rows = -(-number // columns)
     head = HEAD if headline else 0.0
-    width, height = margins[0] + size[0] * columns, margins[1] + size[1] * lines + head
+    width, height = margins[0] + size[0] * columns, margins[1] + size[1] * rows + head
     figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
         add_headings(figure, headline, subtitle)
-    panels = list(figure.subplots(lines, columns, squeeze=False, **sharing).ravel())
+    panels = list(figure.subplots(rows, columns, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
     for axes in panels[:number]:
@@ -123,7 +124,7 @@ def new_panels(
 
 
 def style(axes: Axes, title: str = "") -> None:
-    """Set lines and colours of axes, and their title if there is one."""
+    """Set grid, spines and colours of axes, and their title if there is one."""
     axes.grid(color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -136,7 +137,7 @@ def style(axes: Axes, title: str = "") -> None:
 
 
 def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
-    """Write headline and subtitle above a figure, `left` inches from its edge."""
+    """Write headline and subtitle at the top of a figure, `left` inches from its left edge."""
     width, height = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
@@ -148,7 +149,10 @@ def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.1
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
-    """Set the limits of a time axis to rising times [s]; above a factor of 30 it is logarithmic."""
+    """Set the limits of a time axis to the first and the last of rising times [s].
+
+    The axis is logarithmic if their ratio is above 30.
+    """
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")
         label_plainly(axes.xaxis, (1, 3))
@@ -156,7 +160,7 @@ def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
 
 
 def label_plainly(axis: Axis, digits: Sequence[float]) -> None:
-    """Label a logarithmic axis at `digits` times powers of ten, with plain numbers."""
+    """Label a logarithmic axis at `digits` times powers of ten, 1e-7 to 1e7, with plain numbers."""
     axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))

@@ -47,7 +47,10 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
 
 
 def correct_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Add the rounding error of the sums of values (B, n) to the entries between their bounds."""
+    """Shift the entries of values (B, n) that lie between their bounds so that sums are `total`.
+
+    The shifts are as small as rounding errors.
+    """
     free = (values > low) & (values < high)
     correction = (total - values.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
     return np.asarray(np.clip(values + free * correction[:, None], low, high))

@@ -1,7 +1,7 @@
 """Results: their drawings, their `repr`, and the versions of the packages that made them.
 
-Modules of results do not import the modules that draw them: the `__init__` of a package registers
-functions that return a Matplotlib figure, and the first call imports them.
+Modules of results do not import the modules that draw results. The `__init__` of a package
+registers functions that return a Matplotlib figure, and the first call imports them.
 """
 
 from __future__ import annotations

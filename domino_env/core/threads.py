@@ -12,7 +12,7 @@ from functools import cache
 
 import numba
 
-MAX_THREADS = 1024  # more than a computer has cores: no limit
+MAX_THREADS = 1024  # more than the cores of a computer, so that it is no limit
 PIECES_PER_THREAD = 4  # so that threads whose waves stop early take another piece
 MAX_PIECE = 200_000  # largest piece of a batch [dominoes]
 MIN_SHARED = 400  # smallest batch that several threads share [dominoes]
@@ -33,7 +33,8 @@ def share_evenly(task: Callable[..., object], items: int, minimum: int, *argumen
     Parameters
     ----------
     task
-        Function of a range of items, which releases the global interpreter lock.
+        Function of the range of items first … last - 1, which releases the global interpreter
+        lock.
     items
         Number of items in the batch.
     minimum
@@ -66,7 +67,8 @@ def share_pieces(task: Callable[..., object], items: int, count: int, *arguments
     Parameters
     ----------
     task
-        Function of a range of chains, which releases the global interpreter lock.
+        Function of the range of chains first … last - 1, which releases the global interpreter
+        lock.
     items
         Number of chains in the batch.
     count

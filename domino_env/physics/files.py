@@ -23,7 +23,7 @@ from domino_env.core.files import decode, one_line, read_bytes, read_json, write
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
 from domino_env.physics.standard import DENSITY, HEIGHT
 
-MAX_DOMINOES = 1_000_000  # of a file, which takes some seconds and 1 GB of memory to read
+MAX_DOMINOES = 1_000_000  # a file of so many takes some seconds and 1 GB of memory to read
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 # cells are divided by these, not multiplied by 0.001: 18 mm is then exactly the number 0.018
 _PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
@@ -75,6 +75,7 @@ def write_csv(path: Path, parts: dict[str, Any]) -> None:
         Arrays of a layout by name, and its width.
     """
     count = len(parts["thickness"])
+    # None: the empty cell of the last domino in columns of pairs
     columns = [
         [*part.tolist(), None] if isinstance(part, np.ndarray) else repeat(part)
         for part in parts.values()
@@ -165,7 +166,7 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
             except ValueError as error:
                 if not (no_gap and kind in _PAIR_COLUMNS):
                     raise cell_error(line, kind, str(error)) from None
-                value = math.nan
+                value = math.nan  # no value: accepted for the last domino only, see below
             columns[kind].append(value)
         line_numbers.append(line)
     if not line_numbers:

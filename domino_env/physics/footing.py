@@ -9,7 +9,7 @@ import numpy as np
 
 from domino_env.core.types import Bools, Floats
 
-MAX_STEP = 0.999  # largest rise of the next pivot over the height at which the tip strikes
+MAX_STEP = 0.999  # largest ratio of the next pivot's rise to the height at which the tip strikes
 
 
 def normal_rises(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
@@ -48,8 +48,8 @@ def find_violation(
     Returns
     -------
     tuple or None
-        Index of the domino, in a batch after that of the layout, and a sentence about it; None if
-        there is none.
+        Index (i,) of the domino, for a contact that of the domino behind, in a batch (b, i); and a
+        sentence about it. None if there is none.
     """
     if rise is None or tilt is None:
         if (height[..., :-1] <= height[..., 1:]).all():

@@ -81,7 +81,7 @@ class Diagnosis:
 def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) -> Diagnosis:
     """Compute contact forces and impulses, floor friction and losses in face impacts of a wave.
 
-    Dominoes more than 400 behind the leader are treated as at rest.
+    Forces of dominoes more than 400 behind the leader are neglected.
 
     Parameters
     ----------

@@ -97,14 +97,14 @@ def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats
         thickness[..., 1:] += weight
         return replace(gradient, spacing=gradient.spacing + weight, thickness=thickness)
     arrays = layout.spacing, layout.thickness, layout.rise, layout.tilt
-    # pitch and normal: from pivot to pivot along the ground under the next domino and normal to it
-    ahead, pitch = layout.tilt[..., 1:], layout.spacing + layout.thickness[..., 1:]
+    # components from pivot to pivot: along the ground under the next domino, and normal to it
+    ahead, tangential = layout.tilt[..., 1:], layout.spacing + layout.thickness[..., 1:]
     normal, distance = footing.normal_rises(*arrays), footing.pitches(*arrays)
-    along, up = weight * pitch / distance, weight * normal / distance
+    along, up = weight * tangential / distance, weight * normal / distance
     tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
     tilt = gradient.tilt.copy()
     thickness[..., 1:] += along + up * tan
-    tilt[..., 1:] += up * (pitch * sec + layout.rise * tan) * sec
+    tilt[..., 1:] += up * (tangential * sec + layout.rise * tan) * sec
     return replace(
         gradient,
         spacing=gradient.spacing + along + up * tan,

@@ -44,8 +44,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     slope
         Angle of an even slope, positive downhill [°].
     profile
-        Points [x, y] of a curve, x rising [m]: the natural cubic spline through them, which
-        continues straight beyond its ends.
+        2 to 10 000 points [x, y] of a curve, x rising [m]: the natural cubic spline through them,
+        which continues straight beyond its ends.
 
     Raises
     ------
@@ -73,6 +73,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         ),
     ] = None
 
+    # added to the JSON Schema of the class
     SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
 
     def __post_init__(self) -> None:
@@ -87,7 +88,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
                 )
         span = self.profile[-1][0] - self.profile[0][0] if self.profile else 0.0
         if span > MAX_SPAN:
-            advise(f"profile spans {span:g} m: {ADVICE}")
+            advise(f"profile spans {span:g} m, more than {MAX_SPAN:g} m: {ADVICE}")
         place, steepest = self.steepest
         if self.profile is not None and steepest > math.tan(math.radians(MAX_SLOPE)):
             raise ValueError(
@@ -112,6 +113,11 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         -------
         ndarray
             Heights (…) [m].
+
+        Raises
+        ------
+        ValueError
+            For anything but numbers.
         """
         t, c = self._piece(numbers("x", x))
         return np.asarray(((c[0] * t + c[1]) * t + c[2]) * t + c[3])
@@ -121,7 +127,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         """Steepest place x [m], and |dy/dx| there."""
         knots, inner = self.curve.knots, self.curve.pieces[1:-1]
         # the slope is largest at a knot or where a piece has no curvature
-        with np.errstate(all="ignore"):  # a piece of constant curvature has none
+        with np.errstate(all="ignore"):  # division by zero: a piece of constant curvature
             inflection = -inner[:, 1] / (3.0 * inner[:, 0])
         is_inside = (inflection > 0.0) & (inflection < np.diff(knots))
         places = np.concatenate([knots, knots[:-1] + np.where(is_inside, inflection, 0.0)])
@@ -234,7 +240,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         """
         for sign, verb in ((1.0, "is hollow"), (-1.0, "bulges")):
             place, curvature = self.curvature(sign)
-            deviation = curvature * thickness**2 / 8.0  # height of an arc over its chord
+            # height of an arc over its chord on level ground; on a slope it is smaller
+            deviation = curvature * thickness**2 / 8.0
             if deviation > MAX_DEVIATION:
                 return (
                     f"the ground {verb} by {1e3 * deviation:.3g} mm under a base "
@@ -271,6 +278,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         require_type("gradient", gradient, Gradient, "a Gradient, such as wave.gradient()")
         if gradient.rise is None or gradient.tilt is None:
             return gradient  # on flat ground nothing changes
+        # nan: a number, whose shape () is rejected
         gaps, shape = getattr(layout, "spacing", np.nan), gradient.spacing.shape
         numbers("layout.spacing", gaps, None, shape, "that of the gradient")
         spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
@@ -281,6 +289,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         else:
             geometry = layout.spacing, layout.thickness, layout.rise, layout.tilt
             arrays = [_batch(array) for array in (*geometry, gradient.rise, gradient.tilt)]
+            # views, to which the kernel adds the derivatives through rise and tilt
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
             size = arrays[1].shape
             share_pieces(place_on_ground_vjp, *size, self.curve, *arrays, *written)

@@ -120,7 +120,7 @@ class Layout:
         return Layout, (*sizes, *self.rise_and_tilt)
 
     def __eq__(self, other: object) -> bool:
-        """Return True if both layouts are bitwise equal."""
+        """Return True if all numbers of both layouts are equal."""
         if not isinstance(other, Layout):
             return NotImplemented
         return self.width == other.width and all(
@@ -142,6 +142,7 @@ class Layout:
         return f"Layout({chain}: {', '.join(sizes)})"
 
     def _repr_png_(self) -> Any:
+        # False: not a figure of pyplot
         return draw("layout", self, None, False)._repr_png_()
 
     @classmethod
@@ -162,19 +163,19 @@ class Layout:
         Parameters
         ----------
         count
-            Number of dominoes N.
+            Number of dominoes N, 1 to 1 000 000.
         pitch
             Distance from pivot to pivot [m]; give either this or `spacing`.
         spacing
             Free gap [m].
         thickness
-            Thickness of every domino [m].
+            Thickness of every domino [m]; by default 0.0075.
         height
-            Height of every domino [m].
+            Height of every domino [m]; by default 0.048.
         width
-            Size across the chain [m].
+            Size across the chain [m]; by default 0.024.
         density
-            Density of every domino [kg/m³].
+            Density of every domino [kg/m³]; by default 1040.
         slope
             Even slope of the ground, positive downhill [rad].
 
@@ -257,6 +258,13 @@ class Layout:
         ----------
         path
             The file, which is replaced atomically.
+
+        Raises
+        ------
+        TypeError
+            For anything but a path.
+        OSError
+            If the file cannot be written.
         """
         files.write_csv(as_path("path", path), self._columns())
 
@@ -267,6 +275,11 @@ class Layout:
         ----------
         path
             The file, which is replaced atomically.
+
+        Raises
+        ------
+        TypeError, OSError
+            As for `to_csv`.
         """
         files.write_json(as_path("path", path), self._columns())
 
@@ -286,7 +299,7 @@ class Layout:
         path
             The file, in a format that `domino_env.physics.files.read_arguments` explains.
         width
-            Size across the chain if the file does not give it [m].
+            Size across the chain if the file does not give it [m]; by default 0.024.
 
         Returns
         -------
@@ -300,6 +313,8 @@ class Layout:
         ValueError
             For another suffix, for errors in the file (with line and column, or key), and as
             for `Layout`.
+        OSError
+            If the file cannot be read.
         """
         with errors_with_path(path):
             layout = cls(**{"width": width} | files.read_arguments(as_path("path", path)))

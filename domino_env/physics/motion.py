@@ -192,8 +192,8 @@ def _contacts(layout: Layout) -> Floats:
     p = layout.spacing / length + d
     e = footing.normal_rises(layout.spacing, layout.thickness, layout.rise, layout.tilt) / length
     r, slant = np.hypot(p, e), np.arctan2(e, p)
-    lowest = (r * r + d * d - 1.0) / (2.0 * d * r)
-    separation = np.arccos(np.clip(lowest, -1.0, 1.0)) - slant
+    cosine = (r * r + d * d - 1.0) / (2.0 * d * r)
+    separation = np.arccos(np.clip(cosine, -1.0, 1.0)) - slant
     return np.stack([p, e, d, r, slant, separation, stand], axis=1)
 
 
@@ -201,12 +201,13 @@ def _contacts(layout: Layout) -> Floats:
 def _lean_behind(contact: Floats, lean: Any) -> Any:
     """Return the lean of the domino behind a contact from that of the domino ahead."""
     p, e, d, r, slant, separation, stand = contact
-    psi = min(lean - stand, separation)
-    # p cos ψ - e sin ψ = r cos(ψ + slant) falls; a contact that separated stays as it was
-    gap = r * math.cos(psi + slant) - d
-    if gap < 0.0:
+    psi = min(lean - stand, separation)  # the domino behind a separated contact keeps its lean
+    # p cos ψ - e sin ψ - d, which decreases with ψ: for a tip contact the sine of the lean relative
+    # to the domino ahead, negative for a corner contact
+    sine = r * math.cos(psi + slant) - d
+    if sine < 0.0:
         return math.atan2(p - d * math.cos(psi), e + d * math.sin(psi)) + stand
-    return psi + math.asin(min(gap, 1.0)) + stand
+    return psi + math.asin(min(sine, 1.0)) + stand
 
 
 @compile_alone
@@ -228,6 +229,7 @@ def _sum_stacks(
     are kept, so that the computation takes a time proportional to the length of the chain.
     """
     count = len(bodies)
+    # nan: not computed yet, unequal to every lean
     leans, totals = np.full((count, 2), np.nan), np.zeros((count + 1, 2))
     for t in range(len(leader)):
         i, low, high = leader[t], first[t], last[t]

@@ -15,11 +15,11 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     Parameters
     ----------
     friction
-        Coulomb coefficient between dominoes, 0 for none.
+        Coulomb coefficient between dominoes, 0 for none; by default 0.25.
     gravity
-        Acceleration of gravity [m/s²].
+        Acceleration of gravity [m/s²]; by default 9.81.
     push
-        Angular velocity of domino 0 at t = 0 [rad/s].
+        Angular velocity of domino 0 at t = 0 [rad/s]; by default 8.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def require_arguments(layout: object, physics: object) -> None:
     Raises
     ------
     TypeError
-        For anything but a Layout, or else for anything but a Physics.
+        If `layout` is not a Layout or `physics` is not a Physics.
     """
     require_layout(layout)
     require_physics(physics)

@@ -10,7 +10,7 @@ from domino_env.core.progress import Advice, WrongUnit, advise
 HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # [m], [m], [kg/m³]
 THICKNESS = 0.0075  # [m]
 
-# plausible range of heights in metres [m], and of the ratio of a thickness or a gap to the height
+# plausible range of heights [m], and of the ratio of a thickness or a gap to the height
 MAX_HEIGHT, MIN_HEIGHT = 10.0, 1e-3
 MAX_RATIO, MIN_RATIO = 10.0, 1e-3
 ADVICE = (
@@ -54,9 +54,9 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
 def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: Range) -> None:
     """Warn of lengths in a file that were probably given in another unit; see `unit_hint`.
 
-    The warning is a WrongUnit for implausible sizes of dominoes and for gaps of more than ten
-    heights. Otherwise it is an Advice, as gaps a little out of reach or very narrow may be
-    intended.
+    The warning is a WrongUnit if the height or all thicknesses are implausible, or if all gaps are
+    wider than ten heights. Otherwise it is an Advice, as one extreme size, and gaps a little out of
+    reach or very narrow, may be intended.
     """
     hint = unit_hint(height, spacing, thickness)
     if hint is not None:

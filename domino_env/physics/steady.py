@@ -38,7 +38,7 @@ class SteadyWave:
     exists
         True if there is a steady wave.
     explanation
-        Sentence that there is a steady wave, or why there is none.
+        Sentence that states that there is a steady wave, or the reason why there is none.
     speed
         Mean speed [m/s]; 0 if there is none.
     frequency
@@ -86,7 +86,7 @@ def steady_wave(
     slope
         Even slope of the ground, positive downhill [rad].
     rtol
-        Relative error allowed in the times.
+        Relative error allowed in the times, more than 0, at most 1e-3.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def steady_wave(
 
     Notes
     -----
-    The contact states of the stack behind a leader follow from its angles alone, so one period is
+    The contacts of the stack behind a leader follow from the leader's angle alone, so one period is
     enough and nothing else is simulated.
 
     Examples
@@ -175,12 +175,12 @@ def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -
     )  # fmt: skip
     if np.any(gaps >= heights):
         j = int(np.argmax(gaps >= heights))
-        return _no_wave(f"gap {j} = {gaps[j]} m is not less than the height, {heights[j]} m", count)
+        reason = f"gap {j} is {gaps[j]} m; make it less than the height, {heights[j]} m"
+        return _no_wave(reason, count)
     ground = (rise, np.full(count, float(slope))) if slope != 0.0 else ()
     pattern = Arrays(gaps, thicknesses, heights, densities, *ground)
     # the steady wave is the fixed point of the map of one period
-    falls = np.zeros(count, FALL)
-    ring_size = FIRST_RING_SIZE
+    falls, ring_size = np.zeros(count, FALL), FIRST_RING_SIZE
     while True:
         inputs = (pattern, physics.friction, physics.gravity, rtol, ring_size)
         outcome, leader, tail, gain, offset, least_u = period_falls(*inputs, 0.0, True, falls)
@@ -188,7 +188,7 @@ def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -
             break
         ring_size *= 2
     if outcome != Outcome.PROPAGATED:
-        reason = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
+        reason = f"with domino {leader} of the pattern leading, {Outcome(outcome).explanation}"
         return _no_wave(reason, count)
     u = offset / (1.0 - gain) if gain < 1.0 else -1.0  # -1: no fixed point that waves approach
     if u <= max(least_u, 0.0):
@@ -239,7 +239,7 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
     physics
         Friction and gravity; the push has no effect.
     rtol
-        Relative error allowed in the push.
+        Relative error allowed in the push, more than 0, at most 1e-3.
 
     Returns
     -------

@@ -144,6 +144,7 @@ class Wave:
         return f"Wave({self.outcome.label}: {result})"
 
     def _repr_png_(self) -> Any:
+        # False: not a figure of pyplot
         return draw("wave", self, None, False)._repr_png_()
 
     def plot(self, ax: Any = None) -> Any:
@@ -219,8 +220,8 @@ class Wave:
         Raises
         ------
         ValueError
-            If the wave does not reach the last domino (for the speed: does not propagate), and as
-            for `pullback`.
+            For another quantity, if the wave does not reach the last domino (for the speed: does
+            not propagate), and as for `pullback`.
         """
         require_choice("quantity", quantity, ("time", "speed"))
         count, total = self.layout.count, float(self.arrival_times[-1])
@@ -294,10 +295,10 @@ class WaveBatch:
     outcome
         (B,) values of `Outcome`.
     total_time
-        (B,) arrival times at the last domino [s]; inf where not reached.
+        (B,) arrival times at the last domino [s]; inf for a wave that did not propagate.
     lowest_stall_margin
-        (B,) smallest stall margins of all leaders; without fields per domino, u is compared at the
-        nodes of the quadrature only.
+        (B,) smallest stall margins of all leaders; without fields per domino, u = ω² is compared at
+        the nodes of the quadrature only.
     gradient
         Gradient of the total time, 0 for a wave that did not propagate; None if not requested.
     """
@@ -333,6 +334,7 @@ class WaveBatch:
         pitches = footing.pitches(arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt)
         # summed as Layout.length is, so that speeds agree to the last bit
         length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
+        # 1e-300: no division by zero where the mask excludes the quotient
         return np.where(np.isfinite(total) & (total > 0.0), length / np.maximum(total, 1e-300), 0.0)
 
     def pullback(self, arrival_bar: Floats) -> Gradient:
@@ -426,9 +428,9 @@ def simulate(
     physics
         Friction, gravity and push; by default those of `Physics()`.
     rtol
-        Relative error allowed in the arrival times, 1e-3 to 1e-13.
+        Relative error allowed in the arrival times, 1e-13 to 1e-3.
     gradient
-        True to save the states that `Wave.pullback` and `Wave.gradient` need, some 100 bytes per
+        True to save the states that `Wave.pullback` and `Wave.gradient` need, some 200 bytes per
         interval between hits.
 
     Returns
@@ -445,8 +447,8 @@ def simulate(
 
     Notes
     -----
-    The dynamics are exact up to the tolerance for chains in which every domino may differ: tip and
-    corner contacts, separations, face impacts as inelastic impacts, sliding friction.
+    The dynamics are exact up to the tolerance, for chains in which every domino may differ. They
+    have tip and corner contacts, separations, inelastic face impacts, and sliding friction.
 
     References
     ----------
@@ -509,7 +511,7 @@ def simulate_batch(
     tilt
         Scalar, (N,) or (B, N), as for `Layout` [rad].
     rtol
-        As for `simulate`.
+        As for `simulate`, by default 1e-6.
     record
         True to keep the fields per domino.
     gradient

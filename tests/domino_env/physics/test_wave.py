@@ -94,7 +94,7 @@ def test_millimetres_are_hinted_at():
     wave = de.simulate(de.Layout([18, 18], [7.5] * 3))
     assert wave.outcome is de.Outcome.OUT_OF_REACH
     assert "a domino is 7.5 m thick, and the dominoes are 0.048 m tall" in wave.explanation
-    with pytest.warns(Advice, match="profile spans 500 m: lengths are in metres"):
+    with pytest.warns(Advice, match="profile spans 500 m, more than 100 m: lengths are in metres"):
         de.Ground(profile=[[0, 0], [200, 10], [500, 0]])
     assert "lengths are in metres" not in de.simulate(de.Layout([0.02, 0.05], 0.0075)).explanation
 
@@ -148,7 +148,7 @@ def test_where_there_is_no_steady_wave():
     assert tight.speed == 0.0
     assert math.isnan(tight.omega_release)
     assert "energy" in tight.explanation
-    assert "not less than the height" in de.steady_wave(0.06, 0.0075).explanation
+    assert "make it less than the height" in de.steady_wave(0.06, 0.0075).explanation
     for pitch, words in ((0.007, "more than 0"), ([], "give one chain"), ("a", "pitch = 'a'")):
         with pytest.raises(ValueError, match=words):
             de.steady_wave(pitch, 0.0075)
