@@ -51,9 +51,12 @@ class DominoChain(DominoEnv):
 
     | entry     | meaning                                     | unit                     |
     |-----------|---------------------------------------------|--------------------------|
-    | gap       | free gap in front of the leading domino     | m, or heights (scene)    |
-    | thickness | thickness of the domino that is placed      | m, or heights (scene)    |
+    | gap       | free gap in front of the leading domino     | m, or heights            |
+    | thickness | thickness of the domino that is placed      | m, or heights            |
     | growth    | its height over that of the previous domino | 1                        |
+
+    If the scene has `in_heights`, a gap is in heights of the shorter of the two dominoes at it, a
+    thickness in heights of the domino itself.
 
     The scene's rules narrow the bounds, so every layout that can be built satisfies them.
 
@@ -125,6 +128,8 @@ class DominoChain(DominoEnv):
     - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
     - If hits have a schedule ("tempo"), Φ_k = 100 ((S_k - 1) + (1 - S_u) k / (N - 1)) / S_u, where
       S_k is the score if all later hits are on time and S_u that of the uniform baseline.
+    - If pieces are drawn in random order, X_k and T_k are those of the baseline with one order, and
+      v is its mean speed over many orders; the rewards on the baseline are then not exactly 0.
     - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
@@ -173,11 +178,11 @@ class DominoChain(DominoEnv):
     Terminated when the last domino is placed, or when the wave stops. Never truncated.
 
     ## Info
-    Empty except on the last step: `score` (that of `wave`), `gain` (over the uniform baseline, 0.01
-    is one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its wave at the
-    environment's tolerance; its `reach` is relative to all N dominoes). Layout and wave are
-    computed when they are read. If scenes are sampled, `scene` is in the last info and in that of
-    the reset.
+    Empty except on the last step: `score` (of the layout as placed), `gain` (over the uniform
+    baseline, 0.01 is one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its
+    wave at the environment's tolerance; its `reach` is relative to all N dominoes). Layout and wave
+    are computed when they are read. If scenes are sampled, `scene` is in the last info and in that
+    of the reset.
 
     ## Version history
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
@@ -194,7 +199,7 @@ class DominoChain(DominoEnv):
         None, "rgb_array", "human" or "ansi".
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
-        that of `scene.simulate(layout, rtol)`; `scene.score` uses 1e-10.
+        `scene.score(scene.simulate(layout, rtol))`; `scene.score(layout)` uses 1e-10.
     reference_speed
         Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
         uniform baseline, or √(g h) if its wave stops. May be set at any time:
@@ -254,14 +259,14 @@ class DominoChain(DominoEnv):
         self._vector.reference_speed = speed
 
     def bounds_ahead(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next action.
+        """Return the bounds of the next gap and of the next thickness.
 
         Returns
         -------
         dict
-            (low, high) of "spacing" and "thickness" [m, or heights]. In a scene with a length the
-            bounds of the gap depend on the thickness that the same action chooses; these are for
-            the middle of the range of thickness.
+            (low, high) of "spacing" and "thickness" [m, or heights if the scene has `in_heights`].
+            In a scene with a length the bounds of the gap depend on the thickness that the same
+            action chooses; these are for the middle of the range of thickness.
         """
         return self._vector.bounds_ahead(0)
 
@@ -370,7 +375,7 @@ class DominoChainVector(DominoVectorEnv):
         starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
         try:
             for b, start in starts:
-                _check_start(start, self._scene(b), self.source.rtol)
+                _check_start(start, self._scene(b), self.source.rtol, b)
         except ValueError:
             self._scene_indices = previous_scenes
             raise
@@ -430,7 +435,7 @@ class DominoChainVector(DominoVectorEnv):
         return observations, rewards, ended, infos
 
     def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next action of one environment.
+        """Return the bounds of the next gap and of the next thickness in one environment.
 
         Parameters
         ----------
@@ -467,7 +472,7 @@ class DominoChainVector(DominoVectorEnv):
         Raises
         ------
         ValueError
-            If the number of layouts is not that of the environments.
+            If the number of layouts is not that of the environments, or if one is not a `Layout`.
         """
         layouts = self._value_per_env("layout", layout, Layout)
         targets = np.zeros((self.num_envs, 4))  # gap, thickness, heights behind and ahead of it
@@ -517,7 +522,8 @@ class DominoChainVector(DominoVectorEnv):
         ----------
         actions
             (B, P, A) actions of that call. Outside [-1, 1] the derivatives are those at the nearer
-            bound.
+            bound. The choice of the nearest value of a list or stock is not differentiated: its
+            derivative counts as 1.
         derivatives
             (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 
@@ -545,8 +551,8 @@ class DominoChainVector(DominoVectorEnv):
         return self.num_envs, longest - 1, *(self.single_action_space.shape or ())
 
 
-def _check_start(layout: Layout, scene: Scene, rtol: float) -> None:
-    """Raise a ValueError for a layout from which no episode in the scene can start."""
+def _check_start(layout: Layout, scene: Scene, rtol: float, env: int) -> None:
+    """Raise a ValueError for a layout from which no episode of an environment can start."""
     violations = scene.violations(layout, complete=False)
     if not violations and layout.count >= scene.count:
         violations = [
@@ -560,14 +566,14 @@ def _check_start(layout: Layout, scene: Scene, rtol: float) -> None:
         if not least - LENGTH_TOLERANCE <= left <= most + LENGTH_TOLERANCE:
             violations = [
                 f"it leaves {left:.6g} m of the length for {pairs} dominoes, which cover "
-                f"{least:.6g} to {most:.6g} m"
+                f"{least:.6g} to {most:.6g} m: change its length"
             ]
     if not violations and layout.count > 1:
         wave = simulate(layout, scene.physics, rtol=rtol)
         if wave.hit < layout.count or not np.isfinite(wave.release_velocity[-1]):
-            violations = [f"its wave stops: {wave.explanation}"]
+            violations = [f"its wave stops: {wave.explanation}; leave out the last dominoes"]
     if violations:
-        raise ValueError(f"the layout to start from: {'; '.join(violations)}")
+        raise ValueError(f"the layout to start from in environment {env}: {'; '.join(violations)}")
 
 
 def _as_integers(records: NDArray[np.record]) -> NDArray[np.uint64]:

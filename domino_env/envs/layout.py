@@ -137,8 +137,6 @@ class DominoLayoutVector(DominoVectorEnv):
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
         self._episodes[mask] = np.zeros(1, EPISODE)
         self._episodes["phase"][mask] = RUNNING
-        self._batch.states["u"][mask] = self.source.first.physics.push**2
-        self._batch.states["time"][mask] = 0.0
         self._waves[mask] = None
         self._randomise(np.flatnonzero(mask), generators, {})
         observations[mask] = 0.0
@@ -160,11 +158,11 @@ class DominoLayoutVector(DominoVectorEnv):
         return observations, rewards, ended, infos
 
     def _project(self, scene: Scene, length: float) -> None:
-        """Replace the layouts by the nearest ones of a total length [m]."""
+        """Replace the layouts by the nearest ones with a total length [m]."""
         spacing, thickness, pairs = self._batch.spacing, self._batch.thickness, scene.count - 1
         free = [(spacing, scene.spacing)] * scene.free_spacing
         free += [(thickness[:, 1:], scene.thickness)] * scene.free_thickness
-        fixed = scene.spacing[0] * (not scene.free_spacing)  # part of each pitch
+        fixed = scene.spacing[0] * (not scene.free_spacing)  # part of each pitch that is not free
         fixed += scene.thickness[0] * (not scene.free_thickness)
         parts = [part for part, _ in free]
         low, high = np.repeat([bounds for _, bounds in free], pairs, axis=0).T

@@ -21,10 +21,10 @@ from domino_env.physics.motion import stack_leans
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
-FRAMES_PER_SECOND = 20  # largest rate of a window
+FRAMES_PER_SECOND = 20  # largest frame rate of a window [1/s]
 WIDTH, HEIGHT = 1200, 200  # of an image [px]
 TEXT_WIDTH = 100  # of a frame of text [characters]
-LYING = 1.1  # [rad] lean from which a domino is drawn as a line on the ground
+LYING = 1.1  # [rad] lean above which a frame of text shows a domino as "_"
 
 
 def _window_works() -> bool:
@@ -36,7 +36,7 @@ def _window_works() -> bool:
 
 VECTOR_MODES = ("rgb_array", "ansi")
 MODES = (*VECTOR_MODES, "human")
-OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker renders all
+OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries each of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Snapshot:
 
 
 class Renderer:
-    """Frames of one environment.
+    """Frames of one or several environments in one render mode.
 
     Parameters
     ----------

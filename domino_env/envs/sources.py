@@ -214,7 +214,7 @@ def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]
 
 
 def _sampled_indices(size: int, num_scenes: int | None, first_scene: int) -> range:
-    """Return the indices of the scenes that resets sample, in a pool of a size."""
+    """Return the indices of the scenes that resets sample, in a pool of `size` scenes."""
     hint = f"scenes are numbered from 0 to {size - 1}" if size > 1 else "the scene is fixed"
     require("first_scene", first_scene, 0, size - 1, whole=True, hint=hint)
     if num_scenes is None:

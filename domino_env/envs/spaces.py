@@ -10,7 +10,7 @@ from domino_env.kernels.step import observation
 from domino_env.scenes.scene import Scene
 
 DECAY_LENGTHS = (1.0, 2.0, 4.0, 8.0)  # [dominoes] of near_start and near_end
-FEATURE_LIMIT = 3.0  # of observed features, which scenes outside the ranges exceed
+FEATURE_LIMIT = 3.0  # size at which features are clipped; beyond 1 they are outside the ranges
 
 
 class ObservationLayout(dict[str, slice]):

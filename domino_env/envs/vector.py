@@ -96,10 +96,10 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._batch = _new_batch(source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
         self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
-        # until the first reset
+        # scene of each environment; before the first reset, a sampled one
         self._scene_indices = np.full(self.num_envs, source.sample(np.random.default_rng(0)))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
-        self._over = np.zeros(self.num_envs, np.bool_)  # episodes to be replaced by new ones
+        self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
         self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
@@ -155,8 +155,9 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Raises
         ------
         ValueError
-            For unknown options, for a mask or seeds of another shape, for a layout that breaks the
-            scene's rules or whose wave stops, and for a scene that the distribution does not cover.
+            For unknown options, for a mask or seeds of another shape, for seeds below 0, for a
+            layout that breaks the scene's rules or whose wave stops, and for a scene that the
+            distribution does not cover.
         TypeError
             For options that are not a dictionary.
         """
@@ -351,9 +352,9 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Returns
         -------
         observations : NDArray
-            (B, O); those of other environments are not set.
+            (B, O); not set for environments whose episode is over.
         rewards : NDArray
-            (B,); 0 for other environments.
+            (B,); 0 for environments whose episode is over.
         ended : NDArray
             (B,) mask of episodes that ended.
         infos : dict
@@ -363,9 +364,9 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
         """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended.
 
-        The whole layout is simulated if the score is not just a speed, if the error estimate
-        exceeds the tolerance, as earlier steps cannot be repeated more exactly, and if the layout
-        is uniform, as `simulate` has another algorithm for it.
+        The whole layout is simulated again in three cases: the score is not the mean speed of the
+        wave; the error estimate exceeds the tolerance, as only a new simulation can be more exact;
+        or the layout is uniform, for which `simulate` has another algorithm.
         """
         batch, episodes = self._batch, self._episodes[envs]
         scenes = self._scene_indices[envs]
@@ -559,7 +560,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         return self._vector.snapshot(0)
 
     def render(self) -> NDArray[np.uint8] | str | None:
-        """Return the chain at its latest hit as an image or a text; None for a window."""
+        """Return the chain at its latest hit as an image or text; None for a window or no mode."""
         if self.render_mode is None:
             gymnasium.logger.warn(
                 'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '

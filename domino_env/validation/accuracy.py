@@ -1,7 +1,7 @@
 """Error against run time of the simulator and of general ODE solvers on the same layouts.
 
 The error of a run is the largest |t_k / T_k - 1| over its arrival times t_k. The exact times T_k
-are those of the simulator at its tightest tolerance, which tests compare with thirty digits. A run
+are those of the simulator at its tightest tolerance, which tests compare with `precise`. A run
 time is the shortest processor time of repeated calls, after compilation.
 """
 
@@ -129,7 +129,7 @@ def measure(
         for solver in SOLVERS:
             if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
-            growth = 2.2 if solver in FIXED else 4.0  # expected at most, of the run time
+            growth = 2.2 if solver in FIXED else 4.0  # largest expected increase of the run time
             used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
@@ -163,7 +163,7 @@ def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
 
 
 def compare(measurements: Sequence[Measurement]) -> list[str]:
-    """Return the lines of tables of run times by error, with their ratios to that of `simulate`."""
+    """Return the lines of tables of run times to reach errors, over those of `simulate`."""
     lines, levels = [], [f"{level:.0e}" for level in LEVELS]
     for example in dict.fromkeys(m.example for m in measurements):
         table, simulated = [], _runs(measurements, example, SIMULATE)
@@ -175,7 +175,7 @@ def compare(measurements: Sequence[Measurement]) -> list[str]:
                 if math.isnan(seconds):
                     cells[-1] = f"at best {min((m.error for m in runs), default=math.inf):.0e}"
             table.append((solver, *cells))
-        lines += ["", f"{example}: seconds to an error (over those of simulate)"]
+        lines += ["", f"{example}: run time [s] to reach an error (multiple of that of simulate)"]
         lines += text_table(("", *levels), table, right=levels)
     return lines
 

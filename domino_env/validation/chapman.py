@@ -79,6 +79,7 @@ def markdown() -> str:
     for line, printed in zip(angular_velocities(), PRINTED_VELOCITIES, strict=True):
         pitch, average, low, high = line[0], line[3], line[6], line[7]
         cells = [
+            # an asterisk at the misprint, which is 3 rad/s off
             f"{value:.3f} ({rounded:.2f}{'*' if abs(value - rounded) > 0.5 else ''})"
             for value, rounded in zip(line[1:4], printed, strict=True)
         ]
@@ -152,10 +153,10 @@ def draw_angular_velocity(axes: Axes) -> None:
 
 
 def draw_correction_factor(axes: Axes) -> None:
-    """Draw the speed over √(3gL) by d/λ for several d/L, by equation 13 and simulated."""
+    """Draw speed over √(3gL) against d/λ for several d/L, by equation 13 and simulated."""
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thickness = ratio * HEIGHT
-        low = max(ratio / (1.0 + ratio) * 1.05, 0.02)  # gaps that are just not out of reach
+        low = max(ratio / (1.0 + ratio) * 1.05, 0.02)  # 5 % above the out-of-reach limit
         ratios = np.linspace(low, steady.existence_limit(thickness), 60)[:-1]
         x, estimate, simulated = _speeds(ratios, thickness)
         axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
@@ -166,7 +167,7 @@ def draw_correction_factor(axes: Axes) -> None:
 
 
 def draw_formula(axes: Axes) -> None:
-    """Draw the speed over √(3gL) by d/λ for the standard domino, by equation 13 and simulated."""
+    """Draw speed over √(3gL) against d/λ for standard dominoes, by equation 13 and simulated."""
     x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
     axes.plot(x, simulated, color=BLUE, label="simulated")
     axes.plot(x, estimate, color=BLUE, linestyle=ESTIMATE_STYLE, label="equation 13")
@@ -174,7 +175,7 @@ def draw_formula(axes: Axes) -> None:
 
 
 def draw_friction(axes: Axes) -> None:
-    """Draw the speed, over that without friction, by the friction.
+    """Draw the steady speed over that without friction, against the friction.
 
     The exponent in the legend makes a power of 1 + μ equal to the model at Chapman's friction.
 

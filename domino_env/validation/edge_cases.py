@@ -1,7 +1,7 @@
 """Edge cases: layouts at the limits of what can be simulated, and the errors of their waves.
 
-Each result must have an error below its estimate and below the tolerance, and the outcome of its
-reference.
+Each wave must have an error below its estimate and, if it converged, below the tolerance, and the
+outcome of its reference.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.precise import reference_waves, write_reference
 
 H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
-TIPPING_PUSH = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] least
+TIPPING_PUSH = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] smallest
 RTOL = 1e-8  # tolerance of the examined waves
 UNDECIDED = 1e-9  # stall margin below which rounding decides whether a wave stalls
 COMPLETES, STALLS, JAMS = Outcome.PROPAGATED, Outcome.STALLED, Outcome.JAMMED
@@ -111,6 +111,7 @@ def short_cases() -> Iterator[EdgeCase]:
         for power in (1, 3, 6, 9, 12, 14):
             physics = Physics(mu, push=TIPPING_PUSH / math.sqrt(1.0 - 10.0**-power))
             expected = (COMPLETES,) if power < 13 else (COMPLETES, STALLS)
+            # u = ω² of the leader, over its value at the push
             name = f"μ = {mu:g}, u dips to 1e-{power}"
             yield EdgeCase("near stall", name, tight, physics, expected)
         for sign in (1, -1):
@@ -186,10 +187,10 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
     rise = -0.0275 * np.sin(0.5 * (tilt[1:] + tilt[:-1]))
     turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # between dominoes 0 and 1, which nearly touch
     for name, layout in {
-        "0.9999 of too steep down": Layout.uniform(20, spacing=0.015, slope=0.9999 * steepest),
-        "0.9999 of too steep up": Layout.uniform(20, spacing=0.015, slope=-0.9999 * steepest),
+        "0.9999 of the limit downhill": Layout.uniform(20, spacing=0.015, slope=0.9999 * steepest),
+        "0.9999 of the limit uphill": Layout.uniform(20, spacing=0.015, slope=-0.9999 * steepest),
         "crest after hollow": Layout(np.full(19, 0.02), D, rise=rise, tilt=tilt),
-        "tops all but touch": Layout([0.01, 0.015], D, rise=0.0019, tilt=[turn / 2, -turn / 2, 0]),
+        "tops nearly touch": Layout([0.01, 0.015], D, rise=0.0019, tilt=[turn / 2, -turn / 2, 0]),
     }.items():
         yield "uneven ground", name, layout, 20.0
     for factor in (1.0 + 1e-9, 1.001, 1.5, 10.0, 100.0, 1000.0):
@@ -205,7 +206,7 @@ def _friction() -> Iterator[EdgeCase]:
     # the friction μ* at which B = L cos Δ - μ d, the lever arm of the first hit, is 0
     limit, layout = math.sqrt(H * H - 0.012**2) / D, Layout.uniform(5, spacing=0.012)
     for excess in (-1e-3, -1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-6):
-        name = f"jams at μ* = {limit:.4f}: {excess:g} off"
+        name = f"μ = μ* (1 {excess:+g}), jams above μ* = {limit:.4f}"
         outcomes = (JAMS,) if excess > 0 else (JAMS, STALLS)
         yield EdgeCase("friction", name, layout, Physics(limit * (1 + excess), push=100), outcomes)
 

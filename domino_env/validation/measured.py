@@ -39,8 +39,9 @@ HELPFUL_RATIO = 0.75  # largest deviation with a helpful effect, over that witho
 # simulations on a floor: number of dominoes, and the first from which the wave counts as steady
 COUNT_ON_FLOOR, STEADY_ON_FLOOR = 24, 10
 RTOL_ON_FLOOR = 1e-2  # the coarsest steps give times within 0.1 % of the finest
-# layouts with uneven gaps: their number and seed, and as for those on a floor
+# layouts with uneven gaps: their number, and the seed of the gaps
 SAMPLES, SEED = 20, 18
+# their number of dominoes, and the first from which the wave counts as steady
 COUNT_UNEVEN, STEADY_UNEVEN = 60, 20
 NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
@@ -298,9 +299,10 @@ def fit_friction(
 
 
 def uneven_gap_factor(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of random gaps with a standard deviation, in heights.
+    """Return the mean speed with random gaps over the speed with equal gaps.
 
-    It is 1 if the wave stops in the uniform layout or in all of the random ones.
+    deviation: standard deviation of the gaps [heights]. The result is 1 if the wave stops
+    in the uniform layout or in all of the random ones.
     """
     gap, count, first = pitch - setting.thickness, COUNT_UNEVEN, STEADY_UNEVEN
     noise = np.random.default_rng(SEED).standard_normal((SAMPLES, count - 1))
@@ -318,7 +320,7 @@ def uneven_gap_factor(deviation: float, setting: Setting, pitch: float, friction
 
 
 def floor_factor(floor: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of a floor of this friction; 0 if a wave stops."""
+    """Return the speed on a floor of this friction over that on fixed pivots; 0 if a wave stops."""
     sizes = {"thickness": setting.thickness, "height": setting.height}
     layout = Layout.uniform(COUNT_ON_FLOOR, pitch=pitch, **sizes)
     physics = _firm_push(setting, friction)

@@ -28,7 +28,8 @@ from domino_env.physics.wave import Outcome
 # methods with fixed steps, and their codes in the kernels
 FIXED = {"euler": stepping.EULER, "rk4-step": stepping.RK4, "rk4": stepping.LOCATED}
 ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
-OVERSHOOT = 1e-12  # of 1 - cos θ: SciPy locates a change of contact so far past it that it is due
+# SciPy locates a change of contact where 1 - cos θ is past it by this, so that the change is due
+OVERSHOOT = 1e-12
 
 
 def integrate(
@@ -95,6 +96,7 @@ def _adaptive(
         if math.isnan(derivatives(time, np.array([angle, speed]))[1]):
             return Outcome.NO_RIGID_ANSWER
         time_scale = math.sqrt(arrays.height[n] / physics.gravity)
+        # a leader that falls for longer than 1e4 √(L/g) counts as stalled;
         # SciPy accepts no rtol below 100 eps = 2.2e-14
         solution = solve_ivp(
             derivatives, (time, time + 1e4 * time_scale), (angle, speed), method=method,

@@ -1,6 +1,6 @@
 """Multi-precision solution of short layouts, the reference of all other solvers.
 
-It does not use the formulas of the simulator, but the bodies: contact points and arms are vectors,
+It does not use the formulas of the simulator: contact points and arms of forces are vectors,
 ratios of velocities are differences of positions, forces and impulses follow from one dense linear
 solve of Newton's and Euler's equations, and friction opposes the sliding that follows from the
 positions. In an interval between hits, u = ω² of the leader obeys u' = 2P + 2Qu, by its angle. This
@@ -43,7 +43,7 @@ Angles = dict[int, Number]  # by domino [rad], or derivatives of angles
 
 REFERENCE = Path(__file__).with_name("reference.json")
 DIGITS = 100  # of the arithmetic; 60 suffice if no gap is nearly out of reach
-STORED_DIGITS = 30  # of an arrival time
+STORED_DIGITS = 30  # of an arrival time, more than are correct
 NODES = 24  # of the rule on a panel
 U_RTOL, TIME_RTOL = 1e-24, 1e-18  # relative errors allowed in a panel
 MAX_HALVINGS = 40  # of an interval

@@ -206,8 +206,8 @@ class Source(Table):
         Raises
         ------
         ValueError
-            For pitches that no chain can have, frequencies that are not positive, or no pairs of
-            them.
+            For pitches that no chain can have, frequencies that are not positive, and different
+            numbers of them.
         """
         given = {"pitches": pitches, "frequencies": frequencies}
         x, values = (np.atleast_1d(numbers(name, value)).tolist() for name, value in given.items())

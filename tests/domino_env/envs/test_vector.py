@@ -137,7 +137,7 @@ def test_reset_takes_layouts_to_start_from():
     for wrong in (starts[:2], 3, [None, None, "row.csv"]):
         with pytest.raises(ValueError, match=r"layout = .*: give one Layout for all, or a list"):
             env.reset(options={"layout": wrong})
-    with pytest.raises(ValueError, match=r"the layout to start from: .* the scene allows"):
+    with pytest.raises(ValueError, match=r"start from in environment 2: .* the scene allows"):
         env.reset(options={"layout": [None, None, de.Layout([0.03], 0.0075)]})
 
 

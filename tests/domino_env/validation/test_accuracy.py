@@ -74,7 +74,7 @@ def test_every_solver_is_measured_and_finer_is_better():
 
 
 @pytest.mark.parametrize(("options", "summary", "table", "lines"), [
-    ("--seconds 0.02", "classic: seconds to an error", "accuracy", 20),
+    ("--seconds 0.02", "classic: run time [s] to reach an error", "accuracy", 20),
     ("--stability", "edge cases: none with a fault", "stability", 200),
 ])  # fmt: skip
 def test_domino_accuracy_writes(options, summary, table, lines, tmp_path, capsys):
