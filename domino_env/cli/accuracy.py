@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:
         progress = line.set_description_str
         if arguments.stability:
-            for case in edge_cases.edge_cases(10_000 if arguments.quick else 1_000_000):
+            for case in edge_cases.edge_cases(longest=10_000 if arguments.quick else 1_000_000):
                 progress(str(case))
                 records.append(edge_cases.examine(case))
             faulty = [record for record in records if record.faults]

@@ -25,6 +25,7 @@ from domino_env.core.files import one_line
 from domino_env.core.progress import Advice, WrongUnit
 
 GROUP = "domino.commands"
+MAX_MESSAGE = 1000  # [characters]
 PURPOSES = {
     "simulate": "simulate",
     "search": "scene optimize compare sweep studies best-known",
@@ -127,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
         if isinstance(error, OSError) and error.filename is not None:
             message = f"{error.filename}: {error.strerror}: name another file or folder"
-        print(f"domino: {one_line(message, 1000)}", file=sys.stderr)
+        print(f"domino: {one_line(message, MAX_MESSAGE)}", file=sys.stderr)
         return 2
     except Exception as error:
         if not interruption.signal:
@@ -163,7 +164,7 @@ def _show_warning(
 ) -> None:  # fmt: skip
     """Print advice as one line, and warnings of libraries as Python does."""
     if issubclass(category, Advice):
-        _print_line(f"domino: {one_line(str(message), 1000)}")
+        _print_line(f"domino: {one_line(str(message), MAX_MESSAGE)}")
     else:
         _show_as_python(message, category, filename, lineno, file, line)
 

@@ -69,6 +69,7 @@ def number(
     return read
 
 
+# the bounds of lengths reject numbers in metres
 SIZE = number("mm", "18 is 0.018 m", low=0.1, high=1e5)
 DEVIATION = number("mm", "0.5 is 0.0005 m", low=0.01, high=1e4)
 GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)

@@ -34,6 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     options.require_output(target, ".html")
+    # None: physics of the scene; with others the page has no scores
     physics = chosen.physics if chosen.changed else None
     compared, title = read_compared(paths, chosen.scene, physics)
     size = write_report(compared, title, target)

@@ -40,6 +40,7 @@ DRAWS, FLOOR_DRAWS = 256, 8  # draws for each score, with fixed pivots and on a 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino scene`."""
+    # the bounds of count and slope are those of `MAX_DOMINOES` and `MAX_SLOPE`, which import NumPy
     for name, read, text in (
         ("count", options.number(whole=True, low=2, high=100_000), "number of dominoes"),
         ("thickness", options.SIZE, "size of a domino along the chain [mm]"),

@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     noise = "also simulate 256 draws of placement noise with this standard deviation [mm]"
     options.add_options(
         parser,
+        # bounds as of `domino_env.simulate`
         ("rtol", options.number(low=1e-13, high=1e-3), "RTOL", 1e-8, tolerance),
         ("floor", options.floor, "FRICTION", None, standing),
         ("deviation", options.DEVIATION, "MM", None, noise),

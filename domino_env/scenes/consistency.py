@@ -15,7 +15,7 @@ from domino_env.scenes.rules import Bounds
 from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
-MAX_GROUND_RATIO = 100.0  # largest ratio of the end of a profile to the longest layout
+MAX_GROUND_RATIO = 100.0  # largest x of a profile over the length of the longest layout
 
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),

@@ -44,7 +44,7 @@ class Scene(Specification):
     count
         Number of dominoes N.
     height
-        Height of every domino, or of the first if heights are free [m].
+        Height of every domino, or of the first if heights grow [m].
     width
         Width of every domino [m].
     density
@@ -108,7 +108,7 @@ class Scene(Specification):
     0.833
     """
 
-    known_point: ClassVar[tuple[float, float] | None] = None  # set by `with_uniform`
+    known_point: ClassVar[tuple[float, float] | None] = None  # `best_point`, set by `with_uniform`
 
     @property
     def unit(self) -> str:
@@ -192,10 +192,10 @@ class Scene(Specification):
     def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
         """Score waves that have been simulated.
 
-        The wave of an incomplete layout can be scored if it stopped: its `reach` has to be given
-        for all N dominoes of the scene, and the missing ones do not enter the score. Complete
-        layouts are simulated again, with all threads, if the scores need their draws of placement
-        noise or free-standing dominoes.
+        The wave of an incomplete layout can be scored if it stopped. Its `reach` must then refer to
+        all N dominoes of the scene, not to those of the layout. Complete layouts are simulated
+        again, with all threads, if the scores need their draws of placement noise or free-standing
+        dominoes.
 
         Parameters
         ----------

@@ -167,12 +167,12 @@ class Waves:
 
     @classmethod
     def from_waves(cls, waves: Sequence[Wave], count: int) -> Self:
-        """Return the results of single waves, also of those of incomplete layouts.
+        """Return the results of single waves.
 
         Parameters
         ----------
         waves
-            Waves of layouts of at most `count` dominoes.
+            Waves of layouts of at most `count` dominoes; every `reach` refers to `count` dominoes.
         count
             Number N of dominoes of complete layouts.
 

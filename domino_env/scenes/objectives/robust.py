@@ -63,7 +63,7 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
 
 
 def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
-    """Return the layouts of a batch with all errors of their gaps.
+    """Return each layout of a batch with each draw of errors of its gaps.
 
     Parameters
     ----------
