@@ -320,8 +320,8 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
         random order, and if the baseline is the first dominoes of a layout with a given length.
     """
     is_whole = baseline.count == scene.count
-    no_other = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
-    if no_other or (floor is None and is_whole):
+    keeps_baseline = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
+    if keeps_baseline or (floor is None and is_whole):
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
