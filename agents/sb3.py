@@ -8,6 +8,7 @@ reinforcement learning. arXiv:1803.07055.
 
 from __future__ import annotations
 
+import io
 import math
 import warnings
 from collections import deque
@@ -160,7 +161,9 @@ class Learner:
             stored = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
             state["transitions"] = {name: torch.from_numpy(x) for name, x in stored.items()}
             state["next_transition"] = int(buffer.pos)
-        write_bytes(path, lambda file: torch.save(state, file))
+        content = io.BytesIO()  # torch hides the error of a full disk
+        torch.save(state, content)
+        write_bytes(path, lambda file: file.write(content.getbuffer()))
 
     @property
     def _variables(self) -> list[str]:

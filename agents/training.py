@@ -136,9 +136,9 @@ class Run:
 
 def train(
     scene: str | Path | Scene | SceneDistribution,
-    algorithm: str = "ppo",
+    algorithm: str | None = None,
     steps: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     folder: str | Path | None = None,
     *,
     resume: bool = False,
@@ -155,16 +155,16 @@ def train(
     scene
         A scene or a scene distribution, the name of one, or the path of its file.
     algorithm
-        "apg", "ppo", "ars", "sac", "td3" or "tqc".
+        "apg", "ppo", "ars", "sac", "td3" or "tqc"; None for "ppo".
     steps
         Total number of dominoes to place; None for that of the hyperparameters.
     seed
-        Seed of all randomness. Weights are reproducible on the same machine.
+        Seed of all randomness; None for 0. Weights are reproducible on the same machine.
     folder
         Folder of the training; None for runs/SCENE-ALGORITHM.
     resume
-        If True, the training continues from the checkpoint in the folder, with its scene, seed and
-        steps.
+        If True, the training continues from the checkpoint in the folder. The scene must be that of
+        the training, and so must all arguments that are not None.
     progress
         If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
     hyperparameters
@@ -183,7 +183,8 @@ def train(
         If the extra "rl" is missing.
     ValueError
         If the algorithm or the scene is unknown, if a number is out of range, if `num_scenes` is
-        given with a single scene, or if the folder holds another training or, with `resume`, none.
+        given with a single scene, or if the folder holds another training or, with `resume`, none
+        or one with other arguments.
     OSError
         If the folder cannot be written.
 
@@ -193,6 +194,11 @@ def train(
     >>> run = train("sprint", algorithm="apg", folder="runs/apg")  # doctest: +SKIP
     >>> run.rollout.score  # doctest: +SKIP
     """
+    given: dict[str, Any] = {
+        "algorithm": algorithm, "steps": steps, "seed": seed, "num_scenes": num_scenes,
+        "hyperparameters": hyperparameters,
+    }  # fmt: skip
+    algorithm, seed = algorithm or "ppo", 0 if seed is None else seed
     require_choice("algorithm", algorithm, ALGORITHMS)
     require("steps", steps, 1, whole=True, optional=True)
     require("seed", seed, 0, 2**32 - 1, whole=True)
@@ -202,10 +208,16 @@ def train(
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     path = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        config = read_config(path)
-        target, hyperparameters = load_any(path / SCENE), config.hyperparameters
+        config, given["scene"] = read_config(path), target.to_toml()
+        stored = {name: getattr(config, name, None) for name in given}
+        stored["scene"] = load_any(path / SCENE).to_toml()
+        if other := [name for name, x in given.items() if x is not None and x != stored[name]]:
+            raise ValueError(
+                f"the training in {path} has another {', '.join(other)}: give its own scene and "
+                f"leave out the rest ({path / CONFIG} has all of them), or name another folder"
+            )
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
-        num_scenes = config.num_scenes
+        hyperparameters, num_scenes = config.hyperparameters, config.num_scenes
     else:
         require_writable(path)
         require_unused(path, FILES)
@@ -270,6 +282,8 @@ class Training:
             self.learner = self._resume_learner()
         else:
             self.learner = self._make_learner(self.seed)
+            if not resume:
+                require_unused(self.folder, FILES)  # another training may have begun meanwhile
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,

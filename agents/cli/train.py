@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, SEED, add_flags, add_options, add_out_option, output
+from domino_env.cli.options import NATURAL, WHOLE, add_flags, add_options, add_out_option, output
 
 SUMMARY = "train a policy that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
@@ -21,9 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     archive = "write the best policy as an archive of Stable-Baselines3 too (.zip)"
     add_options(
         parser,
-        ("algorithm", str, "NAME", "ppo", "apg, ppo, ars, sac, td3 or tqc"),
+        ("algorithm", str, "NAME", None, "apg, ppo, ars, sac, td3 or tqc (ppo)"),
         ("steps", NATURAL, "N", None, "number of dominoes placed (that of the algorithm)"),
-        SEED,
+        ("seed", WHOLE, "N", None, "seed of all randomness (0)"),
         ("num-scenes", NATURAL, "N", None, number),
         ("save-zip", output(".zip"), "FILE", None, archive),
     )

@@ -152,7 +152,10 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monke
     assert before == whole[: len(before)]  # the same seed gives the same results
     with pytest.raises(ValueError, match=r"holds .* already: continue with --resume"):
         train(SMALL, algorithm, folder=tmp_path / "cut", hyperparameters=chosen)
-    resumed = train("sprint", folder=tmp_path / "cut", resume=True)
+    for scene, wrong in (("sprint", {}), (SMALL, {"seed": 4}), (SMALL, {"steps": 7})):
+        with pytest.raises(ValueError, match=f"has another {''.join(wrong) or 'scene'}: give its"):
+            train(scene, folder=tmp_path / "cut", resume=True, **wrong)
+    resumed = train(SMALL, algorithm, folder=tmp_path / "cut", resume=True, hyperparameters=chosen)
     assert (resumed.scene, resumed.algorithm) == ("small", algorithm)
     assert resumed.steps >= chosen.steps
     after = _curve(resumed.folder)
@@ -193,7 +196,7 @@ def test_a_policy_is_evaluated_in_many_scenes(tmp_path, monkeypatch, algorithm, 
     assert names == {f"small-{i}" for i in (range(3) if num_scenes else range(4092, 4096))}
     sampled = training._make_learner(0).env.vector.reset()[1]["scene"]
     assert num_scenes is None or {scene.name for scene in sampled} <= names
-    resumed = train("varied", folder=run.folder, resume=True)
+    resumed = train(small_scenes(), folder=run.folder, resume=True)
     assert json.loads((run.folder / "config.json").read_text())["num_scenes"] == num_scenes
     assert (resumed.scene, resumed.steps) == ("small", run.steps)
     policy, scenes = load_policy(run.folder), choose_scenes(small_scenes(), 3, seed=1)
