@@ -230,9 +230,9 @@ class ScenesEvaluation:
             seconds = 1e3 * self.seconds[name]
             times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
         return (
-            name, f"{np.mean(gains > SAME_GAIN):.1%} of {len(gains)}", f"{np.median(gains):+.2%}",
-            f"{np.quantile(gains, 0.1):+.2%}",
-            f"{stops} stop" if stops else f"{gains.min():+.2%}", *normalised, *times,
+            name, f"{np.mean(gains > SAME_GAIN):.1%} of {len(gains)}", f"{np.median(gains):+z.2%}",
+            f"{np.quantile(gains, 0.1):+z.2%}",
+            f"{stops} stop" if stops else f"{gains.min():+z.2%}", *normalised, *times,
         )  # fmt: skip
 
     def gains(self, name: str = "policy") -> Floats:

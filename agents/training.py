@@ -88,7 +88,7 @@ class Run:
     rollout: Rollout | None
 
     def __repr__(self) -> str:
-        result = f"median gain {self.curve[-1][3]:+.2%}"  # best_score
+        result = f"median gain {self.curve[-1][3]:+z.2%}"  # best_score
         if self.rollout is not None:
             result = self.rollout.scene.format_with_gain(self.rollout.score, self.rollout.wave)
         work = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
@@ -194,10 +194,8 @@ def train(
     >>> run = train("sprint", algorithm="apg", folder="runs/apg")  # doctest: +SKIP
     >>> run.rollout.score  # doctest: +SKIP
     """
-    given: dict[str, Any] = {
-        "algorithm": algorithm, "steps": steps, "seed": seed, "num_scenes": num_scenes,
-        "hyperparameters": hyperparameters,
-    }  # fmt: skip
+    names = ("algorithm", "steps", "seed", "num_scenes", "hyperparameters")
+    given = dict(zip(names, (algorithm, steps, seed, num_scenes, hyperparameters), strict=True))
     algorithm, seed = algorithm or "ppo", 0 if seed is None else seed
     require_choice("algorithm", algorithm, ALGORITHMS)
     require("steps", steps, 1, whole=True, optional=True)

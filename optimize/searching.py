@@ -286,7 +286,7 @@ def progress_line(
             score = evaluator.best_score
             own_gain = gain(score, uniform)
             text = f"best {score:.5f} {scene.unit}".rstrip()
-            text += "" if own_gain is None else f", {own_gain:+.2%} against uniform"
+            text += "" if own_gain is None else f", {own_gain:+z.2%} against uniform"
             if score <= 0.0:
                 text = f"no layout succeeds yet, best score {score:.3f}"
             line.set_postfix_str(text, refresh=False)

@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.checks import require_extra
-    from domino_env.core.files import amount, layout_name, one_line
+    from domino_env.core.files import layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.comparison import ComparedLayout
@@ -59,8 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     compared = [ComparedLayout(name, simulate(layout, chosen.physics)) for name, layout in layouts]
     for name, write in writers.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
-        number = write(images, Path(name), arguments.rate)
-        print(f"{name}: {amount(number, 'frame')}, {number / arguments.rate:.1f} s")
+        print(f"{name}: {write(images, Path(name), arguments.rate):.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

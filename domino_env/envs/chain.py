@@ -15,16 +15,8 @@ from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import object_array
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import action_entries
-from domino_env.envs.vector import (
-    RTOL,
-    WINDOW,
-    DominoEnv,
-    DominoVectorEnv,
-    Indices,
-    Infos,
-    check_actions,
-)
+from domino_env.envs.spaces import action_entries, check_actions
+from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate

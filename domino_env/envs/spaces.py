@@ -1,11 +1,13 @@
-"""Names and bounds of the parts of observations, and the number of entries of an action."""
+"""Parts of observations with their names and bounds, and the size and checks of actions."""
 
 from __future__ import annotations
 
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from domino_env.core.checks import numbers, require
+from domino_env.core.types import Floats
 from domino_env.kernels.step import observation
 from domino_env.scenes.scene import Scene
 
@@ -84,3 +86,11 @@ def closeness(count: int) -> NDArray[np.float32]:
 def action_entries(scene: Scene) -> int:
     """Return the number of entries of the action that places one domino."""
     return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)
+
+
+def check_actions(actions: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
+    """Return actions as float64; raise a ValueError for another shape or entries not finite."""
+    values = numbers("action", actions, None, shape, "entries from -1 to 1")
+    if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
+        require("action", values, hint="from -1 to 1", array=True)
+    return values

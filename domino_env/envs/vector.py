@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.checks import numbers, require, require_choice, require_type
+from domino_env.core.checks import require, require_choice, require_type
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import EpisodeResults, object_array, placed_layout
 from domino_env.envs.rendering import (
@@ -27,7 +27,7 @@ from domino_env.envs.rendering import (
     Snapshot,
 )
 from domino_env.envs.sources import Generators, SceneSource
-from domino_env.envs.spaces import ObservationLayout, closeness
+from domino_env.envs.spaces import ObservationLayout, check_actions, closeness
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
 from domino_env.kernels.step.batch import EPISODE, RULES, Batch
 from domino_env.physics.layout import Layout
@@ -572,14 +572,6 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self._renderer.close()
-
-
-def check_actions(actions: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
-    """Return actions as float64; raise a ValueError for another shape or entries not finite."""
-    values = numbers("action", actions, None, shape, "entries from -1 to 1")
-    if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
-        require("action", values, hint="from -1 to 1", array=True)
-    return values
 
 
 def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> Batch:

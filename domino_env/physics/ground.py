@@ -177,10 +177,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             0.1 mm from the chord under a base.
         """
         gaps = np.atleast_1d(numbers("spacing", spacing))
-        thicknesses = numbers(
-            "thickness", thickness, shape=(*gaps.shape[:-1], gaps.shape[-1] + 1),
-            meaning="one more than gaps",
-        )  # fmt: skip
+        shape = (*gaps.shape[:-1], gaps.shape[-1] + 1)
+        thicknesses = numbers("thickness", thickness, True, shape, "one more than gaps")
         require("spacing", gaps, unit="m", array=True)
         require("thickness", thicknesses, unit="m", array=True)
         if self.slope is not None:

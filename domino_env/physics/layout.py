@@ -107,7 +107,7 @@ class Layout:
         self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
         violation = footing.find_violation(gaps, self.thickness, self.height, *self.rise_and_tilt)
         if violation is not None:
-            raise ValueError(violation[1])
+            raise ValueError(self.unit_hint or violation[1])
 
     @property
     def rise_and_tilt(self) -> tuple[Floats, ...]:

@@ -81,14 +81,14 @@ class Verification:
         if fixed.hit != wave.hit:
             return (
                 f"DIFFERS: the wave reaches {wave.hit} of {count} dominoes in the model, "
-                f"{fixed.hit} in the reference. {self.reason}"
+                f"{fixed.hit} in {fixed.simulator}. {self.reason}"
             )
         uncertainty, largest = fixed.error_estimate, common_difference(wave, fixed)
-        within = f"within {largest:.3%} of the reference, uncertainty {uncertainty:.3%}"
+        within = f"within {largest:.3%} of {fixed.simulator}, uncertainty {uncertainty:.3%}"
         if (wave.toppled == count) != (fixed.staying_up == 0):
-            where = "model" if wave.toppled == count else "reference"
+            where = "the model" if wave.toppled == count else fixed.simulator
             return (
-                f"DIFFERS: every arrival time {within}, but the last domino topples in the {where} "
+                f"DIFFERS: every arrival time {within}, but the last domino topples in {where} "
                 f"only. {self.reason}"
             )
         excess = max(largest - uncertainty, 0.0)

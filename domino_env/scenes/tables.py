@@ -191,7 +191,7 @@ class SceneTables(Table, kw_only=True):
     stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
     growth: GrowthTable | None = None
     ground: Ground | None = None
-    physics: PhysicsTable
+    physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
     limits: Limits | None = None
     placement: PlacementTable | None = None
 

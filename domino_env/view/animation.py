@@ -138,7 +138,7 @@ def write_png(image: Image.Image, path: Path) -> None:
     write_bytes(path, lambda file: _with_palette(image).save(file, "PNG", optimize=True))
 
 
-def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
+def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> float:
     """Write an animated GIF with the colours of `palette`.
 
     Parameters
@@ -152,18 +152,18 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
 
     Returns
     -------
-    int
-        Number of images.
+    float
+        Duration [s].
     """
     first, *rest = map(_with_palette, images)
     durations = [1000.0 / rate] * len(rest) + [LAST_DURATION]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     options |= {"save_all": True, "append_images": rest}
     write_bytes(path, lambda file: first.save(file, "GIF", **options))
-    return 1 + len(rest)
+    return 1e-3 * sum(durations)
 
 
-def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
+def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> float:
     """Write an MP4 film.
 
     Parameters
@@ -177,8 +177,8 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
 
     Returns
     -------
-    int
-        Number of images.
+    float
+        Duration [s].
 
     Raises
     ------
@@ -200,7 +200,7 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
                 writer.send(image.tobytes())
                 number += 1
         write_bytes(path, lambda file: file.write(film.read_bytes()))
-    return number
+    return number / rate
 
 
 def _with_palette(image: Image.Image) -> Image.Image:

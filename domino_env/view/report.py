@@ -27,6 +27,7 @@ from domino_env.core.files import (
     write_text,
 )
 from domino_env.core.models import Document, Number, read_model
+from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
@@ -106,7 +107,7 @@ def read_compared(
 
     The curve of a search or training is read from its folder, and the verification if `domino
     verify --json` wrote a verification.json there; shipped layouts have a shipped verification. If
-    there is a scene, its uniform baseline is the last entry.
+    there is a scene, and a layout has as many dominoes, its uniform baseline is the last entry.
 
     Parameters
     ----------
@@ -133,7 +134,7 @@ def read_compared(
     scene = scene or common_scene(paths)
     scoring_scene = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
-    compared = []
+    compared, has_baseline = [], False
     for path in paths:
         folder = path if path.is_dir() else None
         file = path / "layout.csv" if folder else path
@@ -148,10 +149,13 @@ def read_compared(
             _curve(folder, "progress.csv", "steps", "score"),
             _verification(folder, layout, physics),
         )
-        if scoring_scene and not scoring_scene.violations(layout):
+        if scene and (violations := scene.violations(layout)):
+            notice(f"{one_line(str(file))}: not a layout of scene '{scene.name}': {violations[0]}")
+        elif scoring_scene:
             entry = _with_score(entry, scoring_scene)
+        has_baseline |= scene is not None and layout.count == scene.count
         compared.append(entry)
-    if scene:
+    if scene and has_baseline:
         baseline = scene.uniform()
         wave = baseline.wave if scoring_scene else simulate(baseline.layout, physics)
         entry = ComparedLayout(UNIFORM_NAME, wave)

@@ -201,5 +201,5 @@ def exit_code(experiment: Experiment) -> int:
     for failure in experiment.failures:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
     if experiment.interrupted:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt("interrupted: finished runs are stored; run the command again")
     return 1 if experiment.failures else 0

@@ -27,6 +27,8 @@ Prepare = Callable[[Axes, str], None]  # sets the scales of a panel, given its t
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
 MAX_PANELS = 6  # of the picture of a sweep
+MAX_MARKERS = 40  # of a line, one for each point
+DASH = np.array([-0.1, 0.0, 0.1, np.nan])  # places of a value that is not a number; NaN ends a line
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
@@ -76,7 +78,8 @@ def draw_curves(
                 continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
-            line |= {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # visible if alone
+            marked = None if len(x) <= MAX_MARKERS else [-1]  # the last is visible if alone
+            line |= {"marker": "o", "markersize": 3.5, "markevery": marked}
             if band is not None:
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             handles[method] = axes.plot(x, y, **line)[0]
@@ -150,6 +153,9 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         x = np.array(sorted(values))
         bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
         median, low, high = np.array([(median, *band) for median, band in bands]).T
+        if any(isinstance(label, str) for label in places[key]):
+            x = np.add.outer(x, DASH).ravel()
+            median, low, high = (np.repeat(values, len(DASH)) for values in (median, low, high))
         panels.setdefault(key, {})[method] = (x, median, (low, high))
 
     def prepare(axes: Axes, key: str) -> None:

@@ -23,8 +23,8 @@ TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "
 PAGE = """# {title}
 
 {runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
-*shortfall* from the best score known; times are those at which a run came within 1 % and 0.1 % \
-of it.
+*shortfall* from the best score known; *to 1 %* and *to 0.1 %* are the {clock} until a run came \
+this close to it.
 
 ![{title}]({picture})
 {sections}
@@ -101,6 +101,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
     return PAGE.format(
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
+        clock="seconds" if experiment.clock == "seconds" else "layouts simulated",
         sections="\n".join(sections),
     )  # fmt: skip
 
@@ -126,7 +127,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
                 f"{np.median([r.score for r in runs]):.5f}",
                 f"{min(r.score for r in runs):.5f}",
                 f"{runs[0].uniform_score:.5f}",
-                f"{np.median(gains):+.2%}" if gains else "–",
+                f"{np.median(gains):+z.2%}" if gains else "–",
                 f"{np.median(shortfalls):.3%}" if shortfalls else "–",
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
@@ -146,9 +147,11 @@ def failures_section(experiment: Experiment) -> list[str]:
 
 def list_studies(store: Store) -> list[str]:
     """Return a table of the studies of a store, as lines for a terminal."""
-    names = ("study", "kind", "tasks", "begun")
+    names = ("study", "kind", "results", "begun")
     lines = [(s.name, s.kind, f"{s.result_count:,}", s.begun) for s in store.studies()]
-    return text_table(names, lines, right={"tasks"}) if lines else [f"{store.path} has no studies"]
+    return (
+        text_table(names, lines, right={"results"}) if lines else [f"{store.path} has no studies"]
+    )
 
 
 def summarise(study: Study) -> list[str]:
@@ -161,7 +164,7 @@ def summarise(study: Study) -> list[str]:
     for group, runs in group_runs(results, "problem", "method").items():
         best = max(runs, key=lambda r: r.score)
         scores = best.score, np.median([r.score for r in runs]), best.uniform_score
-        gain = "" if best.gain is None else f"{best.gain:+.2%}"
+        gain = "" if best.gain is None else f"{best.gain:+z.2%}"
         lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain))
     table = ["", *text_table(names, lines, right=names[2:])] if lines else []
     return [*map(one_line, filter(None, text)), *table]

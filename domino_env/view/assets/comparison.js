@@ -224,7 +224,10 @@
   canvas.addEventListener("pointerleave", () => ($("tip").hidden = true));
 
   // the table
-  const signed = (x) => (x > 0 ? "+" : "") + (100 * x).toFixed(2) + " %";
+  const signed = (x) => {
+    const rounded = Math.round(1e4 * x) / 100 + 0; // + 0: no negative zero
+    return (rounded > 0 ? "+" : "") + rounded.toFixed(2) + " %";
+  };
   // gains are over the last layout that completes, the uniform baseline if there is a scene
   const base = compared.findLast((entry) => entry.mean_speed > 0);
   // scores that are no speeds have a column of their texts

@@ -182,7 +182,7 @@ def test_the_command_lists_and_shows(output_of, path, result):
     study.add(numbered(result, 8, scene_name="\x1b[31mred"))
     study.add(numbered(result, 9, labels={"a": "\x9b2J"}))
     names, line = output_of("studies", "--store", path).splitlines()
-    assert names.split() == ["study", "kind", "tasks", "begun"]
+    assert names.split() == ["study", "kind", "results", "begun"]
     assert line.split()[:3] == ["friction", "sweep", "5"]
     shown = output_of("studies", "show", "friction", "--store", path)
     assert "evaluations = 300" in shown
