@@ -112,7 +112,7 @@ def test_names_and_titles_hold_any_language(title):
 
 def test_a_scene_made_in_python_has_the_defaults_of_a_file():
     own = de.Scene(count=np.int64(9), spacing=np.array([0.002, 0.04]), thickness=(0.0075, 0.0075))
-    tables = {"row": "count = 9", "spacing": "min = 0.002\nmax = 0.04", "physics": ""}
+    tables = {"row": "count = 9", "spacing": "min = 0.002\nmax = 0.04", "physics": None}
     assert own == read('name = "own"', thickness="fixed = 0.0075", **tables)
     assert (own.title, own.first_thickness, own.height) == ("own", 0.0075, 0.048)
 

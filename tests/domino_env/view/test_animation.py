@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import domino_env as de
 from domino_env.cli.main import main
@@ -32,9 +32,11 @@ def test_a_race_ends_when_all_lie(tmp_path):
     above = len(headed) - 300
     assert above > 20
     assert np.array_equal(headed[above:], first)
-    assert write_gif(iter(images), tmp_path / "race.gif", 10) == len(images)
+    seconds = write_gif(iter(images), tmp_path / "race.gif", 10)
     with Image.open(tmp_path / "race.gif") as read:
-        assert read.n_frames > len(images) / 2  # frames that are alike are one
+        durations = [frame.info["duration"] for frame in ImageSequence.Iterator(read)]
+        assert len(images) / 2 < len(durations) <= len(images)  # frames that are alike are one
+        assert sum(durations) == pytest.approx(1e3 * seconds)
         assert pixels(np.asarray(read.convert("RGB")), LEADER_COLOUR) > 0
     assert [f.name for f in tmp_path.iterdir()] == ["race.gif"]
 

@@ -80,6 +80,8 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     compared, title = read_compared([run])
     assert title == scene.title
     assert [one.name for one in compared] == ["one", "uniform baseline"]
+    de.Layout([0.02] * 5, 0.0075).to_csv(tmp_path / "short.csv")  # no layout of the scene
+    assert [one.name for one in read_compared([tmp_path / "short.csv"], scene)[0]] == ["short"]
     first, uniform = compared
     assert first.score == pytest.approx(uniform.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([0.25, 3.5], [0.5, 0.8])
