@@ -59,9 +59,11 @@ def frames(
 
     Raises
     ------
+    TypeError
+        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, a rate, time factor or width out of range, a chain of more than 5 000
-        dominoes, and more than 500 million pixels.
+        For no chain, a rate, time factor or width out of range, an odd width, a chain of more than
+        5 000 dominoes, and more than 500 million pixels.
     """
     require("rate", rate, above=0.0, unit="1/s", hint="films have 25")
     require("slow", slow, above=0.0, hint="5 is five times slower than real time")
@@ -86,7 +88,8 @@ def poses(
     compared
         The chains.
     moments
-        Number of moments, at equal intervals up to the last hit of all chains.
+        Number of moments, the middles of equal intervals from the push to the last hit of all
+        chains.
     width
         Width of the picture [px], even, from 200 to 10 000.
     heading
@@ -99,9 +102,11 @@ def poses(
 
     Raises
     ------
+    TypeError
+        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, less than one moment, a width out of range, a chain of more than 5 000
-        dominoes, and more than 500 million pixels.
+        For no chain, less than one moment, a width that is odd or out of range, a chain of more
+        than 5 000 dominoes, and more than 500 million pixels.
     """
     require("moments", moments, 1, whole=True)
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
@@ -226,7 +231,7 @@ def _motions_and_scale(
 
 
 def _require_pixels(strips: int, scale: Scale, options: str) -> None:
-    """Raise ValueError for images that take too much memory; options: which make them smaller."""
+    """Raise ValueError for images that take too much memory; options: those to lower, as a text."""
     pixels = strips * scale.width * scale.height
     if pixels > MAX_PIXELS:
         raise ValueError(
@@ -242,13 +247,13 @@ def _strips(
     scale: Scale,
     max_place: float,
 ) -> list[Image.Image]:
-    """Draw all chains at an instant [s], with one camera."""
+    """Draw all chains at an instant [s]; max_place: of the camera, which they share."""
     leaders = [int(motion.leader([t])[0][0]) for motion in motions]
     longest = max(float(motion.layout.pivots[-1, 0]) for motion in motions)
     tallest = max(float(motion.layout.height.max()) for motion in motions)
     camera = 0.0
-    # The camera follows the foremost leader if the longest chain does not fit the width, as in
-    # `Scale.fitting`, whose margins of 40 px are one more than here against rounding.
+    # The camera follows the foremost leader if the longest chain does not fit the width.
+    # `Scale.fitting` leaves 40 px at the sides; with 39 here rounding does not matter.
     if (longest + 2.0 * tallest) * scale.pixels > scale.width - 39:
         leading = zip(motions, leaders, strict=True)
         camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in leading)
@@ -256,8 +261,8 @@ def _strips(
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
         finish = float(motion.layout.pivots[-1, 0])
         leans, text = motion.angles([t])[0], _status_line(entry, t)
-        chain = motion.layout, leans, leader, scale
-        strips.append(draw_strip(*chain, text, max_place, camera=camera, finish=finish))
+        drawing = motion.layout, leans, leader, scale
+        strips.append(draw_strip(*drawing, text, max_place, camera=camera, finish=finish))
     return strips
 
 

@@ -1,4 +1,4 @@
-"""Data of a report page, as plain numbers ready for JSON."""
+"""Compared layouts: their ranking in words, and the data of their report page."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class ComparedLayout:
     learning
         (dominoes placed, score of the policy) of the training; None without one.
     verification
-        Simulator, verdict and (floor, difference of the last hit) of a verification; None without
-        one.
+        `simulator`, `verdict`, and `last`: pairs of a floor and the relative difference of the time
+        of the last hit, None if there was no such hit; None without a verification.
     score
         Score in the scene; None without a scene, and for a layout that breaks its rules.
     score_text
@@ -82,7 +82,7 @@ def require_compared(compared: Sequence[ComparedLayout]) -> None:
 
 
 def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
-    """Return the data of the page.
+    """Return the data of the report page.
 
     Parameters
     ----------
@@ -92,8 +92,9 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     Returns
     -------
     dict
-        `headline`: texts, see `headline`; `best`: index of the best layout, None if there is no
-        choice; `compared`: data of each layout in SI units.
+        Numbers and texts ready for JSON. `headline`: texts, see `headline`; `best`: index of the
+        best layout, None for a single one and without a positive score or speed; `compared`: data
+        of each layout in SI units.
 
     Raises
     ------
@@ -163,7 +164,7 @@ def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
 
 
 def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
-    """Return the data of one layout; the page computes the leans of all from the leader's."""
+    """Return the data of one layout; the page computes all leans from those of the leaders."""
     wave, layout = entry.wave, entry.wave.layout
     motion = Motion(layout, wave.physics)
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
@@ -173,7 +174,8 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     times = ends[:-1, None] + fraction * np.maximum(np.diff(ends), 0.0)[:, None]
     leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
     is_leader = leader == np.arange(wave.hit)[:, None]
-    falls = np.where(is_leader, angle, angle.min(axis=1, keepdims=True))
+    # a domino that jams when it is hit does not lead: it stays at rest
+    falls = np.where(is_leader, angle, layout.tilt[: wave.hit, None])
     energy = energies(motion)
     return {
         "name": entry.name,
@@ -221,12 +223,12 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     """
     time, kinetic = (x.reshape(-1, PIECES + 1) for x in (energy.time, energy.kinetic))
     begins, ends = time[:, 0], time[:, -1]
-    lasts = ends > begins  # the interval of a leader that stalls at once has no length
-    integrals = np.trapezoid(kinetic[lasts], time[lasts], axis=1)
-    return 0.5 * (begins + ends)[lasts], integrals / (ends - begins)[lasts]
+    has_length = ends > begins  # the interval of a leader that stalls at once has no length
+    integrals = np.trapezoid(kinetic[has_length], time[has_length], axis=1)
+    return 0.5 * (begins + ends)[has_length], integrals / (ends - begins)[has_length]
 
 
 def _round_values(values: ArrayLike) -> list[Any]:
-    """Return values with seven digits, enough for the page; None for one that is not finite."""
+    """Return values rounded to seven significant digits; None for one that is not finite."""
     numbers = np.asarray(values, dtype=np.float64)
     return [float(f"{x:.7g}") if np.isfinite(x) else None for x in numbers]

@@ -168,8 +168,8 @@ def draw_hand(image: Image.Image, thickness: Floats, height: float, scale: Scale
     scale
         Scale of the strip.
     """
-    draw, k = ImageDraw.Draw(image), scale.pixels  # per metre
-    top, right = 34.0, scale.width - 20.0
+    draw, k = ImageDraw.Draw(image), scale.pixels  # k: pixels per metre
+    top, right = 34.0, scale.width - 20.0  # below the text
     for d in thickness[::-1]:
         box = right - d * k, top, right, top + height * k
         draw.rectangle(box, fill=STANDING_COLOUR, outline=INK)

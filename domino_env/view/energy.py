@@ -91,12 +91,12 @@ def energies(motion: Motion) -> Energy:
 def _face_impact_losses(motion: Motion) -> Floats:
     """Return the energy lost in face impacts so far [J], at every sample of the motion."""
     tape: Any = simulate(motion.layout, motion.physics, gradient=True).tape
-    tape = tape[tape["kind"] != FLIP]  # the event after a SWITCH then has the u after it
+    tape = tape[tape["kind"] != FLIP]  # the event after a SWITCH then has u = ω² after it
     samples = motion.samples[: motion.layout.count - 1]
     is_flush = (tape["kind"][:-1] == SWITCH) & tape["is_flush"][:-1]
     impact = np.flatnonzero(is_flush & (tape["leader"][:-1] < len(samples)))
     leader, angle = tape["leader"][impact], tape["angle"][impact]
-    # Rates jump at an impact, whose angle is known to some 1e-12 rad: no difference contains it.
+    # Rates jump at an impact, whose angle is known to some 1e-12 rad: no difference spans it.
     near, far = 0.5 * STEP, 2.0 * STEP
     _, inertia_before = stack_sums(motion.layout, leader, angle, far, -near)
     _, inertia_after = stack_sums(motion.layout, leader, angle, -near, far)

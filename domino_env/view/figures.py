@@ -123,7 +123,7 @@ def draw_layouts(
         axes.set_xlim(low, end)
         _draw_dominoes(axes, entry, strip / scale)
         place = LEFT / WIDTH, (y + strip - 0.5 * LABEL) / height
-        note = "; the first dominoes are drawn" * (end < high)
+        note = "; only the first dominoes are drawn" * (end < high)
         figure.text(*place, _label(entry) + note, va="center", size=9.5, color=entry.colour)
     for panel in panels:
         y -= BETWEEN + PANEL
@@ -344,8 +344,8 @@ def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]
 
 
 def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene | None) -> None:
-    """Draw spacing, thickness or height [mm], and bounds of the scene in range as dashed lines."""
-    # one value per gap: of thickness and height those of the domino ahead of it
+    """Draw spacing, thickness or height [mm], and as dashed lines the bounds that are in range."""
+    # one value per gap: the gap, or the thickness or height of the domino ahead of it
     values = [1e3 * getattr(entry.layout, name)[1 - entry.layout.count :] for entry in layouts]
     if name != "height" and len(values[0]):
         low, high = min(v.min() for v in values), max(v.max() for v in values)

@@ -41,7 +41,7 @@ def ground_line(
     if layout.is_flat and ground is None:
         return np.array([[-layout.thickness[0] - behind, 0.0], [layout.length + ahead, 0.0]])
     rear, front = _bases(layout)
-    descent = np.tan(layout.tilt[[0, -1]])  # per metre, at both ends
+    descent = np.tan(layout.tilt[[0, -1]])  # slopes at both ends
     first = rear[0] - behind * np.array([1.0, -descent[0]])
     last = (front[-1] + ahead * np.array([1.0, -descent[1]]))[None]
     if ground is not None:

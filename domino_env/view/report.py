@@ -46,11 +46,11 @@ class FloorDocument(Document):
     """One floor in a verification.json."""
 
     floor: Number | None = None  # its friction; None for fixed pivots
-    difference: Number | None = None  # of the last hit; None if the last domino was not hit
+    difference: Number | None = None  # relative, of the last hit; None without one
 
 
 class VerificationDocument(Document):
-    """Fields of a verification.json; differences are simulator over model - 1."""
+    """Fields of a verification.json."""
 
     engine: str
     verdict: str
@@ -116,7 +116,8 @@ def read_compared(
     scene
         Scene of all layouts; None for the one in the folders, or beside the files.
     physics
-        Physics instead of those of the scene; scores are then left out.
+        Physics instead of those of the scene; scores are then left out. None for those of the
+        scene, or without a scene the defaults of `Physics`.
 
     Returns
     -------

@@ -43,6 +43,8 @@ def clicks(wave: Wave) -> Floats:
 
     Raises
     ------
+    TypeError
+        For anything else than a wave.
     ValueError
         For a wave of more than 30 million samples, which are eleven minutes.
     """
@@ -54,7 +56,7 @@ def clicks(wave: Wave) -> Floats:
     sound = np.zeros(samples)
     length = int(8.0 * CLICK_DECAY * RATE)  # a click has then decayed to e^-8
     levels = np.abs(wave.impact_velocity[: len(times)])
-    levels /= max(float(levels.max(initial=0.0)), 1e-12)
+    levels /= max(float(levels.max(initial=0.0)), 1e-12)  # never divided by 0
     for t, level in zip(times, levels, strict=True):
         first = int(np.ceil((t + REST) * RATE))
         since = np.arange(first, first + length) / RATE - (t + REST)
@@ -99,8 +101,8 @@ def read_wav(path: Path) -> tuple[Floats, int]:
     Raises
     ------
     ValueError
-        For another file, a rate that is not from 1000 to 1 000 000, and more than 30 million
-        samples.
+        For a file of another kind, a rate that is not from 1000 to 1 000 000, and more than 30
+        million samples.
     """
     from scipy.io import wavfile
 
@@ -108,7 +110,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
         data = read_bytes(path)
         try:
             with warnings.catch_warnings():
-                # of chunks that are unknown or that are missing after the samples
+                # SciPy warns of chunks that it does not use, and of a cut after the samples
                 warnings.simplefilter("ignore", wavfile.WavFileWarning)
                 rate, raw = wavfile.read(io.BytesIO(data))
         except Exception as error:  # SciPy raises many types for a wrong header
@@ -145,8 +147,8 @@ class HitFrequency:
     frequency
         Hits per second [1/s].
     uncertainty
-        Standard error of the frequency [1/s] from parts of the recording; a tenth of the frequency
-        if there is only one part.
+        Standard error of the frequency [1/s] from parts of the recording, at least that of half an
+        interval of 0.5 ms in the duration; a tenth of the frequency if there is only one part.
     clarity
         Autocorrelation at the period of the hits: 1 for perfect periodicity, about 0 for noise.
     seconds
@@ -199,14 +201,15 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
     frequency, clarity = _find_period(steady, MIN_FREQUENCY, MAX_FREQUENCY)
     size = max(len(steady) // PARTS, int(MIN_HITS / frequency / HOP))
     count = len(steady) // size
+    # each part is searched near the frequency of the whole
     frequencies = [
         _find_period(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
         for k in range(count)
     ]
     # the least uncertainty is an error of half a hop in the whole duration
     least = frequency * 0.5 * HOP / seconds
-    error = float(np.std(frequencies, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
-    return HitFrequency(frequency, max(error, least), clarity, seconds)
+    spread = float(np.std(frequencies, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
+    return HitFrequency(frequency, max(spread, least), clarity, seconds)
 
 
 def _onsets(samples: Floats, rate: int) -> Floats:
@@ -221,7 +224,7 @@ def _onsets(samples: Floats, rate: int) -> Floats:
 
 
 def _find_period(loudness: Floats, lowest: float, highest: float) -> tuple[float, float]:
-    """Return the frequency of the loudness between two bounds, and its autocorrelation there."""
+    """Return the frequency of the loudness between two bounds [1/s], and its autocorrelation."""
     from scipy import signal
 
     centred = loudness - loudness.mean()
@@ -229,6 +232,7 @@ def _find_period(loudness: Floats, lowest: float, highest: float) -> tuple[float
     # values at larger lags are sums of fewer terms
     correlation = sums / max(float(sums[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
     low = max(int(1.0 / highest / HOP), 1)
+    # sums at lags over two thirds of the duration have too few terms
     high = min(int(1.0 / lowest / HOP) + 2, 2 * len(centred) // 3)
     if high - low < 3:
         raise ValueError("the recording is too short for this frequency: record a longer chain")

@@ -28,7 +28,7 @@ from domino_env.physics.wave import simulate
 from domino_env.view.ground import positions_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
-MAX_SHEETS = 1_000  # enough for some hundred metres
+MAX_SHEETS = 1_000  # enough for several hundred metres
 MARGIN = 0.014  # [m] of blank paper at the left and right of a sheet
 LEAST_MARGIN = 0.006  # [m] that printers need; used if it saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last

@@ -138,7 +138,7 @@ def run_study(
     write
         Function that writes the report of an experiment into a folder and returns the names of its
         files.
-    options
+    **options
         Further arguments of `run_experiment`.
 
     Returns
@@ -181,7 +181,7 @@ def run_study(
 
 
 def exit_code(experiment: Experiment) -> int:
-    """Print the failures of an experiment.
+    """Print the failures of an experiment, and return the exit code.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def _best_known(result: SearchResult) -> str:
     score = scene.format_score(record.score, scene.simulate(record.layout))
     shortfall = (record.score - accurate_score(scene, result.layout)) / abs(record.score)
     if shortfall < -MIN_GAIN:
-        return f"{score}: this search is better; --update-best keeps its layout"
+        return f"{score}: this search is better; --update-best stores its layout"
     difference = "reached" if shortfall < EQUAL_SCORE else f"shortfall {shortfall:.4%}"
     return f"{score}, by {record.method}: {difference}"
 

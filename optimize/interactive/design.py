@@ -129,8 +129,8 @@ class Design:
     def drag(self, quantity: str, index: int, value: float) -> None:
         """Show the present step with one gap or thickness changed, as far as the rules allow.
 
-        The nearest gaps and thicknesses that can change keep a fixed length. Then the layout is
-        projected to the rules.
+        If the length is fixed, the nearest gaps and thicknesses that can change compensate. Then
+        the layout is projected to the rules.
 
         Parameters
         ----------

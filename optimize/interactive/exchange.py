@@ -162,7 +162,7 @@ def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
 
 
 def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
-    """Return the ending of its name and the writer of each kind of file, by its label on the page.
+    """Return the ending and the writer of each kind of file, by its label on the page.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def run_search(
     stop
         Event that ends the search when it is set.
     show
-        Function that is called with the best layout so far, at most every `SHOW_INTERVAL`.
+        Function that is called with the best layout so far, at most once per `SHOW_INTERVAL`.
 
     Returns
     -------

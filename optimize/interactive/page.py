@@ -64,7 +64,7 @@ class Control(NamedTuple):
     step
         Step of the widget.
     read
-        Function that returns the value in a scene; None if the scene has no such number.
+        Function that returns the value in a scene, or None if the scene has no such number.
     fields
         Function that returns the new fields of a scene for a new value.
     kind
@@ -141,7 +141,7 @@ class Page:
     design
         The design.
     view
-        Panel object of the page.
+        Panel object of the page; its figures and widgets are the other public attributes.
     """
 
     def __init__(self, design: Design, schedule: Schedule) -> None:
@@ -281,9 +281,9 @@ class Page:
             self._schedule(lambda: self._call(function, *self._pending.pop(function)))
 
     def _in_thread(self, work: Callable[[], Any], function: Callable[[Any], None]) -> None:
-        """Run `work` in a thread, then schedule a call with its result or a message of its error.
+        """Run `work` in a thread, then call the function with its result in that of the page.
 
-        The function is called in the thread of the page.
+        If `work` raises an error, its message is shown instead.
         """
 
         def run() -> None:
@@ -395,7 +395,7 @@ class Page:
         self._draw_chains()
 
     def _draw_chains(self, frame: int | None = None) -> None:
-        """Draw the dominoes at the time of the player; for its new frame the view follows them."""
+        """Draw the dominoes at the time of the player; with a frame, follow the leader."""
         layouts, fraction = [wave.layout for wave in self._waves], self.player.value / FRAMES
         poses, clock = [(layout.tilt, -1) for layout in layouts], "0 s"  # leans, leader (-1: none)
         if fraction:  # no motion is computed for a chain at rest, so that a drag is fast

@@ -17,7 +17,7 @@ from optimize.searching import compile_simulations
 
 HOST = "localhost"
 CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
-CHECKS_WITHOUT_TAB = 3  # after as many in a row the server ends; a tab that reloads misses one
+CHECKS_WITHOUT_TAB = 2  # after so many in a row the server ends; a tab that reloads misses one
 CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
 HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = """
@@ -87,15 +87,14 @@ class Studio:
             check_unused_sessions_milliseconds=CHECK_INTERVAL,
             unused_session_lifetime_milliseconds=CONNECTION_TIMEOUT,
         )  # fmt: skip
-        checks_left = 0  # checks without a tab until the end; 0 before the first tab
+        checks_left = 0  # checks without a tab until the end; negative before the first tab
 
         def end_without_tabs() -> None:
             nonlocal checks_left
-            if any(session.connection_count for session in server.get_sessions()):
-                checks_left = CHECKS_WITHOUT_TAB
-            elif checks_left == 1:
+            is_open = any(session.connection_count for session in server.get_sessions())
+            checks_left = CHECKS_WITHOUT_TAB if is_open else checks_left - 1
+            if checks_left == 0:
                 server.io_loop.stop()
-            checks_left = max(checks_left - 1, 0)
 
         server.start()
         if until_closed:

@@ -230,7 +230,7 @@
   };
   // gains are over the last layout that completes, the uniform baseline if there is a scene
   const base = compared.findLast((entry) => entry.mean_speed > 0);
-  // scores that are no speeds have a column of their texts
+  // scores that are not speeds have a column of their texts
   const scored = compared.some((entry) => entry.score_text && !entry.score_text.endsWith("m/s"));
   const head = ["layout", ...(scored ? ["result"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
   const table = $("table"), top = table.createTHead().insertRow();
@@ -318,7 +318,7 @@
     const [x, y] = joined(runs.map(({ curve }) => ({ x: curve[0], y: curve[1], hold: steps })));
     const unit = runs[0].entry.unit;
     $(id + "name").textContent = name + (unit ? ` [${unit}]` : "");
-    // scores below zero are of waves that stop and are not speeds
+    // scores below zero are of waves that stop; they are left out
     chart(id, x, runs.map(({ entry, k }, j) => ({ name: entry.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
   }
   const verified = compared.filter((entry) => entry.verification);

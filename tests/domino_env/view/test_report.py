@@ -140,14 +140,14 @@ def test_page_loads_without_messages_and_requests(browser):
 def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     first = browser.current_url
     uneven = de.simulate(uneven_layout(3, 14), de.Physics(push=14.0))
-    compared = [*COMPARED, ComparedLayout("hills", uneven)]
+    jammed = de.simulate(de.Layout([0.03, 0.03], 0.02), de.Physics(friction=2.0, push=14.0))
+    compared = [*COMPARED, ComparedLayout("hills", uneven), ComparedLayout("jammed", jammed)]
     write_report(compared, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(compared):
         motion = Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
-            leans = f"comparison.leans(comparison.compared[{k}], {float(t)!r})"
-            page = browser.execute_script(f"return {leans}")
+            page = browser.execute_script(f"return comparison.leans(comparison.compared[{k}], {t})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
     assert browser.get_log("browser") == []
     browser.get(first)
