@@ -14,7 +14,7 @@ import numba
 
 MAX_THREADS = 1024  # more than the cores of a computer, so that it is no limit
 PIECES_PER_THREAD = 4  # so that threads whose waves stop early take another piece
-MAX_PIECE = 200_000  # largest piece of a batch [dominoes]
+MAX_PIECE = 200_000  # largest piece of a batch [dominoes], which takes about a second
 MIN_SHARED = 400  # smallest batch that several threads share [dominoes]
 
 

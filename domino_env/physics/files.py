@@ -112,8 +112,8 @@ def read_arguments(path: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        For errors in the file (with line and column, or key), more than `MAX_DOMINOES` dominoes,
-        and another suffix.
+        For a missing file, another suffix, errors in the file (with line and column, or key), and
+        more than `MAX_DOMINOES` dominoes.
     """
     suffix = path.suffix.lower()
     if path.is_dir():

@@ -48,8 +48,8 @@ def find_violation(
     Returns
     -------
     tuple or None
-        Index (i,) of the domino, for a contact that of the domino behind, in a batch (b, i); and a
-        sentence about it. None if there is none.
+        Index (i,) of the domino, or of the domino behind a contact, and a sentence about it. In a
+        batch the index is (b, i). None if there is none.
     """
     if rise is None or tilt is None:
         if (height[..., :-1] <= height[..., 1:]).all():

@@ -311,8 +311,8 @@ class Layout:
         TypeError
             For anything but a path.
         ValueError
-            For another suffix, for errors in the file (with line and column, or key), and as
-            for `Layout`.
+            For a missing file, another suffix, errors in the file (with line and column, or key),
+            and as for `Layout`.
         OSError
             If the file cannot be read.
         """

@@ -76,7 +76,7 @@ def steady_wave(
     Parameters
     ----------
     pitch
-        Distance from pivot to pivot [m]. An array gives a curve: one wave per value.
+        Distance from pivot to pivot [m]. An array gives one wave per value.
     thickness, height
         Thickness and height of every domino [m], broadcast with the pitch.
     physics
@@ -183,14 +183,15 @@ def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -
     falls, ring_size = np.zeros(count, FALL), FIRST_RING_SIZE
     while True:
         inputs = (pattern, physics.friction, physics.gravity, rtol, ring_size)
-        outcome, leader, tail, gain, offset, least_u = period_falls(*inputs, 0.0, True, falls)
+        outcome, leader, tail, factor, offset, least_u = period_falls(*inputs, 0.0, True, falls)
         if tail <= rtol or ring_size == RING_SIZE:
             break
         ring_size *= 2
     if outcome != Outcome.PROPAGATED:
         reason = f"with domino {leader} of the pattern leading, {Outcome(outcome).explanation}"
         return _no_wave(reason, count)
-    u = offset / (1.0 - gain) if gain < 1.0 else -1.0  # -1: no fixed point that waves approach
+    # u → factor u + offset; -1: no fixed point that waves approach
+    u = offset / (1.0 - factor) if factor < 1.0 else -1.0
     if u <= max(least_u, 0.0):
         return _no_wave(
             "the chain releases less energy than its hits and friction dissipate; use wider gaps, "

@@ -492,7 +492,7 @@ def simulate_batch(
     record: bool = True,
     gradient: bool = False,
 ) -> WaveBatch:
-    """Simulate B layouts of N dominoes on all cores, bitwise as `simulate` does one by one.
+    """Simulate B layouts of N dominoes on all cores, with results bitwise equal to `simulate`.
 
     Parameters
     ----------
