@@ -212,7 +212,7 @@ class Source(Table):
         given = {"pitches": pitches, "frequencies": frequencies}
         x, values = (np.atleast_1d(numbers(name, value)).tolist() for name, value in given.items())
         if len(x) != len(values):
-            raise ValueError(f"{len(x)} pitches and {len(values)} frequencies: give pairs")
+            raise ValueError(f"{len(x)} pitches and {len(values)} frequencies: give one for each")
         chains = [
             {"x": pitch, "value": value, "uncertainty": FREQUENCY_UNCERTAINTY * value}
             for pitch, value in zip(x, values, strict=True)

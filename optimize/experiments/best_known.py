@@ -25,7 +25,7 @@ from optimize.result import SearchResult
 GROUND_PARTS = ("rise", "tilt")  # attributes of a layout that are stored for uneven ground only
 PATH = Path(__file__).with_name("best_known.json")
 RTOL = 1e-12  # relative error allowed in the arrival times of a stored score
-MIN_GAIN = 1e-9  # relative gain with which a layout replaces the best known
+MIN_GAIN = 1e-9  # smallest relative gain with which a layout replaces the best known
 
 
 class BestKnown(LayoutTable, kw_only=True):

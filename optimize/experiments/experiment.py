@@ -138,7 +138,7 @@ class Experiment:
         return np.maximum((best - self.best_scores(result, times)) / abs(best), SMALLEST_SHORTFALL)
 
     def time_to(self, result: TaskResult, shortfall: float) -> float:
-        """Return the first time at which a run had at most a relative shortfall; inf if never."""
+        """Return the first time on the clock with at most a relative shortfall; inf if never."""
         best = self.best[result.problem]
         times, scores = self.best_steps(result)
         return first_time(times, scores >= best - shortfall * abs(best))
@@ -152,7 +152,7 @@ class Experiment:
     # normalised scores --------------------------------------------------------------------------
 
     def normalise(self, result: TaskResult, scores: Floats | float) -> Floats:
-        """Return normalised scores on the problem of a result; 0 if the best known is no better.
+        """Return normalised scores on a result's problem; 0 if the uniform one is best known.
 
         Parameters
         ----------

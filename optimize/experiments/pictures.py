@@ -101,10 +101,11 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
             panels.setdefault(problem, {})[method] = (times, median, band)
             ends.setdefault(method, []).append(median[-1])
     best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]
-    lowest = np.clip(0.5 * min(map(min, ends.values())), 1e-4, 1.0)  # [%]
+    # smallest and largest shortfall that are drawn [%]
+    lowest, highest = np.clip(0.5 * min(map(min, ends.values())), 1e-4, 1.0), 30.0
 
     def prepare(axes: Axes, _: str) -> None:
-        axes.set(xscale="log", yscale="log", ylim=(lowest, 30.0))
+        axes.set(xscale="log", yscale="log", ylim=(lowest, highest))
         plot_style.label_plainly(axes.xaxis, (1,))
         axes.set_xlim(times[0], times[-1])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))

@@ -60,7 +60,10 @@ def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
-    """Write a line for each run, with its labels; the time to a shortfall never reached is inf."""
+    """Write a line for each run, with its labels.
+
+    Column gap is the shortfall; the time to a shortfall that is never reached is inf.
+    """
     clock = experiment.clock
     names = (
         "scene", *experiment.keys, "method", "seed", "score", "uniform", "gain", "gap",

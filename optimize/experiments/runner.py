@@ -31,7 +31,8 @@ def run_experiment(
 ) -> Experiment:
     """Run tasks and gather their results.
 
-    Ctrl-C ends the workers of the executor at once, and the results so far are returned.
+    Ctrl-C ends the workers at once, if the executor has a method `kill`, and the results so far are
+    returned.
 
     Parameters
     ----------
@@ -59,6 +60,8 @@ def run_experiment(
     ------
     ValueError
         If no task has a result, or if the study cannot be written.
+    TypeError
+        For arguments of other types.
     ExecutorLost
         If the executor itself has ended.
     KeyboardInterrupt
@@ -108,7 +111,7 @@ def run_experiment(
         if task.key in results
     )
     if not available_results:
-        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
+        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else ": give a task"
         raise ValueError(f"no run has a result{reason}")
     best = best_of_problems(available_results, known_score)
     return Experiment(tuple(tasks), available_results, best, tuple(failures), interrupted)

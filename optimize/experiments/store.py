@@ -171,13 +171,14 @@ class Store:
         """
         studies = {study.name: study for study in self.studies()}
         if name not in studies:
-            names = ", ".join(f"'{study}'" for study in list(studies)[-10:]) or "none yet"
-            raise ValueError(f"{self.path} has no study '{name}' (there: {names})")
+            names = ", ".join(f"'{study}'" for study in list(studies)[-10:])
+            known = f"choose one of {names}" if names else "it has no studies yet"
+            raise ValueError(f"{self.path} has no study '{name}': {known}")
         return studies[name]
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """Open a transaction, which is written completely or not at all, after those of others.
+        """Open a transaction, which is written completely or not at all, after those already open.
 
         Raises
         ------
@@ -251,7 +252,7 @@ def export_study(study: Study, path: Path) -> int:
     """
     kind = path.suffix.lower()
     if kind not in (".csv", ".parquet"):
-        raise ValueError(f"{path}: a study is exported to a .csv or .parquet file")
+        raise ValueError(f"{path}: name a .csv or .parquet file")
     lines = [_cells(study.name, result) for result in study.results().values()]
     names = list(dict.fromkeys(name for line in lines for name in line))
     if kind == ".csv":

@@ -40,7 +40,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     score, uniform_score
         Scores of the best layout, and of the uniform baseline.
     gain
-        score / uniform_score - 1; None if one of the two waves stops.
+        score / uniform_score - 1; None if one of the two scores is 0 or less.
     outcome
         Name of the `Outcome` of the best layout's wave.
     mean_speed
@@ -167,7 +167,7 @@ class Task:
         gradients = 0
 
         def count(evaluator: Evaluator) -> None:
-            nonlocal gradients  # of which each counts GRADIENT_COST in the effort
+            nonlocal gradients  # each counts GRADIENT_COST in the effort
             gradients = (evaluator.effort - evaluator.evaluations) // (GRADIENT_COST - 1)
 
         result = search(

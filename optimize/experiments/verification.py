@@ -19,7 +19,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_uniform_on, gain
 from optimize.experiments.best_known import BestKnown
 
-MAX_COUNT = 100  # only so many dominoes of a long layout are simulated, from the first
+MAX_COUNT = 100  # dominoes of a long layout that are simulated, from the first one
 RTOL = 2e-4  # relative tolerance of the arrival times
 
 

@@ -72,7 +72,7 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path):
     for kind, changed in (("sweep", {"evaluations": 200}), ("comparison", {})):
         with pytest.raises(ValueError, match=r"was begun as sweep with \{'evaluations': 100, "):
             store.begin("one", kind, settings | changed)
-    with pytest.raises(ValueError, match=r"has no study 'two' \(there: 'one'\)"):
+    with pytest.raises(ValueError, match=r"has no study 'two': choose one of 'one'"):
         store.study("two")
     for name in ("", "..", "../one", "a\\b", "a\nb", 201 * "a"):
         with pytest.raises(ValueError, match=r"study name = '.*': give 1 to 200 printable"):
@@ -236,7 +236,7 @@ def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
 @pytest.mark.parametrize(("words", "message"), [
     (["show"], "name the study"), (["export", "one"], "--to FILE.csv"),
     (["show", "on\x1be"], r"has no study 'on\x1be'"),
-    (["export", "one", "--to", "x.xls"], "to a .csv or .parquet file"),
+    (["export", "one", "--to", "x.xls"], "name a .csv or .parquet file"),
     (["export", "one", "--best", "both", "--to", "x.txt"], "name a .csv or .json file"),
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scenes called 'nobody': name"),
 ])  # fmt: skip
