@@ -136,6 +136,8 @@ class DesignSpace:
 
         Raises
         ------
+        TypeError
+            If `layout` is no Layout.
         ValueError
             If the layout has another number of dominoes than the scene.
         """
@@ -254,9 +256,9 @@ class DesignSpace:
         if not is_valid.all():
             b, i = np.argwhere(~is_valid)[0]
             entry = designs[b, i]
-            hint = "; `project` gives the nearest design that is" * bool(np.isfinite(entry))
-            accepted = "is finite" if unbounded else f"is in [0, 1]{hint}"
-            raise ValueError(f"design {b} has {entry} at place {i}: every entry {accepted}")
+            hint = ", or pass the design through `project`" * bool(np.isfinite(entry))
+            expected = "a finite number" if unbounded else f"a number in [0, 1]{hint}"
+            raise ValueError(f"design {b} has {entry} at place {i}: give {expected}")
         return designs if unbounded else np.clip(designs, 0.0, 1.0)
 
     def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:

@@ -22,7 +22,7 @@ from optimize.executors import loss_as_error
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
-CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms
+CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms by two cores
 MAX_CHUNK = 256  # layouts of a chunk, of which only the best one can become a finalist
 EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
@@ -155,7 +155,7 @@ class Evaluator:
 
     @property
     def remaining_seconds(self) -> float | None:
-        """Time that is left [s], at least 1e-9 as for `max_seconds`; None without a limit."""
+        """Time that is left [s], at least 1e-9, as a limit must be positive; None without one."""
         return None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
 
     @property
@@ -277,7 +277,9 @@ class Evaluator:
         Raises
         ------
         BudgetSpent
-            If fewer evaluations remain; as many as remain are simulated first.
+            If a limit is reached first; the layouts simulated before it count.
+        ExecutorLost
+            If the executor has ended.
         ValueError
             If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
@@ -304,7 +306,7 @@ class Evaluator:
                         self.problem.fill_gradients(chunk, scores, self.evaluate)
                     self._update_best(scores, chunk.__getitem__)
                     results.append(scores)
-            except StoppedError:  # during a simulation that takes seconds
+            except StoppedError:  # no time was left during a free-standing simulation
                 raise BudgetSpent(self.stop_reason) from None
             start = end
         arrays = zip(*map(_pack, results), strict=True)
@@ -317,9 +319,9 @@ class Evaluator:
         Raises
         ------
         BudgetSpent
-            If no evaluation remains.
+            If a limit is reached.
         ValueError
-            If the scene has no schedule.
+            For the reasons of `Problem.lateness`.
         """
         self.require_more()
         design = np.asarray(design, dtype=np.float64)
@@ -336,11 +338,11 @@ class Evaluator:
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
-        """Open a context with an evaluator of shorter layouts.
+        """Open a context with a second evaluator, of shorter layouts.
 
-        This evaluator counts each of them in proportion to its dominoes. A limit of the shorter one
-        ends the context without an exception. The shorter one has no journal: a resumed search
-        evaluates these layouts again.
+        The first evaluator counts each of them in proportion to its dominoes. A limit of the second
+        ends the context without an exception. The second has no journal: a resumed search evaluates
+        these layouts again.
 
         Parameters
         ----------
@@ -357,7 +359,7 @@ class Evaluator:
         Raises
         ------
         BudgetSpent
-            At the end, if this evaluator has reached a limit.
+            At the end, if the first evaluator has reached a limit.
         """
         cost = problem.dominoes / self.problem.dominoes  # of a shorter layout, in evaluations
         if self.max_evaluations is not None:

@@ -27,11 +27,11 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # at a task whose worker process dies, which may happen by chance
+ATTEMPTS = 3  # runs of a task whose worker process dies, which may happen by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
-    # Dask counts the loss of a worker as a failure of every task that it holds: it gets one task.
+    # Dask counts the loss of a worker as a failure of every task that it holds: each holds one.
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
     "distributed.worker.profile.enabled": False,  # it would slow the tasks down
@@ -60,7 +60,7 @@ def loss_as_error() -> Iterator[None]:
     try:
         yield
     except (futures.BrokenExecutor, futures.CancelledError) as error:
-        raise ExecutorLost(f"the executor ended before its tasks: {error}") from None
+        raise ExecutorLost(f"the executor ended before its tasks ({error}): open another") from None
 
 
 class ProcessExecutor(futures.ThreadPoolExecutor):
@@ -130,8 +130,8 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
                     pool = self._pools.pop(thread)
                 pool.shutdown()
         raise WorkerLost(
-            f"its worker process died each of the {ATTEMPTS} times that it ran: check the memory, "
-            "and that a script starts it after `if __name__ == '__main__':`"
+            f"the worker process of this task died in each of {ATTEMPTS} attempts: check the "
+            "memory, and that a script opens its executor after `if __name__ == '__main__':`"
         )
 
 

@@ -4,9 +4,9 @@ A method is a deterministic program that requests scores. Started again from its
 from the journal instead of simulations, it soon reaches the point where it was stopped, bitwise
 the same, and continues from there.
 
-The file is an SQLite database, which guards against torn writes. Its table `answers` has one line
-per request: a digest of the request (scene, versions, kind, design vectors), the seconds of the
-search so far [s], and the arrays of the answer.
+The file is an SQLite database, which is never left with a partial write. Its table `answers` has
+one line per request: a digest of the request (scene, versions, kind, design vectors), the time of
+the search so far [s], and the arrays of the answer.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from msgspec import MsgspecError, msgpack
 from domino_env.core.types import Floats
 
 SAVE_INTERVAL = 1.0  # [s] between two writes; answers since the last are lost if the process dies
+# one process at a time has the file; a process that dies loses no answer in the file
 PRAGMAS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
 TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
 
@@ -130,7 +131,13 @@ class Journal:
             self._save()
 
     def close(self) -> None:
-        """Write the answers in memory, and release the file."""
+        """Write the answers in memory, and release the file.
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be written.
+        """
         try:
             self._save()
         finally:

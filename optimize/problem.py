@@ -22,7 +22,8 @@ GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradie
 # The error of a score is smooth, except for jumps within the tolerance where the simulator changes
 # its quadrature rule. With this step and this tolerance, differences are exact to about 1e-8.
 STEP = 1e-5  # change of an entry of a design vector for a difference
-STEP_RTOL = 1e-10  # relative error allowed in the arrival times for a difference
+# relative error allowed in the arrival times for a difference and for `Problem.lateness`
+STEP_RTOL = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +213,7 @@ class Problem(DesignSpace):
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
         """Compute how late each domino is hit in a scene with a schedule, for least squares.
 
-        The time of this is that of N gradients.
+        This takes as long as N gradients.
 
         Parameters
         ----------
@@ -237,7 +238,8 @@ class Problem(DesignSpace):
         """
         tempo, pairs = self.scene.tempo, self.scene.count - 1
         if tempo is None:
-            raise ValueError(f"scene '{self.scene.name}' has no schedule: use one of 'tempo'")
+            expected = 'give one with objective = "tempo" and no placement draws'
+            raise ValueError(f"scene '{self.scene.name}' has no schedule: {expected}")
         wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
         result = self.scene.evaluate_waves([wave])
         scores = Scores(result.score, result.reach, result.falls)

@@ -150,7 +150,8 @@ def draw_scores(
     for (label, scores), colour in zip(curves.items(), (RESULT, SKY), strict=False):
         axes.step(seconds, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
-    if min(ends) > 0.0:  # show the range of the final scores, not the low ones at the beginning
+    # show the final scores, with room for the legend below them, not the low ones at the beginning
+    if min(ends) > 0.0:
         low, high = min(ends), max(ends)
         axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
     set_time_axis(axes, seconds)

@@ -42,7 +42,7 @@ DERIVED_FILES = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
 class SummaryDocument(Document):
-    """Part of the summary that identifies the search of a folder."""
+    """Part of the summary that identifies the search of a folder, and its evaluations."""
 
     method: str
     seed: int
@@ -85,8 +85,8 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     identity = (method, seed, versions(), scene)
     if (summary.method, summary.seed, summary.versions, load_scene(folder / SCENE)) != identity:
         raise ValueError(
-            f"{folder} holds a search by {summary.method} with seed {summary.seed}, or of another "
-            "scene or version of the software: begin anew in another folder, without --resume"
+            f"{folder} holds another search, by {summary.method} with seed {summary.seed} (or its "
+            "scene or versions differ): begin anew in another folder, without --resume"
         )
     return summary.evaluations
 

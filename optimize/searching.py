@@ -152,8 +152,7 @@ def search(
         tolerance = TOLERANCE
     problem = Problem(scene)
     journal = None
-    evaluations_before = 0
-    interrupted = False
+    evaluations_before, interrupted = 0, False
     failure: Exception | None = None
     with ExitStack() as stack:
         if folder is not None:
@@ -182,7 +181,7 @@ def search(
                 run(evaluator, np.random.default_rng(seed))
             stop_reason = f"done: {evaluator.status or 'the method has nothing left to try'}"
         except BudgetSpent as end_of_budget:
-            reason = str(end_of_budget) or evaluator.stop_reason or "too little is left"
+            reason = str(end_of_budget) or evaluator.stop_reason or "too few evaluations remain"
             stop_reason = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, stop_reason = True, "interrupted"
@@ -197,7 +196,7 @@ def search(
     if not evaluator.finalists:
         if interrupted:
             raise KeyboardInterrupt
-        raise ValueError(f"method '{method}' ended without evaluating a layout")
+        raise ValueError(f"method '{method}' ended without evaluating a layout: call `evaluate`")
     layout, wave, score = _best_finalist(scene, evaluator, uniform)
     end = (evaluator.evaluations, evaluator.falls, duration, evaluator.best_score)
     result = SearchResult(
@@ -220,9 +219,9 @@ def find_baseline(scene: Scene, seconds: float | None) -> UniformBaseline:
 
 
 def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
-    """Record the uniform baseline as the first evaluation, unless its gaps are on no list.
+    """Record the uniform baseline as the first evaluation, unless lists exclude its sizes.
 
-    To simulate it again may take longer than the time that is left.
+    Simulating it again may take longer than the time that is left.
     """
     problem = evaluator.problem
     design = problem.design(uniform.layout)

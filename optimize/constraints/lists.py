@@ -111,7 +111,7 @@ class Lists:
     def _by_single_steps(self, targets: Floats) -> Ints:
         """Find the indices (B, n) of the nearest values on grids with a sum; -1 if there are none.
 
-        The k-th step up from the least value of a place adds 2k - 1 - 2·offset squared steps to the
+        The k-th step up from the least value of a place adds (2k - 1 - 2·offset)·step² to the
         squared distance. This increases with k, so the least expensive steps of all places, as many
         as the sum needs, lead to the nearest values.
         """

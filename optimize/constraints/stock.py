@@ -50,7 +50,7 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled_costs, choice))), rules)
     programme.solve(solver=cp.HIGHS)
     if choice.value is None:
-        raise RuntimeError(f"the assignment was not solved: {programme.status}")
+        raise RuntimeError(f"no assignment was found ({programme.status}): try another method")
     return np.asarray(np.argmax(choice.value, axis=1))
 
 

@@ -69,7 +69,7 @@ def coarse_matrix(parts: int, pairs: int, limit: int) -> Floats:
     pairs
         Number of places of each.
     limit
-        Largest number of values m.
+        Largest number of values m; at least two for each quantity are used.
 
     Returns
     -------
@@ -106,7 +106,7 @@ class ReducedProblem:
     evaluator
         Evaluator of the problem.
     limit
-        Largest number of variables.
+        Largest number of variables; at least two for each free quantity are used.
 
     Attributes
     ----------

@@ -108,7 +108,7 @@ def test_results_are_those_of_one_process_if_a_worker_dies(tasks, expected, work
 
 def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(pool):
     calls = [pool.submit(call) for call in (os.getpid, kill_worker, os.getpid, os.getpid)]
-    with pytest.raises(WorkerLost, match="its worker process died each of"):
+    with pytest.raises(WorkerLost, match="the worker process of this task died in each of"):
         calls.pop(1).result()
     assert all(call.result() > 0 for call in calls)
 

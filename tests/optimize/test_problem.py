@@ -107,8 +107,8 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
 
 @pytest.mark.parametrize(("name", "designs", "message"), [
     ("evaluate", np.zeros((2, 5)), r"designs has shape \(2, 5\)"),
-    ("evaluate", np.full((2, 6), np.nan), r"0 has nan at place 0: every entry is in \[0, 1\]$"),
-    ("evaluate", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* `project` gives"),
+    ("evaluate", np.full((2, 6), np.nan), r"0 has nan at place 0: give a number in \[0, 1\]$"),
+    ("evaluate", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* through `project`"),
     ("evaluate", np.zeros(5), r"design has shape \(5,\)"),
     ("layout", np.zeros((2, 6)), r"design has shape \(2, 6\)"),
     ("project", np.zeros(6), r"designs has shape \(6,\)"),

@@ -115,7 +115,7 @@ def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change):
     words["scene"] = scenes[words["scene"]]
     if not change:
         monkeypatch.setattr("optimize.run_folder.versions", lambda: {"numpy": "1.0"})
-    message = "holds a search by random with seed 0, or of another .* begin anew in another folder"
+    message = "another search, by random with seed 0 .*differ.: begin anew in another folder"
     with pytest.raises(ValueError, match=f"{message}, without --resume$"):
         search(**words, budget=30, folder=tmp_path, resume=True)
     assert files(tmp_path) == before

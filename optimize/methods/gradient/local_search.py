@@ -273,7 +273,7 @@ def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int)
     Raises
     ------
     BudgetSpent
-        If fewer evaluations remain.
+        If a limit is reached.
     """
     run_in_lockstep(evaluator, [advance(searches, gradients)])
 

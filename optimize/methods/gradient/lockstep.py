@@ -55,7 +55,7 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
     Raises
     ------
     BudgetSpent
-        If fewer evaluations remain.
+        If a limit is reached.
     """
     running = list(searches)
     requests: dict[Search, Request | None] = {}

@@ -38,7 +38,7 @@ MAX_STEPS, MIN_STEPS = 60, 12  # gradients of the first stretched layout, and of
 WHOLE_STEPS = 200  # gradients of the layout of the scene
 BEAM = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
-ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau leaves
+ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau keeps
 TRANSITION = 40  # places of the transition to the steady plateau
 VERSIONS = BEAM * len(PERIODS) + len(ENDS)  # largest number of stretched layouts of these kinds
 # numbers of gaps and thicknesses in the grids of steady waves, each closer around the best
@@ -84,7 +84,7 @@ def search_stretched(
     Raises
     ------
     BudgetSpent
-        If fewer evaluations remain.
+        If a limit is reached.
     """
     scene = evaluator.problem.scene
     plateau = fastest_steady(scene)

@@ -18,16 +18,16 @@ import numpy as np
 from domino_env.core.types import Floats
 
 Perturbation = Callable[[Floats, Floats, np.random.Generator], Floats]
-"""Function (design, donor, rng) -> changed design. Some perturbations copy values of the donor,
-another good design; the others ignore it."""
+"""Function (design, donor, rng) -> changed design, with values that may be outside of the box.
+Some perturbations copy values of the donor, another good design; the others ignore it."""
 
 # Values and changes are relative to the box.
 MAX_TIGHT = 8  # largest number of tight gaps at the end
 FACE_DISTANCE = 1e-3  # largest distance to a face of the box that counts as on it
 WIDE_GAP = 0.5  # value of a wide gap if all gaps of a design are tight
-LEAST_PASSES, MOST_PASSES = 1, 5  # of the filter that removes ripples
+LEAST_PASSES, MOST_PASSES = 1, 5  # passes of the filter that removes ripples
 LEAST_FREE = 4  # least number of places before the tight end that can have ripples
-STRETCH_PROBABILITY = 0.7  # that a stretch is smoothed, and not all
+STRETCH_PROBABILITY = 0.7  # probability that a stretch is smoothed, not all places
 # decimal exponents of the smallest and largest change
 CHANGES, STRETCH_CHANGES, BENDS = (-2.5, -0.8), (-2.0, -0.5), (-2.0, -0.7)
 WIDEST_BEND = 0.25  # largest width (standard deviation) of a bend over the number of places

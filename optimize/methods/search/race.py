@@ -7,10 +7,10 @@
    searches refine some of them, and those near the best score continue. A perturbation that gained
    is drawn more often. If none gains anything, layouts with other numbers of tight gaps at the end
    compete like the starts.
-3. Three islands do the same from random starts, each with its own generator and in the same
-   batches. The best layout of an island that gains nothing more is an independent estimate of the
-   optimum. It migrates to the main search, where it is joined with the best so far, the start of
-   one to the end of the other, and the island begins anew.
+3. Three islands (one for more than 64 dominoes) do the same from random starts, each with its own
+   generator and in the same batches. The best layout of an island that gains nothing more is an
+   independent estimate of the optimum. It migrates to the main search, where it is joined with the
+   best so far, the start of one to the end of the other, and the island begins anew.
 
 The search is done when perturbations gain nothing and enough of the islands agree with the best or,
 after many islands, the second half of the effort gained nothing. Both depend on evaluations, not on
@@ -59,12 +59,12 @@ MIGRANT_PROBABILITY, SECOND_PROBABILITY = 0.5, 0.25
 REWARD, PENALTY = 1.5, 0.97  # factors of the weight of a perturbation that gained, or did not
 WEIGHTS = 0.2, 5.0  # least and largest weight: every perturbation remains possible
 ELITE_SIZE = 8  # largest number of layouts from which children are made
-# numbers of variables of the coarse layouts with which local searches of long layouts begin
-COARSE_VARIABLES = (28, 110)
-LONG_PLACES = 200  # places above which a layout is long
-LONG_STARTS = 2  # random starts of a long layout, each of which takes much time
+# numbers of knots of the coarse layouts with which local searches with more places begin
+COARSE_KNOTS = (28, 110)
+MANY_PLACES = 200  # places above which a search has few starts, because each takes much time
+FEW_STARTS = 2  # random starts with many places
 MAX_TIGHT_STARTS = MAX_TIGHT - 2  # tight gaps at the end of the starts; perturbations add more
-LONG_TIGHT = 4  # the only number of tight gaps tried in a long layout, whose end has little effect
+ONLY_TIGHT = 4  # number of tight gaps of a start with many places, whose end has little effect
 THICK_DOMINOES = 2  # last dominoes of a start with the largest thickness
 MAX_BENDS, MAX_END_CHANGES = 4, 2  # most bends and most changes of the end of a random start
 LEAST_GAIN = 3e-6  # a smaller relative gain counts as zero
@@ -103,7 +103,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         search.stretch(rng)
         if scene.count > MAX_COUNT:
             return
-    elif scene.count <= LONG_PLACES:  # the starts alone fill a batch
+    elif scene.count <= MANY_PLACES:  # the starts alone fill a batch
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
     islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
     main, *generators = rng.spawn(1 + islands)
@@ -123,7 +123,7 @@ def starts(problem: Problem) -> Floats:
     designs = [baseline]
     if problem.scene.free_spacing:
         limit = min(MAX_TIGHT_STARTS, baseline.shape[1] - 1)
-        counts = range(1, limit + 1) if baseline.shape[1] <= LONG_PLACES else [LONG_TIGHT]
+        counts = range(1, limit + 1) if baseline.shape[1] <= MANY_PLACES else [ONLY_TIGHT]
         designs += [perturbations.set_tight_gaps(baseline, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(designs):
@@ -143,7 +143,7 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     """
     uniform = _as_parts(problem, uniform_design(problem))
     designs = []
-    for _ in range(BATCH if uniform.shape[1] <= LONG_PLACES else LONG_STARTS):
+    for _ in range(BATCH if uniform.shape[1] <= MANY_PLACES else FEW_STARTS):
         design = uniform.copy()
         for part in design[1 if problem.scene.free_spacing else 0 :]:
             if rng.random() < 0.5:
@@ -315,7 +315,7 @@ def _race(elite: _Elite, designs: Floats) -> Search:
     order = np.argsort(-scores, kind="stable")
     for i in order:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(elite.problem, COARSE_VARIABLES)
+    levels = _levels(elite.problem, COARSE_KNOTS)
     yield from _halve(elite, [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0])
 
 
@@ -380,7 +380,7 @@ def _generation(
     selection = [*order[: BATCH // 2], *rng.permutation(order[BATCH // 2 :])[: BATCH // 2]]
     for i in order[: BATCH // 2]:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(elite.problem, COARSE_VARIABLES[1:])
+    levels = _levels(elite.problem, COARSE_KNOTS[1:])
     arms = {int(i): CoarseToFine(designs[i], *levels) for i in selection if scores[i] > 0.0}
     yield from advance(list(arms.values()), CHILD_GRADIENTS)
     promising = [i for i, arm in arms.items() if arm.score > best_score - MARGIN * abs(best_score)]

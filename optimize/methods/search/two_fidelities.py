@@ -50,7 +50,8 @@ ALIKE_DISTANCE = 1e-3  # distance up to which only one of two layouts is simulat
 PATIENCE, LEAST_GAIN = 5, 3e-5  # rounds without this relative gain after which the search is done
 # largest distance of a variable from the best at which the logarithm of the ratio is linear
 LINEAR_RANGE = 0.1
-# prior standard deviation of a coefficient: change of the logarithm over the range of a variable
+# prior standard deviation of a coefficient, which is the change of the logarithm of the ratio over
+# the range of a variable, and of a residual
 PRIOR_DEVIATION = 1e-3
 CORRELATED_PLACES = 2.0  # correlation length of the coefficients, in places
 SHARED = 0.5  # fraction of the prior variance that neighbours share
