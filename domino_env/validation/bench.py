@@ -1,8 +1,9 @@
 """Run times of simulations and environments, after a first call: ``make bench``.
 
 Each run time is the median of several calls, divided by the number of units of work in a call.
-Calls that are compared take turns. Compare run times of one run of this program only: machines
-differ, and so does their other work.
+Calls that are compared take turns. The last table has the processor times of first calls in new
+processes, which compile code or load it. Compare run times of one run of this program only:
+machines differ, and so does their other work.
 """
 
 from __future__ import annotations
