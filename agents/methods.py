@@ -16,7 +16,6 @@ reinforcement learning. arXiv:1803.07055 (`ars`).
 
 from __future__ import annotations
 
-import warnings
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -55,11 +54,8 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
     """
     scene = evaluator.problem.scene
     hyperparameters = _fit_to_budget(default_hyperparameters(algorithm, scene), evaluator)
-    with warnings.catch_warnings():
-        # raised within the packages for learning, depending on their versions
-        warnings.simplefilter("ignore", DeprecationWarning)
-        seed = int(rng.integers(2**31))
-        _LearningSearch(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
+    seed = int(rng.integers(2**31))
+    _LearningSearch(Learner(scene, algorithm, hyperparameters, seed), evaluator).run()
 
 
 def _fit_to_budget(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:

@@ -123,9 +123,7 @@ class Learner:
                 after_step(self.locals.get("infos", ()))
                 return True
 
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
+        self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
 
     def update_deviation(self, progress: float) -> None:
         """Set the standard deviation of the actions by its schedule.

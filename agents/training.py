@@ -378,7 +378,8 @@ class Training:
             float(learner.steps), seconds, score, self.best, processor_seconds, self.test_score,
             float(self.simulations),
         ))  # fmt: skip
-        self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
+        best = f"median gain {self.best:+z.2%}" if self.scenes else f"score {self.best:.4f}"
+        self.bar.set_postfix_str(f"best {best}", refresh=False)
 
     def write_checkpoint(self) -> None:
         """Write the checkpoint, which includes the learning curve, and progress.csv."""

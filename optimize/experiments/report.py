@@ -152,9 +152,7 @@ def list_studies(store: Store) -> list[str]:
     """Return a table of the studies of a store, as lines for a terminal."""
     names = ("study", "kind", "results", "begun")
     lines = [(s.name, s.kind, f"{s.result_count:,}", s.begun) for s in store.studies()]
-    return (
-        text_table(names, lines, right={"results"}) if lines else [f"{store.path} has no studies"]
-    )
+    return text_table(names, lines, right={"results"}) if lines else [f"{store.path}: no studies"]
 
 
 def summarise(study: Study) -> list[str]:
