@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         resume=arguments.resume, progress=None, num_scenes=arguments.num_scenes,
     )  # fmt: skip
     if result.rollout is None:
-        print(f"median gain over the uniform baseline in training scenes: {result.curve[-1][3]:+z.2%}")
+        print(f"median gain over uniform in training scenes: {result.curve[-1][3]:+z.2%}")
     else:
         print(describe(result.rollout))
     print(

@@ -107,7 +107,7 @@ def numbers(
     Returns
     -------
     ndarray
-        The numbers; NaN and infinity are not rejected, and None becomes NaN.
+        The numbers; NaN and infinity are not rejected.
 
     Raises
     ------
@@ -117,8 +117,9 @@ def numbers(
     """
     try:
         given = np.asarray(value)
-        # booleans, strings, dates and masked entries are rejected
-        if given.dtype.kind not in "iufO" or np.ma.is_masked(value):
+        # booleans, strings, dates, masked entries and None are rejected
+        is_mixed = given.dtype == object and any(isinstance(x, str | None) for x in given.flat)
+        if given.dtype.kind not in "iufO" or is_mixed or np.ma.is_masked(value):
             raise TypeError
         array = np.array(given, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):

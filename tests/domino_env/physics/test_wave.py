@@ -290,6 +290,7 @@ def test_arguments_of_another_type(function):
     (lambda: LAYOUT.to_csv(""), ". cannot be written"),
     (lambda: de.fit_friction("ab", "cd"), "pitches = 'ab': give numbers"),
     (lambda: de.Layout(["0.02"], 0.0075), "spacing = ['0.02']: give numbers"),
+    (lambda: de.Ground(slope=1.0).height([0.1, None]), "x = [0.1, None]: give numbers"),
     (lambda: de.Layout([0.015, 0.018], 0.0075, height=[48, 50, 48]), "the dominoes are 50 m tall"),
     (lambda: de.Layout([0.02], 0.0075, height=10**400), "height = 1000"),
     (lambda: de.Layout.uniform(10**30, pitch=0.02), "count = 100000"),
