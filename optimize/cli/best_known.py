@@ -42,18 +42,18 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.io.reading import load_scene, write_layout
     from optimize.experiments.best_known import best_known
 
-    records = best_known()
+    known = best_known()
     for name in arguments.scenes:
-        require_choice("SCENE", name, records)
-    selection = {name: records[name] for name in arguments.scenes or records}
+        require_choice("SCENE", name, known)
+    selection = {name: known[name] for name in arguments.scenes or known}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update need --verify: add it")
     if arguments.layout and len(arguments.scenes) != 1:
         raise ValueError(f"--layout writes one layout, not {len(arguments.scenes)}: give one SCENE")
     scenes = {name: load_scene(name) for name in selection}
     if arguments.layout:
-        ((name, record),) = selection.items()
-        scene_file = write_layout(record.layout, arguments.layout, scenes[name])
+        ((name, best),) = selection.items()
+        scene_file = write_layout(best.layout, arguments.layout, scenes[name])
         print(f"written to {arguments.layout}, the scene to {scene_file}")
         return 0
     if arguments.verify:
@@ -62,25 +62,25 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _table(records: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]:
+def _table(known: dict[str, BestKnown], scenes: dict[str, Scene]) -> list[str]:
     """Return the lines of a table of the best known layouts."""
     from domino_env.core.tables import text_table
     from domino_env.rigid.known import known_verification
 
     lines = []
-    for name, record in records.items():
+    for name, best in known.items():
         scene = scenes[name]
-        score = scene.format_score(record.score, scene.simulate(record.layout))
-        verification = known_verification(record.layout, scene.physics)
+        score = scene.format_score(best.score, scene.simulate(best.layout))
+        verification = known_verification(best.layout, scene.physics)
         difference = "not verified"
         if verification is not None:
             difference = f"at most {verification.checks[0].largest:.3%} apart"
-        lines.append((name, score, record.method, difference))
+        lines.append((name, score, best.method, difference))
     return text_table(("scene", "best known", "method", "reference simulator"), lines)
 
 
 def _verify(
-    records: dict[str, BestKnown], scenes: dict[str, Scene], arguments: argparse.Namespace
+    known: dict[str, BestKnown], scenes: dict[str, Scene], arguments: argparse.Namespace
 ) -> int:
     """Verify layouts and print a table; return 1 if a simulator contradicts the model."""
     from domino_env.rigid.engine import engine_name
@@ -90,7 +90,7 @@ def _verify(
     if arguments.engine:
         engine_name()  # raises at once if the engine is not installed
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    verifications = verify_best_known(records, scenes, arguments.floor, arguments.engine, report)
+    verifications = verify_best_known(known, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
         write_json({name: asdict(checks) for name, checks in verifications.items()}, arguments.json)
     if arguments.update:

@@ -92,8 +92,8 @@ def open_study(
     Raises
     ------
     ValueError
-        If a study has the name and ``--resume`` is not given, if the output folder of a new study
-        contains another report, or if the study has other tasks.
+        If the name is invalid, if a study has it and ``--resume`` is not given, if the output
+        folder of a new study contains another report, or if the study has other tasks.
     """
     from optimize.experiments.report import COMPARISON_FILES, SWEEP_FILES
     from optimize.experiments.store import open_store

@@ -90,15 +90,15 @@ def _best_known(result: SearchResult) -> str:
     """Return the score of the best known layout, and the shortfall of a search, as a text."""
     from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known
 
-    scene, record = result.scene, best_known().get(result.scene.name)
-    if record is None:
+    scene, best = result.scene, best_known().get(result.scene.name)
+    if best is None:
         return "none so far"
-    score = scene.format_score(record.score, scene.simulate(record.layout))
-    shortfall = (record.score - accurate_score(scene, result.layout)) / abs(record.score)
+    score = scene.format_score(best.score, scene.simulate(best.layout))
+    shortfall = (best.score - accurate_score(scene, result.layout)) / abs(best.score)
     if shortfall < -MIN_GAIN:
         return f"{score}: this search is better; --update-best stores its layout"
     difference = "reached" if shortfall < EQUAL_SCORE else f"shortfall {shortfall:.4%}"
-    return f"{score}, by {record.method}: {difference}"
+    return f"{score}, by {best.method}: {difference}"
 
 
 def _best(result: SearchResult) -> str:

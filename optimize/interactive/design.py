@@ -189,13 +189,15 @@ class Design:
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
         space = _design_space(scene)
-        curves = self._values(self.layout).reshape(-1, self.scene.count - 1)  # gaps, thicknesses
+        curves = self._values(self.layout).reshape(
+            -1, self.scene.count - 1
+        )  # gaps, thicknesses, growths
         before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
         values = np.concatenate([np.interp(after, before, curve) for curve in curves])
         self.open(scene, self._nearest(space, values))
 
     def _values(self, layout: Layout) -> Floats:
-        """Return the free values (n,) of a layout [m], with `in_heights` in heights."""
+        """Return the free values (n,) of a layout, in the units of `DesignSpace.low`."""
         space = _design_space(self.scene)
         return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
@@ -224,10 +226,10 @@ class Design:
         if is_speed:
             numbers[GAIN] = COMPUTING
         if is_speed and score is not None and self.uniform is not None:
-            own_gain, record = gain(score, self.uniform.score), known_record(scene)
+            own_gain, best = gain(score, self.uniform.score), known_best(scene)
             # + 0.0 changes -0.0 to 0.0
             numbers[GAIN] = "–" if own_gain is None else f"{round(own_gain, 4) + 0.0:+.2%}"
-            known_gain = gain(record.score, self.uniform.score) if record else None
+            known_gain = gain(best.score, self.uniform.score) if best else None
             if own_gain is not None and known_gain:
                 numbers[NORMALISED] = f"{round(own_gain / known_gain, 3) + 0.0:.1%}"
         if wave.hit == wave.layout.count:
@@ -255,9 +257,9 @@ def _approximate_uniform(scene: Scene) -> Layout:
 
 
 @lru_cache(8)
-def known_record(scene: Scene) -> BestKnown | None:
+def known_best(scene: Scene) -> BestKnown | None:
     """Return the best known layout of a shipped scene; None for other scenes."""
-    record = best_known().get(scene.name)
-    if record is None or scene.name not in scene_names() or load_scene(scene.name) != scene:
+    best = best_known().get(scene.name)
+    if best is None or scene.name not in scene_names() or load_scene(scene.name) != scene:
         return None
-    return record
+    return best

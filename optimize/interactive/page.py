@@ -24,7 +24,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.comparison import ComparedLayout, headline
 from domino_env.view.report import UNIFORM_NAME
-from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
+from optimize.interactive.design import SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
 from optimize.interactive.jobs import improvement_method, run_search
@@ -348,7 +348,7 @@ class Page:
         self._fit_view()
 
     def _uniform(self, scene: Scene) -> UniformBaseline | None:
-        """Return the uniform baseline; None if the scene has changed in the meantime."""
+        """Return the uniform baseline after `UNIFORM_DELAY`; None if the scene has then changed."""
         time.sleep(UNIFORM_DELAY)
         return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
 
@@ -368,10 +368,10 @@ class Page:
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
         design, scene, uniform = self.design, self.design.scene, self.design.uniform
-        record, kept_layout = known_record(scene), self._kept_layout
+        best, kept_layout = known_best(scene), self._kept_layout
         layouts = {
             UNIFORM_NAME: uniform.layout if uniform else None,
-            "best known layout": record.layout if record else None,
+            "best known layout": best.layout if best else None,
             KEPT: kept_layout if kept_layout and not scene.violations(kept_layout) else None,
         }
         # the uniform baseline can be chosen while it is computed

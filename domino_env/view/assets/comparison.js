@@ -49,8 +49,9 @@
   }
 
   const canvas = $("comparison"), pen = canvas.getContext("2d");
-  // pixels per metre k, and sizes in pixels; see resize
-  let view = { k: 1, lane: 100, width: 100, left: 10 };
+  // pixels per metre k; in pixels: height of the strip of each layout, width of all, margin at the left;
+  // see resize
+  let view = { k: 1, strip: 100, width: 100, left: 10 };
   const longest = Math.max(...compared.map((entry) => entry.ground.x[entry.ground.x.length - 1]));
   const relief = Math.max(...compared.map((entry) => entry.relief));
   const heights = compared.flatMap((entry) => entry.height).sort((a, b) => a - b);
@@ -66,11 +67,11 @@
     const follows = k > 1.05 * fit, head = width < 560 ? 46 : 30;
     // if the relief is higher than this, the picture follows it as well
     const room = Math.min(relief * (follows ? k : fit), 260);
-    const lane = head + Math.max(tallest * (follows ? k : fit), 14) + room + (follows ? 22 : 14);
-    view = { k: follows ? k : fit, fit, follows, lane, head, width, left, room, shift: 0 };
-    canvas.style.height = lane * compared.length + "px";
+    const strip = head + Math.max(tallest * (follows ? k : fit), 14) + room + (follows ? 22 : 14);
+    view = { k: follows ? k : fit, fit, follows, strip, head, width, left, room, shift: 0 };
+    canvas.style.height = strip * compared.length + "px";
     canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(lane * compared.length * ratio);
+    canvas.height = Math.round(strip * compared.length * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
@@ -86,7 +87,7 @@
   function floorOf(k) {
     const entry = compared[k], room = view.room / view.k, z = wavePosition(entry, now, entry.ground.z);
     const lowest = Math.max(entry.lowest, Math.min(z - 0.5 * room, entry.lowest + entry.relief - room));
-    return (k + 1) * view.lane - (view.follows ? 16 : 8) + lowest * view.k;
+    return (k + 1) * view.strip - (view.follows ? 16 : 8) + lowest * view.k;
   }
 
   // corners of domino i on the canvas [px]
@@ -136,7 +137,7 @@
       });
       drawFinish(entry, floor);
       if (view.follows) drawMap(entry, k);
-      const top = k * view.lane;
+      const top = k * view.strip;
       pen.fillStyle = colour(k); pen.fillRect(12, top + 11, 11, 11);
       pen.fillStyle = css("--ink"); pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "left";
       pen.fillText(entry.name, 29, top + 21);
@@ -164,7 +165,7 @@
 
   // draws the whole layout as a line, the part in view as a box on it, and the place of the wave
   function drawMap(entry, k) {
-    const y = (k + 1) * view.lane - 8, scale = view.fit, from = view.left;
+    const y = (k + 1) * view.strip - 8, scale = view.fit, from = view.left;
     pen.fillStyle = css("--line");
     pen.fillRect(from, y, entry.ground.x[entry.ground.x.length - 1] * scale, 4);
     pen.fillStyle = colour(k);
@@ -200,7 +201,7 @@
 
   // shows the numbers of the domino nearest to the pointer, if it is within 30 pixels
   function showNearest(e) {
-    const k = Math.floor(e.offsetY / view.lane), entry = compared[k], tip = $("tip");
+    const k = Math.floor(e.offsetY / view.strip), entry = compared[k], tip = $("tip");
     if (!entry) { tip.hidden = true; return; }
     const all = leans(entry, now), floor = floorOf(k);
     let near = 0, least = Infinity;
@@ -324,7 +325,7 @@
   const verified = compared.filter((entry) => entry.verification);
   if (verified.length) {
     $("verifybox").hidden = false;
-    const percent = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
+    const percent = (v) => (v == null ? "never hit" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
     verified.forEach((entry) => {
       const v = entry.verification, line = document.createElement("li");
       const last = v.last.map(([name, value]) => `${name} ${percent(value)}`).join(", ");
