@@ -153,7 +153,7 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> float:
     path
         Output file.
     rate
-        Images per second; the last one is shown for two seconds.
+        Images per second; the last image is shown for two seconds.
 
     Returns
     -------

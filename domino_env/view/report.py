@@ -107,7 +107,8 @@ def read_compared(
 
     The curve of a search or training is read from its folder, and the verification if `domino
     verify --json` wrote a verification.json there; shipped layouts have a shipped verification. If
-    there is a scene, and a layout has as many dominoes, its uniform baseline is the last entry.
+    there is a scene, and a layout has as many dominoes, its uniform baseline is the last entry. A
+    layout that breaks the rules of the scene has no score, and a notice gives the reason.
 
     Parameters
     ----------

@@ -114,14 +114,14 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
             f"a layout of {layout.length:.6g} m takes {-(-total // per_sheet):,} sheets of paper: "
             f"at most {MAX_SHEETS:,} are drawn; check that its sizes are in metres"
         )
-    plan = []
+    cut = []
     for k in range(total):
         left, right = begin + k * length, begin + (k + 1) * length
         inside = np.flatnonzero((front > left) & (rear < right))
         sheet, place = divmod(k, per_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        plan.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
-    return plan
+        cut.append(Strip(k + 1, sheet + 1, middle, left, right, tuple(inside.tolist()), margin))
+    return cut
 
 
 def write_template(
@@ -156,8 +156,8 @@ def write_template(
     ValueError
         For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
     """
-    plan = strips(layout, paper)
-    total = plan[-1].sheet
+    all_strips = strips(layout, paper)
+    total = all_strips[-1].sheet
     buffer = io.BytesIO()
     # without a date, equal layouts give equal files; without compression, tests read their lengths
     with (
@@ -165,22 +165,22 @@ def write_template(
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _write_advice(axes, _advice(plan, layout, physics))
+            _write_advice(axes, _advice(all_strips, layout, physics))
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
-                for strip in plan:
+                for strip in all_strips:
                     if strip.sheet == number:
-                        _draw_one_strip(axes, layout, strip, len(plan))
+                        _draw_one_strip(axes, layout, strip, len(all_strips))
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
-    pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(plan), 'strip')}"
+    pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(all_strips), 'strip')}"
     return f"{pages}: print at 100 % and check the scale bar"
 
 
-def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
+def _advice(all_strips: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
     """Return the steps of building the layout with the strips."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
-    if len(plan) > 1:
+    if len(all_strips) > 1:
         steps.append(
             "Cut the strips out along the thin lines. Cut the left end of each along its dashed "
             "line, and lay it on the dashed line at the right end of the strip before."
