@@ -185,7 +185,7 @@ class Evaluator:
 
     @property
     def late_gain(self) -> float:
-        """Gain of the second half of the effort, relative to the score.
+        """Gain of the second half of the effort, relative to the score; inf if only it has scores.
 
         The best score rises about with the logarithm of the effort, or more slowly. So doubling the
         effort is not expected to gain more than this.

@@ -71,7 +71,9 @@ LEAST_MARGIN = 1e-3  # least distance of a start of trust-constr to the faces of
 COBYQA_EVALUATIONS = 500  # evaluations of one run, over the number of variables plus 1
 DIRECT_EVALUATIONS = 100  # evaluations of one box, over the number of variables
 DIRECT_ITERATIONS = 10**6  # more than one box takes; SciPy allocates memory for each
-SMALLEST_BOX, SHIFT = 1e-6, 0.1  # least radius of a box of DIRECT; its random shift over the radius
+# least radius of a box of DIRECT, and least half side of its parts relative to the box; random
+# shift of the box over its radius
+SMALLEST_BOX, SHIFT = 1e-6, 0.1
 # members of a population
 MEMBERS_PER_VARIABLE, LEAST_MEMBERS, MOST_MEMBERS = 3, 16, 256
 # decimal exponent of the least spread of first members around the uniform baseline
@@ -127,6 +129,7 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
     elif solver == "COBYQA":
         options = options | {"maxfev": COBYQA_EVALUATIONS * (len(x) + 1)}
     elif solver == "Nelder-Mead":
+        # adaptive factors suit many variables; with one, the simplex would shrink to a point
         corners = np.concatenate([x[None], x + np.diag(np.where(x < 0.5, SIMPLEX, -SIMPLEX))])
         options = options | {"initial_simplex": corners, "adaptive": len(x) > 1}
     optimize.minimize(function, x, method=solver, options=options, **arguments)

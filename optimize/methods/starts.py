@@ -65,7 +65,7 @@ def coarse_matrix(parts: int, pairs: int, limit: int) -> Floats:
     Parameters
     ----------
     parts
-        Number of free quantities among gaps, thicknesses and heights.
+        Number of free quantities among gaps, thicknesses and growths.
     pairs
         Number of places of each.
     limit

@@ -62,8 +62,7 @@ def _fit_schedule(evaluator: Evaluator, design: Floats) -> bool:
     scores, lateness, gradient = evaluator.lateness(design)
     if len(lateness) == 0:
         return False
-    damping = DAMPING
-    slow_steps = 0
+    damping, slow_steps = DAMPING, 0
     for _ in range(MAX_STEPS):
         if np.sqrt(np.mean(lateness**2)) < ON_TIME_ERROR:
             return True

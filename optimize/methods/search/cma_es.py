@@ -26,9 +26,9 @@ from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
 # Lengths are relative to the box.
-FIRST_STEP = 0.3  # first step
+FIRST_STEP = 0.3  # standard deviation of the first steps
 MAX_FULL = 200  # variables above which the covariance matrix is diagonal
-FIRST_STEP_OF_MANY = 0.003  # first step with more variables, where a wide one would not converge
+FIRST_STEP_OF_MANY = 0.003  # the same above MAX_FULL, where wide steps would not converge
 POPULATION_FACTOR = 2  # first population, over the usual one: more runs end in a good basin
 MAX_GROWTH = 64  # largest population, over the first
 MAX_NARROWING = 1.5  # decimal orders by which the first step of a small run may be narrower

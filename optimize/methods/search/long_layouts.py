@@ -34,8 +34,9 @@ LONG_COUNT = 512  # dominoes from which on a layout is long
 SHORT_COUNT, RATIO = 160, 4
 LAST_RATIO = 1.5  # least ratio of the count of the scene to that of the last shorter layout
 SHORT_EVALUATIONS = 600  # evaluations of the shortest layout
-MAX_STEPS, MIN_STEPS = 60, 12  # gradients of the first stretched layout, and of far longer ones
-WHOLE_STEPS = 200  # gradients of the layout of the scene
+# gradients of the first stretched layout, and of far longer ones
+MAX_GRADIENTS, MIN_GRADIENTS = 60, 12
+WHOLE_GRADIENTS = 200  # gradients of the layout of the scene
 BEAM = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
 ENDS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that a steady plateau keeps
@@ -95,16 +96,16 @@ def search_stretched(
     _score_stretched(evaluator, short_evaluator.best)  # a result if a limit ends the search below
     for count in _counts(scene.count):
         shorter = Problem(_shorten(scene, count))
-        gradients = max(MIN_STEPS, MAX_STEPS * RATIO * SHORT_COUNT // count)
+        gradients = max(MIN_GRADIENTS, MAX_GRADIENTS * RATIO * SHORT_COUNT // count)
         searches: list[StretchedSearch] = []  # remains empty if a limit ends the context at once
         with evaluator.borrow(shorter, BEAM * gradients + VERSIONS) as short_evaluator:
             searches = _stretch(short_evaluator, designs, plateau)
             run_local_searches(short_evaluator, searches, gradients)
         designs = [local.design for local in searches] or [short_evaluator.best]
     searches = _stretch(evaluator, designs, plateau)
-    run_local_searches(evaluator, searches, MIN_STEPS)
+    run_local_searches(evaluator, searches, MIN_GRADIENTS)
     best = max(searches, key=lambda local: local.score)
-    run_local_searches(evaluator, [best], WHOLE_STEPS)
+    run_local_searches(evaluator, [best], WHOLE_GRADIENTS)
     return best.score, best.design
 
 
@@ -254,7 +255,7 @@ class StretchedSearch(CoarseToFine):
     start
         (n,) design vector to begin at.
     parts
-        Number of free quantities among gaps, thicknesses and heights.
+        Number of free quantities among gaps, thicknesses and growths.
     project
         See `CoarseToFine`.
     """

@@ -19,7 +19,8 @@ expected to gain less than the tolerance.
 
 A search for a long layout begins with a stretched shorter one. Free-standing layouts are searched
 with the analytic model first. A schedule is first fitted by least squares, as `gauss-newton` does.
-If the score has no gradient, on a grid or because all waves stop, only perturbations change it.
+If the score has no gradient, on a grid or because all waves stop, only perturbations change the
+layouts.
 
 References
 ----------
@@ -319,15 +320,15 @@ def _race(elite: _Elite, designs: Floats) -> Search:
     yield from _halve(elite, [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0])
 
 
-def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
+def _halve(elite: _Elite, searches: list[CoarseToFine]) -> Search:
     """Advance local searches in rounds; after each the worse half ends and the gradients double."""
     gradients = FIRST_GRADIENTS
-    while arms:
-        yield from advance(arms, gradients)
-        arms.sort(key=lambda arm: -arm.score)
-        for arm in arms:
-            elite.add(arm.score, arm.design)
-        arms = [arm for arm in arms[: (len(arms) + 1) // 2] if not arm.done]
+    while searches:
+        yield from advance(searches, gradients)
+        searches.sort(key=lambda local: -local.score)
+        for local in searches:
+            elite.add(local.score, local.design)
+        searches = [local for local in searches[: (len(searches) + 1) // 2] if not local.done]
         gradients *= 2
 
 
@@ -381,20 +382,21 @@ def _generation(
     for i in order[: BATCH // 2]:
         elite.add(float(scores[i]), designs[i])
     levels = _levels(elite.problem, COARSE_KNOTS[1:])
-    arms = {int(i): CoarseToFine(designs[i], *levels) for i in selection if scores[i] > 0.0}
-    yield from advance(list(arms.values()), CHILD_GRADIENTS)
-    promising = [i for i, arm in arms.items() if arm.score > best_score - MARGIN * abs(best_score)]
-    promising.sort(key=lambda i: -arms[i].score)
-    yield from advance([arms[i] for i in promising[: BATCH // 2]], NEAR_GRADIENTS)
-    best = max((arm.score for arm in arms.values()), default=-np.inf)
-    for i, arm in arms.items():
-        elite.add(arm.score, arm.design)
-        has_gained = arm.score == best and best > best_score * (1.0 + SUCCESS)
+    searches = {int(i): CoarseToFine(designs[i], *levels) for i in selection if scores[i] > 0.0}
+    yield from advance(list(searches.values()), CHILD_GRADIENTS)
+    near = best_score - MARGIN * abs(best_score)
+    promising = [i for i, local in searches.items() if local.score > near]
+    promising.sort(key=lambda i: -searches[i].score)
+    yield from advance([searches[i] for i in promising[: BATCH // 2]], NEAR_GRADIENTS)
+    best = max((local.score for local in searches.values()), default=-np.inf)
+    for i, local in searches.items():
+        elite.add(local.score, local.design)
+        has_gained = local.score == best and best > best_score * (1.0 + SUCCESS)
         if indices:
             elite.update_weight(indices[i], has_gained=has_gained)
         if has_gained:
-            yield from advance([arm], BEST_GRADIENTS)
-            elite.add(arm.score, arm.design)
+            yield from advance([local], BEST_GRADIENTS)
+            elite.add(local.score, local.design)
     has_gained = elite.score > best_score + LEAST_GAIN * abs(best_score)
     elite.idle = 0 if has_gained else elite.idle + len(designs)
 

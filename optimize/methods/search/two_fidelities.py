@@ -42,8 +42,9 @@ ANALYTIC_RUNS, ANALYTIC_EVALUATIONS = 2, 3000  # analytic searches, and evaluati
 BATCH = 8  # layouts that are simulated free-standing in one batch
 # Distances of layouts are the largest differences of their design vectors.
 LEAST_DISTANCE = 0.02  # distance above which two candidates differ enough
-MAX_SHORTFALL = 0.02  # relative shortfall of an analytic score below which a layout is a candidate
-PARENTS, SEARCHES, STEPS = 4, 24, 80  # layouts that are changed, local searches, gradients of each
+MARGIN = 0.02  # relative distance to the best analytic score up to which a layout is a candidate
+# layouts that are changed, local searches, gradients of each
+PARENTS, SEARCHES, GRADIENTS = 4, 24, 80
 # probability that the best layout is a parent, then the next best, and so on
 PARENT_PROBABILITY = 0.5
 ALIKE_DISTANCE = 1e-3  # distance up to which only one of two layouts is simulated free-standing
@@ -106,7 +107,7 @@ def _candidates(
     picks: list[Floats] = []
     for score, design in finalists:
         distance = min((float(np.abs(design - previous).max()) for previous in picks), default=1.0)
-        if distance > LEAST_DISTANCE and score > best - MAX_SHORTFALL * abs(best):
+        if distance > LEAST_DISTANCE and score > best - MARGIN * abs(best):
             picks.append(design)
     return np.array(picks[:BATCH])
 
@@ -244,7 +245,7 @@ def _propose(layouts: _SimulatedLayouts, rng: np.random.Generator) -> Floats:
 
 def _refine(layouts: _SimulatedLayouts, searches: list[LocalSearch], coefficients: Floats) -> None:
     """Advance local searches in lockstep on the corrected model, each with its own coefficients."""
-    for _ in range(STEPS):
+    for _ in range(GRADIENTS):
         running = [i for i, search in enumerate(searches) if not search.done]
         if not running:
             return
