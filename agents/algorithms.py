@@ -33,7 +33,7 @@ from domino_env.scenes.io.ranges import COUNT
 
 OFF_POLICY = ("sac", "td3", "tqc")
 ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
-TYPICAL_EPISODE = 32  # steps of an episode if sampled scenes differ in their number of dominoes
+TYPICAL_EPISODE = 32  # assumed steps per episode if scenes differ in their number of dominoes
 PACKAGES = ("torch", "stable_baselines3", "sb3_contrib")
 
 

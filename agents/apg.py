@@ -62,7 +62,7 @@ class APG(OnPolicyAlgorithm):
         )  # fmt: skip
 
     def _setup_model(self) -> None:
-        """Initialise the policy to the uniform baseline, with zero weights for unused entries."""
+        """Initialise the policy to the uniform baseline; weights of unused observations are 0."""
         super()._setup_model()
         if self.env is None:
             return
@@ -211,7 +211,7 @@ class _Placing(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
-        """Return the gradient by the actions, 0 where descent would lead further out of bounds."""
+        """Return the gradient with respect to actions; 0 if descent would increase |action| > 1."""
         gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
         gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)

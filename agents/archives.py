@@ -150,7 +150,7 @@ def _normalise(policy: Policy, statistics: Path) -> Policy:
     with statistics.open("rb") as file:
         wrapper = pickle.load(file)
     if not isinstance(wrapper, VecNormalize):
-        raise UnsupportedPolicyError(f"{statistics} has no statistics of VecNormalize")
+        raise UnsupportedPolicyError(f"{statistics} has no VecNormalize statistics: move it away")
 
     def act(observation: Singles) -> NDArray[Any]:
         return policy(np.asarray(wrapper.normalize_obs(observation), dtype=np.float32))

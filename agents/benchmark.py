@@ -59,9 +59,9 @@ class BenchmarkTask(Task):
     """Run of a benchmark.
 
     `method` is an algorithm of `domino train`, a third-party algorithm, a scripted policy or a
-    search method; `seconds` limits only searches. The `evaluations` of the result are the number of
-    dominoes placed. With a scene distribution, scores are median gains in the test set, the score
-    of the uniform baseline is 0, and there is no layout.
+    search method; `seconds` limits only searches, see `benchmark_tasks`. The `evaluations` of the
+    result are the number of dominoes placed. With a scene distribution, scores are median gains in
+    the test set, the score of the uniform baseline is 0, and there is no layout.
 
     Attributes
     ----------
@@ -233,7 +233,8 @@ def benchmark_tasks(
     steps
         Largest number of dominoes that a training places; None for that of the hyperparameters.
     seconds
-        Largest processor time of a search [s]; None for no limit.
+        Largest processor time of a search in a single scene [s]; in each scene of a test set,
+        `SEARCH_TIME_RATIO` times that. None for no limit.
 
     Raises
     ------

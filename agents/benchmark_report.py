@@ -33,6 +33,7 @@ from optimize.experiments.report import failures_section
 from optimize.experiments.task import TaskResult
 
 RUNS, REPORT, INTERVALS = "benchmark.csv", "benchmark.md", "benchmark-reached.png"
+# pictures of scores over processor time and over dominoes placed
 OVER_CLOCK = {"seconds": "benchmark-seconds.png", "evaluations": "benchmark-steps.png"}
 FILES = REPORT, RUNS, INTERVALS, *OVER_CLOCK.values()
 TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
@@ -42,6 +43,7 @@ COLUMNS = (
     "scene_hash", "versions", "trace",
 )  # fmt: skip
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
+# text of the section of a scene distribution
 SAMPLED = (
     "Every episode of a training has a new scene. Scores, also in the curves, are median gains "
     "over the uniform baselines in the test set. The best known score, {}, is that of searches "
@@ -110,7 +112,7 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
     Raises
     ------
     ValueError
-        If the file is not a table of runs of this version.
+        If the file is not a table of runs of this version, or names an unknown scene.
     """
     if not path.exists():
         return []

@@ -8,7 +8,8 @@ pieces. Entries of an observation that the policy does not use are set to zero.
   the desired thicknesses of the rule by regression; the gradient is with respect to the gaps.
 - Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
   latest gaps and thicknesses. The gradient includes the effect of an action on later observations:
-  the arrival times are linearised with their exact derivatives by gaps and thicknesses.
+  the arrival times are linearised with their exact derivatives with respect to gaps and
+  thicknesses.
 """
 
 from __future__ import annotations
@@ -116,7 +117,8 @@ class Episodes:
         assert tempo is not None
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
         schedule = torch.from_numpy(tempo.schedule(scene.count))
-        # changes of gap and thickness of the dominoes so far (B, n, 2) [m]: 0, with gradients
+        # changes of gap and thickness of the dominoes so far (B, n, 2) [m]; their values are 0, and
+        # only their gradients are used
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)
         for n in range(scene.count - 1):
             observation = self.observations[:, n].clone()
@@ -140,7 +142,10 @@ class Episodes:
         return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
-        """Return arrival times (B, N-1) [s], and (B, N-1, N-1) derivatives by gap and thickness."""
+        """Return arrival times (B, N-1) [s], and their derivatives (B, N-1, N-1).
+
+        The derivatives are with respect to gaps, and to thicknesses [s/m].
+        """
         num_layouts, pairs = self.spacing.shape
         spacing, thickness = (np.repeat(x, pairs, axis=0) for x in (self.spacing, self.thickness))
         waves = self.scene.batch(spacing, thickness, rtol=RTOL).simulate(record=True)

@@ -47,7 +47,7 @@ def make_dataset(
     code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
-    """Sample scenes, search a layout for each, and write them with episodes that build the layouts.
+    """Sample scenes, search for their best layouts, and write both with episodes that build them.
 
     Each result is stored when its search ends, so the same call continues a stopped one. Scene i
     does not depend on the number of scenes.
@@ -133,8 +133,8 @@ def _card(
     gains = np.array([result.score / result.uniform_score - 1.0 for result in results])
     layouts = {
         "uniform": "the uniform baseline",
-        "noisy": f"the searched layout, normal noise of {options['noise']:g} on each action "
-        "(from -1 to 1)",
+        "noisy": "the searched layout, with normal noise of standard deviation "
+        f"{options['noise']:g} on each action (from -1 to 1)",
         "searched": "the searched layout",
     }
     lines = [

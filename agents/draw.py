@@ -1,7 +1,8 @@
 """Policies for scenes whose pieces are drawn in random order.
 
-- rule: the desired thickness is a function of the position in the chain, the gap one of the
-  position, the thickness of the placed piece and that of the piece before it; 25 coefficients;
+- rule: the desired thickness is a function of the position in the chain; the gap is a
+  function of the position, the thickness of the placed piece and that of the piece before it.
+  Both together have 25 coefficients;
 - open loop: a fixed sequence of gaps and desired thicknesses.
 
 `docs/draw_references.py` fits both to the orders of `SELECTION_SEEDS` of the scene "draw" and
@@ -51,6 +52,7 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     assert scene.stock is not None
     parts, pairs = DominoChain(scene).observation_layout, scene.count - 1
     low, high = scene.thickness
+    # thicknesses as actions, from -1 to 1
     kinds = 2.0 * (np.array(scene.stock.thickness) - low) / (high - low) - 1.0
     first = 2.0 * (scene.first_thickness - low) / (high - low) - 1.0
     curves = np.split(coefficients, np.cumsum(KNOTS)[:-1], axis=-1)

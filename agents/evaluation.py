@@ -215,7 +215,7 @@ class ScenesEvaluation:
         return "\n".join(markdown_table(names, map(self._line, self.scores)))
 
     def _line(self, name: str) -> tuple[str, ...]:
-        """Return the cells of a line; searches are the best known of normalised scores."""
+        """Return the cells of a line; in normalised scores the best known is that of searches."""
         scores = self.scores[name]
         gains = self.gains(name)
         gains = gains[np.isfinite(gains)]

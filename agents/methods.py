@@ -64,7 +64,7 @@ def _fit_to_budget(defaults: Hyperparameters, evaluator: Evaluator) -> Hyperpara
         return defaults
     num_envs = int(min(defaults.num_envs, max(evaluator.max_evaluations // LEAST_LAYOUTS, 1)))
     options = dict(defaults.options)
-    if "n_steps" in options:  # keep the number of minibatches per rollout; PPO needs two entries
+    if "n_steps" in options:  # same number of minibatches; PPO needs 2 transitions in each
         options["batch_size"] = max(options["batch_size"] * num_envs // defaults.num_envs, 2)
     if "n_delta" in options:  # ARS evaluates each direction in two environments
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)

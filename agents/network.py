@@ -30,7 +30,7 @@ ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
 
 
 class UnsupportedPolicyError(ValueError):
-    """Error of a policy that is not a plain multilayer perceptron."""
+    """Error for an archive that cannot be loaded as a plain multilayer perceptron."""
 
 
 class ActorKind(NamedTuple):
@@ -96,7 +96,7 @@ class Network:
         activation: ArrayFunction = np.tanh,
         squashed: bool = False,
     ) -> Network:
-        """Return the network of the arrays NAMEweight and NAMEbias of each layer name."""
+        """Return the network whose layers have the arrays `{name}weight` and `{name}bias`."""
         layers = tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names)
         return cls(layers, activation, squashed)
 

@@ -180,7 +180,7 @@ class ScenePolicy:
         Raises
         ------
         ValueError
-            If the size differs, or if no scene is known.
+            If observations of the scene have another size, or if no scene is known.
         """
         target = scene or self.scene
         if not isinstance(target, Scene):

@@ -159,7 +159,8 @@ def train(
     steps
         Total number of dominoes to place; None for that of the hyperparameters.
     seed
-        Seed of all randomness; None for 0. Weights are reproducible on the same machine.
+        Seed of all randomness; None for 0. Weights are bitwise reproducible on the same machine,
+        except after a resumed training.
     folder
         Folder of the training; None for runs/SCENE-ALGORITHM.
     resume

@@ -37,7 +37,7 @@ class DominoVecEnv(VecEnv):
     Attributes
     ----------
     vector
-        The native vector environment.
+        The `domino_env.DominoChainVector`, the native environment.
 
     Examples
     --------

@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         ("algorithms", split_names, "NAME,...", None, algorithms),
         ("seeds", NATURAL, "N", 10, "number of seeds, from 100 on"),
-        ("steps", NATURAL, "N", None, "number of dominoes placed in each training"),
-        ("seconds", SECONDS, "S", None, "processor time of each search [s]"),
+        ("steps", NATURAL, "N", None, "largest number of dominoes to place in a training"),
+        ("seconds", SECONDS, "S", None, "processor time of a search [s] (varied: 4 % per scene)"),
     )
     add_out_option(parser, DEFAULT_FOLDER)
     add_flags(parser, page="write the page from the table without running anything")

@@ -1,4 +1,7 @@
-"""Decoding: layouts within the bounds and of the given length, from the outputs of a network."""
+"""Decoding: layouts within the bounds and of the given length, from the outputs of a network.
+
+Logarithms of gaps are those of gaps over h, the height of a domino.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Floats
 
 MIN_LOG_GAP, MAX_LOG_GAP = -6.0, 1.0  # logarithms of gaps over h; outputs are clipped to them
-MAX_SHIFT = 6.0  # of the logarithms of all gaps, to give a layout its length
+MAX_SHIFT = 6.0  # largest shift of the logarithms of all gaps, to give a layout its length
 HALVINGS = 40  # bisections of the interval of shifts, which is then about 1e-11
 
 
@@ -60,9 +63,9 @@ def decode(scene: Scene, outputs: Floats, tight: Floats) -> tuple[Floats, Floats
         low[is_short], high[~is_short] = shift[is_short], shift[~is_short]
     error = totals - gaps.sum(axis=1)
     is_free = (gaps > least) & (gaps < largest)
-    # the error that bisection leaves
+    # distribute the error that bisection leaves
     gaps += is_free * (error / np.maximum(is_free.sum(axis=1), 1))[:, None]
-    # [m] of length are left: the last gaps cannot stay tight
+    # an error of more than 1e-12 m remains if the last gaps cannot stay tight
     for k in np.flatnonzero(np.abs(totals - gaps.sum(axis=1)) > 1e-12):
         bounds = np.full(pairs, least), np.full(pairs, largest)
         gaps[k] = nearest_with_sum(gaps[k : k + 1], *bounds, float(totals[k]))[0]

@@ -43,10 +43,10 @@ from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
 from optimize.searching import compile_simulations
 
-AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # factors of log gaps minus their mean
+AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # factors of deviations of ln(gap) from its mean
 MIN_STEPS, MAX_STEPS = 4, 12  # gradient steps
 STEPPED_DOMINOES = 320  # dominoes times gradient steps, which take some 4 ms
-CURVATURE = 1.0  # N-1 times minus the second derivative of ln(score) by the logarithm of a gap
+CURVATURE = 1.0  # minus (N-1) d² ln(score) / d ln(gap)²
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,12 +32,13 @@ from domino_env.kernels.jit import borrow, entry_point, internal, keep_alive, no
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 
-AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # how an interval ends
+# how an interval ends: at no event, at a hit, at a change of contact
+AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2
 
 
 @internal
 def backward(tape, reverse, arrival_bar, table):
-    """Process the tape from its end, adding to the bars of all parameters; return that of u_0.
+    """Process the tape from its end, adding to the bars of all parameters; return the bar of push².
 
     The contacts of the ring are those at the end of the wave.  table: working array for the stack
     that all falls of a uniform layout share; empty for other layouts.
@@ -57,7 +58,7 @@ def backward(tape, reverse, arrival_bar, table):
         event = tape[at]
         kind, n = event.kind, event.leader
         if edge == AT_HIT and at < last_hit and kind != arrays.INTERVAL:
-            # a change of contact at the time of the hit, for which M is that of the new contacts
+            # a change of contact at the time of the hit; M of the hit is that of the new contacts
             leader, low = tape[edge_event].leader, tape[edge_event].low
             b = fall_angle(ring[leader], True)
             x_bar = mass_back(reverse, leader, low, b, m_bar)
@@ -185,7 +186,7 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
         place_domino(ring, arrays.ALL_KEPT, i, layout, i)
         if i + 1 < count:
             place_contact(ring, arrays.ALL_KEPT, i, layout, i, i + 1)
-    depth, max_lanes = 0, 0  # of all events
+    depth, max_lanes = 0, 0  # largest of all events
     for at in range(len(tape)):
         event = tape[at]
         if event.kind == arrays.FLIP:
@@ -198,7 +199,7 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):  # as in `solve`
         # a line for each of three sums in each lane and one for their total; in it PARAMS bars for
-        # each domino of the stack, and two more
+        # each domino of the stack, then those of the last angle and of friction
         table = np.empty((3 * max_lanes + 1, (depth + 2) * PARAMS))
     saved = np.empty((depth + 2, 8 * arrays.STRIDE))  # the lanes from SIN to SUM_D
     own = np.zeros(arrays.LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table

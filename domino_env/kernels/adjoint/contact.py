@@ -127,7 +127,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @leaf
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """Return the same seven values for `corner`."""
+    """Return the seven values of `tip_back` for `corner`."""
     p_l, s_l, _, d_l, e, turn_s, turn_v, _ = shape
     r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
     inv_r2 = 1.0 / r2
@@ -187,7 +187,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @internal
 def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """Return the same seven values for a contact of either kind, at a single angle."""
+    """Return the seven values of `tip_back` for a contact of either kind, at a single angle."""
     if contact.kind == TIP:
         return tip_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
     return corner_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)

@@ -57,7 +57,10 @@ def keep_shape(bars, j, contact, shape_bar):
 
 @always_inline
 def friction_back(bars, above, here, count, contact, mu, kind_back):
-    """Propagate bars over `add_with_friction`; above, here: lanes before and after it."""
+    """Propagate bars over `add_with_friction`.
+
+    above, here: lanes before and after it.  kind_back: `tip_back` or `corner_back`.
+    """
     shape, inertia = shape_of(contact), contact.inertia
     half, tan_phi = contact.half_weight, contact.tan_phi
     for j in range(count):
@@ -87,7 +90,7 @@ def friction_back(bars, above, here, count, contact, mu, kind_back):
 
 @always_inline
 def frictionless_back(bars, above, here, count, contact, kind_back):
-    """Propagate bars over `add_without_friction`; above, here: lanes before and after it."""
+    """Propagate bars over `add_without_friction`; for the arguments see `friction_back`."""
     shape, inertia = shape_of(contact), contact.inertia
     half, tan_phi = contact.half_weight, contact.tan_phi
     for j in range(count):
@@ -257,7 +260,7 @@ def tabulate_stack(reverse, k, n, low, table):
 
 @internal
 def stack_back_from_table(reverse, count, n, low, table):
-    """Compute what `stack_back` does from the table; return the bar of the last angle."""
+    """Compute the results of `stack_back` from the table; return the bar of the last angle."""
     depth, sums = n - low, table[len(table) - 1]  # the last line is for the total
     size = (depth + 2) * PARAMS
     for x in range(size):
