@@ -467,7 +467,8 @@ class DominoChainVector(DominoVectorEnv):
             If the number of layouts is not that of the environments, or if one is not a `Layout`.
         """
         layouts = self._value_per_env("layout", layout, Layout)
-        targets = np.zeros((self.num_envs, 4))  # gap, thickness, heights behind and ahead of it
+        # gap, thickness, heights behind and ahead of it; without a target the smallest sizes
+        targets = np.tile([0.0, 0.0, 1.0, 1.0], (self.num_envs, 1))
         for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
             if target is not None and n < target.count - 1:
                 sizes = target.spacing[n], target.thickness[n + 1]

@@ -23,6 +23,7 @@ from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.view.drawing import Scale, draw_strip
+from domino_env.view.ground import relief
 from optimize.evaluator import Evaluator
 from optimize.methods import registry
 from optimize.methods.scipy_methods import descend
@@ -197,8 +198,9 @@ class DominoProblem(Problem[Floats]):
             The drawing, 1000 by 200 pixels.
         """
         layout = self.layout(design)
-        scale = Scale.fitting(layout.length, float(layout.height.max()), WIDTH, HEIGHT)
-        image = draw_strip(layout, np.zeros(layout.count), 0, scale, self.scene.title)
+        tallest, leans = float(layout.height.max()), np.zeros(layout.count)
+        scale = Scale.fitting(layout.length, tallest, WIDTH, HEIGHT, relief(layout))
+        image = draw_strip(layout, leans, 0, scale, self.scene.title, ground=self.scene.ground)
         if open_window:
             image.show()
         return image

@@ -132,6 +132,9 @@ def test_reset_takes_layouts_to_start_from():
     for observed, start in zip(observations, starts, strict=True):
         alone, _ = DominoChain(GENTLE).reset(options=start and {"layout": start})
         np.testing.assert_array_equal(observed, alone)
+    growing = DominoChainVector(2, "magnify")
+    growing.reset()
+    assert np.isfinite(growing.actions_towards([None, None])).all()  # no layout, no height to scale
     both, _ = env.reset(options={"layout": starts[0], "reset_mask": np.array([False, True, False])})
     np.testing.assert_array_equal(both, observations[[0, 0, 2]])
     for wrong in (starts[:2], 3, [None, None, "row.csv"]):
