@@ -126,6 +126,8 @@ def search(
         If an argument is of another type.
     ImportError
         If the method needs a package that is not installed.
+    ExecutorLost
+        If the executor has ended.
     KeyboardInterrupt
         If Ctrl-C ends the search before its first evaluation.
 
