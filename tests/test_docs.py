@@ -139,7 +139,7 @@ def test_examples_run(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
-def test_every_optimiser_beats_equal_gaps_as_it_is_written(section):
+def test_every_optimiser_example_beats_equal_gaps(section):
     warnings.simplefilter("ignore")  # theirs
     for package in re.findall(r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.M):
         pytest.importorskip(package, reason=f"needs {package}")
@@ -197,7 +197,7 @@ def test_the_scenes_of_a_page_can_be_read(page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_in_the_text_have_their_options(page, capsys):
+def test_commands_and_options_in_the_text_exist(page, capsys):
     for line in commands(page):
         build_parser().parse_args(shlex.split(line.partition(" > ")[0])[1:])
     for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
@@ -229,7 +229,7 @@ def test_generated_tables_are_up_to_date(pages):
         assert path.read_text("utf-8") == text, f"{path}: run python docs/pages.py"
 
 
-def test_quoted_numbers_are_those_of_their_source(script):
+def test_quoted_numbers_are_up_to_date(script):
     """`python docs/quoted_numbers.py` writes them."""
     quoted = script("docs/quoted_numbers.py")
     values = quoted.numbers()
@@ -253,7 +253,7 @@ def test_the_reference_is_complete(pages):
 GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}
 
 
-def test_hand_written_pages_are_short_and_lead_on():
+def test_hand_written_pages_are_short_and_name_the_next_page():
     written = {page: text for page, text in PAGES.items() if page not in GENERATED}
     assert sum(len(text.split()) for text in written.values()) <= 24_000
     for page, text in written.items():

@@ -34,7 +34,7 @@ def test_an_example_learns(name, longer, monkeypatch, script):
     assert np.all((after >= -1.0) & (after < 0.1))
 
 
-def test_an_algorithm_from_outside_is_benchmarked_like_ours(tmp_path, monkeypatch):
+def test_a_third_party_algorithm_is_benchmarked(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from agents.benchmark import benchmark_tasks
 

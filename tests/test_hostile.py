@@ -186,12 +186,12 @@ LONG, FAR = de.Layout([0.02] * 5000, 0.0075), de.Layout([3e5], 1e5, height=1e6, 
     (lambda: strips(FAR, "b5"), "paper = 'b5': choose one of a4, letter"),
     (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "width = 0.5 m: give at most"),
 ])  # fmt: skip
-def test_what_cannot_be_drawn_or_heard_is_rejected(call, words):
+def test_undrawable_layouts_and_invalid_sounds_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=words):
         call()
 
 
-def test_names_on_a_page_are_only_names(tmp_path):
+def test_names_on_a_page_are_escaped(tmp_path):
     evil = "</script><!--<script>{{comparison}}{{title}}<img src=x onerror=alert(1)>"
     wave = de.simulate(de.Layout([0.018], 0.0075), de.Physics())
     pages = []

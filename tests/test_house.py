@@ -38,7 +38,7 @@ def loaded_by(script: str) -> set[str]:
     return {m.partition(".")[0] for m in modules} | ({"scipy.optimize"} & set(modules))
 
 
-def test_importing_the_package_loads_gymnasium_alone():
+def test_importing_the_package_loads_only_gymnasium():
     more = loaded_by("import domino_env") - loaded_by("import gymnasium")
     assert more == {"domino_env", "lazy_loader"}
 

@@ -30,7 +30,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
+def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatch):
     """Compare with differences of the mean score of the same episodes."""
     scene = SCENES[name]
     seeds = range(SEEDS_PER_TRAINING, SEEDS_PER_TRAINING + (2 if random_parts(scene) else 1))
@@ -68,7 +68,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(name, monkeypatch):
         assert gradient[i] == pytest.approx(difference, rel=2e-2)
 
 
-def test_an_update_in_sampled_scenes_uses_all_of_them():
+def test_an_update_uses_all_sampled_scenes():
     chosen = default_hyperparameters("apg", SHORT).replace(num_envs=3)
     model = Learner(de.load_distribution("varied"), "apg", chosen, 0).model
     model.policy.deviation = 0.05

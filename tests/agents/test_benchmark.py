@@ -36,7 +36,7 @@ OTHERS = np.array(
 )
 
 
-def test_estimates_are_those_of_rliable():
+def test_estimates_follow_the_definitions_of_rliable():
     """Compare with the definitions of rliable, written with functions of SciPy."""
     problems = list(SCORES.T)
     mean = interquartile_mean(problems)
@@ -57,7 +57,7 @@ def test_estimates_are_those_of_rliable():
     assert 0.0 < better.interval[0] < better.value < better.interval[1] < 1.0
 
 
-def test_problems_with_other_numbers_of_runs_weigh_the_same_and_profiles_count_runs():
+def test_estimates_weight_problems_equally_and_profiles_count_runs():
     few, many = np.array([0.0, 1.0]), np.repeat([2.0, 3.0], 40)
     assert interquartile_mean([few, many]).value == pytest.approx(1.5)
     assert median_of_problems([few, many]) == pytest.approx(1.5)
@@ -76,7 +76,7 @@ def test_problems_with_other_numbers_of_runs_weigh_the_same_and_profiles_count_r
     ([np.full(5, 0.2), np.full(5, 0.9)], pytest.approx((0.55, 0.55))),
     ([np.full(5, -np.inf), np.full(5, 0.9)], (-np.inf, -np.inf)),
 ], ids=["few", "few in a scene", "enough", "resampled within scenes", "no layout"])  # fmt: skip
-def test_intervals(problems, interval):
+def test_confidence_intervals(problems, interval):
     assert interquartile_mean(problems).interval == interval
 
 
@@ -90,7 +90,7 @@ class KnownTask(BenchmarkTask):
         return self.make_result(trace, 1.0, 0.5, None)
 
 
-def test_curves_are_read_on_both_clocks():
+def test_curves_are_evaluated_over_seconds_and_over_evaluations():
     tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=3)
     known = [KnownTask(*astuple(task)) for task in tasks]
     done = run_experiment(known, known_score=best_known_score)
@@ -108,7 +108,7 @@ def test_curves_are_read_on_both_clocks():
     assert best_of_problems(done.results, best_known_score, fixed=True) == {"small": 1.0}
 
 
-def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(tmp_path, monkeypatch):
+def test_a_repeated_benchmark_trains_nothing_and_writes_the_same_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(SMALL.to_toml(), "utf-8")
     command = "benchmark small.toml --algorithms ppo,ramp,auto --seeds 1 --steps 3000 --seconds 0.2"

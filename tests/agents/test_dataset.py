@@ -9,9 +9,7 @@ from domino_env.cli.main import main
 from optimize.experiments.task import Task
 
 
-def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_continues(
-    tmp_path, monkeypatch, capsys
-):
+def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monkeypatch, capsys):
     parquet = pytest.importorskip("pyarrow.parquet")
     minari = pytest.importorskip("minari")
     run_experiment = dataset.run_experiment

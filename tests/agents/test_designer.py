@@ -42,7 +42,7 @@ def test_features_outside_the_training_are_reported(sprint):
     ("jitter", "its objective is robust"),
     ("table", "dominoes stand on a floor"),
 ])  # fmt: skip
-def test_another_kind_of_scene_is_rejected(name, reason):
+def test_unsupported_scenes_are_rejected(name, reason):
     with pytest.raises(ValueError, match=f"{reason}.*domino optimize"):
         design(name)
 
@@ -65,7 +65,7 @@ def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kin
 
 
 @pytest.mark.parametrize("pitch", [1.02, 1.5, 3.0, 4.9])
-def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch):
+def test_decoded_layouts_have_the_given_length_for_any_network_outputs(pitch):
     rng = np.random.default_rng(3)
     scene = replace(de.load_scene("sprint-thickness"), length=39 * pitch * 0.0103)
     outputs, tight = 3.0 * rng.standard_normal((5, 39, 2)), np.array([0.0, 2.0, 5.0, 9.0, 12.0])
@@ -87,7 +87,7 @@ def test_a_design_scales_with_the_dominoes(sprint):
     assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
-def test_more_tries_never_lose_and_gradient_steps_gain(sprint):
+def test_tries_do_not_lower_and_gradient_steps_raise_the_score(sprint):
     scores = [design(sprint, tries=n, steps=0).score for n in (1, 4, 13)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
     refined = [design("course", steps=k).score for k in (0, 6, 30)]
@@ -100,7 +100,7 @@ def test_more_tries_never_lose_and_gradient_steps_gain(sprint):
 # commands -----------------------------------------------------------------------------------------
 
 
-def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
+def test_the_designer_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
     assert evaluate("designer", "sprint").score == design("sprint").score
     with pytest.raises(ValueError, match="policy 'designer' has no scene of its own: give one"):
         evaluate("designer")

@@ -33,7 +33,7 @@ def feasible(order, sequence, hand):
     return True
 
 
-def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
+def test_all_changes_that_the_hand_allows_are_generated(references):
     orders = SMALL.orders([*map(np.random.default_rng, range(5))])
     assert SMALL.orders([]).shape == (0, SMALL.count - 1)
     origin, sequences = references._changes(orders, orders, SMALL.hand)
@@ -49,7 +49,7 @@ def test_changes_of_a_sequence_are_all_those_that_the_hand_allows(references):
     assert sorted(changes) == sorted(expected)
 
 
-def test_hindsight_is_at_least_what_it_begins_with_and_keeps_the_hand(references):
+def test_hindsight_is_not_below_its_start_and_places_pieces_in_hand(references):
     numbers = shipped_references()
     policies = [rule(DRAW, numbers["rule"]), open_loop(DRAW, numbers["plan"])]
     seeds = EVALUATION_SEEDS[:3]
@@ -73,7 +73,7 @@ def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(ref
     assert episode_scores(plan, SMALL, SELECTION_SEEDS).mean() > uniform
 
 
-def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(capsys):
+def test_shipped_references_are_ranked_on_evaluation_seeds(capsys):
     scores = [ScriptedPolicy(name).build(DRAW).score for name in ("uniform", "plan", "rule")]
     assert scores == sorted(scores)
     assert scores[-1] < shipped_references()["hindsight"]
@@ -85,7 +85,7 @@ def test_shipped_references_are_ordered_on_orders_that_they_were_not_fitted_to(c
         ScriptedPolicy("rule").build(de.load_scene("stock"))
 
 
-def test_the_rule_of_many_environments_is_that_of_each():
+def test_a_batch_of_rules_equals_single_rules():
     several = np.random.default_rng(1).normal(size=(3, 25))
     env = DominoChain(SMALL)
     observations = np.array([env.reset(seed=seed)[0] for seed in range(3)])
@@ -100,7 +100,7 @@ def test_frames_show_the_hand():
     assert "in hand 7.5, 7.5, 10 mm" in env.render()
 
 
-def test_training_seeds_meet_neither_selection_nor_evaluation_seeds():
+def test_training_seeds_differ_from_selection_and_evaluation_seeds():
     pytest.importorskip("stable_baselines3")
     from agents.algorithms import default_hyperparameters
     from agents.sb3 import Learner

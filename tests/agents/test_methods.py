@@ -36,13 +36,13 @@ def test_a_learner_keeps_a_budget_and_is_reproducible(method):
     assert result.score == pytest.approx(result.trace[-1][3], rel=1e-5)
 
 
-def test_a_budget_may_be_one_layout_or_a_clock():
+def test_a_budget_may_be_one_layout_or_a_time():
     assert search(SMALL, "ppo", budget=1).evaluations == 1
     assert search(SMALL, "ars", seconds=1e-9).evaluations >= 1
     assert search(SMALL, "ppo", seconds=1.0).seconds < 30.0  # its default steps take minutes
 
 
-def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_path):
+def test_a_trained_policy_counts_one_evaluation_and_its_training_time(tmp_path):
     scene = de.load_scene("sprint")
     rollout = evaluate("sprint", scene)
     result = search(scene, "agent:sprint", seconds=5.0)
@@ -69,7 +69,7 @@ def test_unknown_methods_are_rejected(tmp_path):
     assert not set(LEARNED) & set(METHODS)
 
 
-def test_without_the_extra_the_error_has_the_command_that_installs_it(monkeypatch, capsys):
+def test_the_error_of_a_missing_extra_names_the_command_that_installs_it(monkeypatch, capsys):
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "agents.methods", raising=False)  # checked when it is imported
     load("agent:sprint")

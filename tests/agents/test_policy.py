@@ -22,7 +22,7 @@ SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
 
 
-def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeypatch):
+def test_a_name_selects_a_shipped_policy_and_a_path_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sprint").mkdir()
     assert find_folder("sprint") == POLICIES / "sprint"
@@ -30,7 +30,7 @@ def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("name", policy_names())
-def test_a_policy_that_ships_has_its_reported_score(name):
+def test_a_shipped_policy_has_its_reported_score(name):
     rollout = evaluate(name)
     reported = json.loads((POLICIES / name / "policy.json").read_text("utf-8"))
     assert rollout.score == pytest.approx(reported["score"], rel=1e-6)
@@ -41,7 +41,7 @@ def test_a_policy_that_ships_has_its_reported_score(name):
 
 
 @pytest.mark.parametrize("name", [*policy_names(), DESIGNER])
-def test_every_policy_that_ships_has_a_card(name):
+def test_every_shipped_policy_has_a_card(name):
     card = (POLICIES / name / "README.md").read_text("utf-8")
     for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):
         assert part in card
@@ -61,7 +61,7 @@ def test_evaluating_and_designing_need_no_torch(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["sprint", DESIGNER])
-def test_weights_that_do_not_fit_are_rejected(tmp_path, name):
+def test_invalid_weights_are_rejected(tmp_path, name):
     folder = shutil.copytree(POLICIES / name, tmp_path / name)
     load = ScenePolicy.load if name == "sprint" else Designer.load
     path, good = folder / "policy.npz", read_arrays(POLICIES / name / "policy.npz")

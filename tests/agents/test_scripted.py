@@ -26,7 +26,7 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
         assert rollout.gain is None
 
 
-def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length():
+def test_a_ramp_beats_uniform_and_keeps_a_length():
     assert SCRIPTED["ramp"](SMALL).gain > 0.0
     exact = replace(SMALL, length=0.14)
     rollout = SCRIPTED["ramp"](exact)

@@ -53,7 +53,7 @@ def tiny(algorithm: str, **changes: object) -> Hyperparameters:
 
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
-def test_it_agrees_with_single_environments_in_every_step(sampled):
+def test_the_vector_environment_agrees_with_single_environments(sampled):
     scene = small_scenes() if sampled else SMALL
     batch, singles = DominoVecEnv(scene, 5), DummyVecEnv([lambda: DominoChain(scene)] * 5)
     batch.seed(2)
@@ -76,7 +76,7 @@ def test_it_agrees_with_single_environments_in_every_step(sampled):
     assert ended > 20
 
 
-def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_does():
+def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor():
     options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
     batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
     single = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
@@ -119,8 +119,8 @@ def test_an_off_policy_training_updates_once_per_transition(tmp_path, algorithm)
 # trainings ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", ["apg", "ppo", "ars", "sac"])  # td3 and tqc go as sac goes
-def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monkeypatch, algorithm):
+@pytest.mark.parametrize("algorithm", ["apg", "ppo", "ars", "sac"])  # td3, tqc: code of sac
+def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeypatch, algorithm):
     chosen = tiny(algorithm)
     run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", hyperparameters=chosen)
     assert {file.name for file in run.folder.iterdir()} >= {
@@ -231,7 +231,7 @@ def test_invalid_arguments_are_rejected(tmp_path):
             default_hyperparameters("ppo", SMALL).replace(**{name: value})
 
 
-def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(tmp_path, monkeypatch):
+def test_invalid_checkpoints_are_rejected_without_running_their_code(tmp_path, monkeypatch):
     run = train(SMALL, "apg", folder=tmp_path / "run", hyperparameters=tiny("apg"), steps=24)
     path = run.folder / "checkpoint.pt"
     whole = torch.load(path, weights_only=True)

@@ -26,12 +26,12 @@ PROBLEM = Problem("sprint")
     (lambda: run_experiment([], 3), "executor = 3: give a concurrent.futures.Executor"),
     (lambda: run_experiment([], study="x"), "study = 'x': give a Study, as open_store(path).begin"),
 ])  # fmt: skip
-def test_arguments_that_are_not_accepted_are_named(call, words):
+def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):
         call()
 
 
-def test_a_limit_raises_into_the_method(scenes):
+def test_an_evaluator_raises_at_its_limit(scenes):
     evaluator = Evaluator(Problem(scenes["spacing"]), 10)
     designs = np.random.default_rng(0).random((7, evaluator.problem.dimension))
     assert evaluator.evaluate(designs).score.shape == (7,)
@@ -45,7 +45,7 @@ def test_a_limit_raises_into_the_method(scenes):
     assert evaluator.evaluations == 10
 
 
-def test_the_best_is_kept(scenes):
+def test_the_best_design_is_kept(scenes):
     best = []
     evaluator = Evaluator(Problem(scenes["spacing"]), callback=lambda e: best.append(e.best_score))
     with pytest.raises(ValueError, match="no designs are given: evaluate one or more"):
@@ -62,7 +62,7 @@ def test_the_best_is_kept(scenes):
 
 
 @pytest.mark.parametrize("name", ["dying", "spacing"])
-def test_every_simulation_counts_also_those_of_differences(scenes, name):
+def test_simulations_of_finite_differences_count(scenes, name):
     scene = scenes[name]
     problem = Problem(scene)
     designs = np.random.default_rng(0).random((12, problem.dimension))

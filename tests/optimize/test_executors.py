@@ -113,7 +113,7 @@ def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(pool):
     assert all(call.result() > 0 for call in calls)
 
 
-def test_errors_of_a_task_are_its_own(tasks, expected, pool):
+def test_an_error_of_a_task_fails_no_other_task(tasks, expected, pool):
     broken = Task(tasks[0].scene, "auto", 0, budget=0)
     done = run_experiment([broken, tasks[0]], pool)
     assert [repeatable(r) for r in done.results] == expected[:1]

@@ -58,7 +58,7 @@ CASES += [("scp", "length"), ("cma", "length")]
 
 
 @pytest.mark.parametrize(("method", "name"), CASES)
-def test_every_method_resumes_to_the_same_bits(bits, problems, tmp_path, method, name):
+def test_every_method_resumes_bitwise(bits, problems, tmp_path, method, name):
     words = (problems[name], method, FEW, 3)
     batches: list[float] = []
     whole = search(*words, callback=lambda e: batches.append(e.progress))
@@ -93,7 +93,7 @@ def test_a_larger_budget_continues_a_finished_search(bits, problems, monkeypatch
     assert sum(numbers) < 300 - 123 + 130  # at most the batch that the first budget cut short again
 
 
-def test_a_process_that_is_killed_resumes_to_the_same_bits(bits, problems, tmp_path):
+def test_a_killed_process_resumes_bitwise(bits, problems, tmp_path):
     scene = problems["both"]
     (tmp_path / "both.toml").write_text(scene.to_toml())
     words = ["optimize", tmp_path / "both.toml", "--method", "random", "--budget", 4_000_000]
@@ -109,7 +109,7 @@ def test_a_process_that_is_killed_resumes_to_the_same_bits(bits, problems, tmp_p
     assert bits(again) == bits(search(scene, "random", 40_000))
 
 
-def test_seconds_continue_from_where_they_were(problems, tmp_path):
+def test_a_resumed_search_continues_its_seconds(problems, tmp_path):
     def run(seconds: float) -> SearchResult:
         ticks = count()  # a clock that advances by a second whenever it is read
         options = {"folder": tmp_path, "resume": True, "clock": lambda: float(next(ticks))}

@@ -22,7 +22,7 @@ def designs_of(problem: Problem, count: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", FREE)
-def test_the_corners_of_the_box_are_the_scenes_bounds(scenes, name):
+def test_corners_of_the_box_are_the_bounds_of_the_scene(scenes, name):
     scene = scenes[name]
     problem = Problem(scene)
     for corner, bound in ((0.0, 0), (1.0, 1)):
@@ -59,7 +59,7 @@ def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere)
 
 
 @pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
-def test_scores_are_the_scenes(scenes, name):
+def test_scores_are_those_of_the_scene(scenes, name):
     scene = scenes[name]
     problem = Problem(scene, rtol=1e-10)
     designs = designs_of(problem, 12)
@@ -69,7 +69,7 @@ def test_scores_are_the_scenes(scenes, name):
 
 
 @pytest.mark.parametrize("name", FREE + LENGTH)
-def test_gradients(scenes, name):
+def test_gradients_match_finite_differences(scenes, name):
     """Against Richardson's extrapolation of wider differences at a closer tolerance."""
     problem = Problem(scenes[name])
     exact = Problem(scenes[name], rtol=1e-13)
@@ -92,7 +92,7 @@ def test_gradients(scenes, name):
     assert checked >= 10
 
 
-def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
+def test_a_gradient_at_a_face_of_the_box_is_one_sided(scenes):
     problem = Problem(scenes["spacing"])
     x = np.full(problem.dimension, 0.4)
     x[0], x[1] = 0.0, 1.0
@@ -121,7 +121,7 @@ def test_impossible_designs_are_rejected(scenes, name, designs, message):
         getattr(Problem(scenes["spacing"]), name)(designs)
 
 
-def test_processes_and_threads_may_share_it(scenes):
+def test_processes_and_threads_may_share_a_problem(scenes):
     problem = Problem(scenes["length-both"])
     designs = designs_of(problem, 64)
     batch = problem.evaluate(designs, gradient=True)

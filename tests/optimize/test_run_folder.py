@@ -73,7 +73,7 @@ def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
+def test_derived_files_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")
     for name in ("notes.txt", *DERIVED_FILES):
         (tmp_path / name).write_text("text")
@@ -89,7 +89,7 @@ def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_p
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
+def test_a_shorter_search_replaces_no_file(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
     before = files(tmp_path)

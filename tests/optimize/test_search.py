@@ -61,7 +61,7 @@ def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatc
 
 
 @pytest.mark.parametrize("method", ["auto", "random"])
-def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch, method):
+def test_a_limit_ends_a_search_during_a_simulation_on_a_floor(scenes, monkeypatch, method):
     now, advance = [0.0], dynamics.advance
 
     def slow(*arguments: object) -> object:
@@ -175,7 +175,7 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
     assert result.score == honest.score == scene.score(result.layout)
 
 
-def test_auto_keeps_a_schedule_at_once():
+def test_auto_ends_when_a_schedule_is_met():
     result = search("tempo")
     assert result.stop_reason == "done: every domino is hit on schedule, to 1e-09 s"
     assert result.score > 1.0 - 1e-6

@@ -72,7 +72,7 @@ def test_every_command_prints_the_physics_that_it_used(capsys, mars, command):
     assert expected in capsys.readouterr().out
 
 
-def test_a_template_has_the_width_of_the_scene_beside(mars, monkeypatch):
+def test_a_template_has_the_width_of_the_scene_beside_the_layout(mars, monkeypatch):
     drawn: list[de.Layout] = []
     write = "domino_env.view.template.write_template"
     monkeypatch.setattr(write, lambda layout, *_: drawn.append(layout))

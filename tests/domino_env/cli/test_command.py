@@ -75,13 +75,13 @@ def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(output_of, file, t
     assert "no score on 'sprint': these are not the friction, gravity and push of the" in text
 
 
-def test_json_for_other_programs(output_of, file):
+def test_json_output_has_outcome_and_arrival_times(output_of, file):
     document = json.loads(output_of("simulate", file, "--json", "--push", 1.5))
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
     assert "the push of 1.5 rad/s is too small" in document["explanation"]
     assert "gaps" not in document["explanation"]
-    assert "error" not in output_of("simulate", file, "--push", 0.1)  # of no times
+    assert "error" not in output_of("simulate", file, "--push", 0.1)  # there are no times
     assert (document["hit"], document["mean_speed"]) == (wave.hit, 0.0)
     came = np.isfinite(wave.arrival_times)
     assert [t is not None for t in document["arrival_times"]] == came.tolist()
@@ -135,7 +135,7 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
 @pytest.mark.parametrize(
     "becomes", [KeyboardInterrupt, ValueError, TypeError, ImportError("failed"), None]
 )
-def test_an_interruption_is_one_whatever_a_library_makes_of_it(
+def test_an_interruption_is_reported_whatever_a_library_raises(
     capsys, monkeypatch, file, number, code, becomes
 ):
     """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C.
@@ -160,7 +160,7 @@ def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     assert capsys.readouterr().err.startswith("domino: interrupted" if becomes else "")
 
 
-def test_the_program_itself(file):
+def test_the_installed_program_runs(file):
     program = Path(sys.executable).with_name("domino")
     assert program.exists(), "install the package: make test does"
     done = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
@@ -172,7 +172,7 @@ def test_the_program_itself(file):
     assert "Traceback" not in done.stderr
 
 
-def test_the_command_line_explains_itself(capsys):
+def test_the_command_line_has_help_and_hints(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     text = capsys.readouterr().out
@@ -212,7 +212,7 @@ def test_an_interrupted_command_does_not_wait_for_its_threads():
     assert (done.returncode, done.stdout) == (130, "best so far\n")
 
 
-def test_a_reader_that_has_enough_is_no_error(file, tmp_path):
+def test_a_closed_output_pipe_is_no_error(file, tmp_path):
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--json"]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -226,7 +226,7 @@ def test_a_reader_that_has_enough_is_no_error(file, tmp_path):
         assert running.wait() == 0
 
 
-def test_a_command_tells_what_takes_long(capsys, monkeypatch, file):
+def test_notices_are_printed_only_while_a_command_runs(capsys, monkeypatch, file):
     def run(_: object) -> int:
         with tqdm(total=2, desc="search") as bar:
             bar.update()

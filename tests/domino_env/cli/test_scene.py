@@ -17,7 +17,7 @@ def scene_of(capsys, tmp_path, words: str) -> de.Scene:
     return de.load_scene(file)
 
 
-def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path):
+def test_options_in_millimetres_and_degrees_define_a_scene(capsys, tmp_path):
     words = "--count 120 --thickness 8 --height 43 --width 22 --length 2500 --slope 1"
     scene = scene_of(capsys, tmp_path, words)
     assert scene == de.Scene(
@@ -48,7 +48,7 @@ def test_impossible_scenes_are_rejected(capsys, words, message):
     assert re.search(message, output.err)
 
 
-def test_placement_noise_spreads_the_time(capsys, tmp_path):
+def test_placement_noise_spreads_the_arrival_time(capsys, tmp_path):
     layout = de.Layout.uniform(30, spacing=0.038)
     layout.to_csv(tmp_path / "row.csv")
 

@@ -9,7 +9,7 @@ import pytest
 from domino_env.core.files import write_text
 
 
-def test_a_read_only_folder_is_named_without_the_temporary_file(tmp_path, monkeypatch):
+def test_the_error_of_a_read_only_folder_names_the_requested_file(tmp_path, monkeypatch):
     def refused(path: Path, *_: Any, **__: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system", str(path))
 

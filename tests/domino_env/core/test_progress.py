@@ -8,7 +8,7 @@ from domino_env.core import progress
 
 
 @pytest.mark.parametrize(("shown", "lines"), [(None, 3), (False, 0)])
-def test_without_a_terminal_a_line_comes_now_and_then(capsys, monkeypatch, shown, lines):
+def test_progress_without_a_terminal_is_printed_in_lines(capsys, monkeypatch, shown, lines):
     clock = count(step=10.0)  # every look at it finds ten seconds gone
     monkeypatch.setattr("tqdm.std.time", lambda: next(clock))
     with progress.progress_bar(shown, total=12, unit=" dominoes") as bar:

@@ -11,7 +11,7 @@ def read_back(text: str) -> list[list[str]]:
     return list(csv.reader(text.splitlines(keepends=True)))
 
 
-def test_numbers_come_back_to_the_bit():
+def test_numbers_read_back_bitwise():
     values = [0.1, -1e-300, 5e-324, np.nextafter(0.8, 1.0), 1e16, 3, -7, np.float64(2) / 3]
     names, line = read_back(csv_table("abcdefgh", [values]))
     assert names == list("abcdefgh")
@@ -19,7 +19,7 @@ def test_numbers_come_back_to_the_bit():
     assert read_back(csv_table("ab", [[None, 1]]))[1] == ["", "1"]
 
 
-def test_no_text_is_a_formula_and_a_number_formatted_by_hand_stays_one():
+def test_text_is_no_formula_and_formatted_numbers_are_unchanged():
     formulas = ["=1+1", "+x", "-cmd|' /C calc'!A0", "@SUM(A1)", "\t=1", "\n=1"]
     names, line = read_back(csv_table(formulas, [formulas]))
     assert names == line == [f"'{text}" for text in formulas]
@@ -27,13 +27,13 @@ def test_no_text_is_a_formula_and_a_number_formatted_by_hand_stays_one():
     assert read_back(csv_table("abcd", [numbers]))[1] == numbers
 
 
-def test_markdown_keeps_its_columns():
+def test_text_in_markdown_cells_is_escaped():
     assert markdown_table(("a", "b"), [("x|y", 1), ("two\nlines", None)]) == [
         "| a | b |", "| --- | --- |", "| x\\|y | 1 |", "| two lines | None |",
     ]  # fmt: skip
 
 
-def test_a_terminal_gets_columns_and_nothing_that_moves_its_cursor():
+def test_text_tables_have_columns_and_no_control_characters():
     lines = text_table(("name", "n"), [("a\x1b[2J", "7"), ("b" * 70, "1,000")], right={"n"})
     assert lines[0] == f"{'name':60}      n"
     assert lines[1].startswith("a\\x1b[2J ")

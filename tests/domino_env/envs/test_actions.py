@@ -11,7 +11,7 @@ NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magni
 
 @pytest.mark.parametrize("name", [*NAMES, "tempo-noise"])
 @pytest.mark.parametrize("drift", [-0.4, 0.0, 0.4])
-def test_all_dominoes_at_once_are_placed_as_one_by_one(name, drift):
+def test_place_all_equals_single_steps(name, drift):
     scene = SCENES[name].replace(placement_deviation=0.0, placement_draws=0)
     env, together = DominoChain(scene), DominoChainVector(2, SCENES[name])
     size = (scene.count - 1, *env.action_space.shape)
@@ -30,7 +30,7 @@ def test_all_dominoes_at_once_are_placed_as_one_by_one(name, drift):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_derivatives_by_actions_are_those_of_differences(name):
+def test_derivatives_by_actions_match_finite_differences(name):
     scene, rng = SCENES[name], np.random.default_rng(2)
     env = DominoChainVector(1, scene)
     shape = (1, scene.count - 1, *env.single_action_space.shape)

@@ -29,7 +29,7 @@ def parts(env, observation):
 
 
 @pytest.mark.parametrize("size", [STOCK.hand, None])
-def test_hand_box_and_chain_hold_the_stock_and_the_nearest_piece_is_taken(size):
+def test_an_action_takes_the_nearest_piece_in_hand_and_no_piece_is_lost(size):
     env = DominoChain(SCENE.replace(stock=STOCK.replace(hand=size)))
     rng = np.random.default_rng(0)
     for seed in range(5):
@@ -51,7 +51,7 @@ def test_hand_box_and_chain_hold_the_stock_and_the_nearest_piece_is_taken(size):
                 break
 
 
-def test_a_hand_that_holds_the_whole_stock_is_none():
+def test_a_hand_of_the_whole_stock_equals_no_hand():
     whole = SCENE.replace(stock=STOCK.replace(hand=sum(STOCK.count)))
     free = SCENE.replace(stock=STOCK.replace(hand=None))
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (COUNT - 1, 2))
@@ -60,7 +60,7 @@ def test_a_hand_that_holds_the_whole_stock_is_none():
     assert infos[0]["score"] == infos[1]["score"]
 
 
-def test_plans_are_placed_alike_in_every_environment():
+def test_chain_and_layout_environments_place_a_plan_alike():
     actions = np.random.default_rng(3).uniform(-1.0, 1.0, (2, COUNT - 1))
     chain, whole = DominoChainVector(4, SCENE), DominoLayoutVector(4, SCENE)
     for envs in (chain, whole):
@@ -72,7 +72,7 @@ def test_plans_are_placed_alike_in_every_environment():
     assert len(set(built["score"].tolist())) == 4  # of four orders
 
 
-def test_a_given_layout_is_taken_out_before_the_rest_is_permuted():
+def test_pieces_of_a_given_layout_are_removed_from_the_stock():
     env = DominoChain(SCENE)
     start = de.Layout(np.full(4, 0.02), [0.0075, *[0.005] * 4], SCENE.height, SCENE.width)
     for seed in range(4):
@@ -85,7 +85,7 @@ def test_a_given_layout_is_taken_out_before_the_rest_is_permuted():
         env.reset(options={"layout": de.Layout(np.full(5, 0.02), 0.0075)})
 
 
-def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_as_they_come():
+def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_in_drawn_order():
     thickness = SCENE.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])[:, : COUNT - 1]
 
     def mean(gap):

@@ -230,7 +230,7 @@ def test_observations_are_as_documented(name):
 
 
 @pytest.mark.parametrize("scene", [courses()["free course"], demanding()["smooth"]])
-def test_bounds_ahead_are_reached_by_the_ends_of_the_action(scene):
+def test_extreme_actions_reach_the_bounds_ahead(scene):
     env, rng = DominoChain(scene), np.random.default_rng(6)
     env.reset()
     for _ in range(min(env.scene.count - 2, 20)):
@@ -247,7 +247,7 @@ def test_bounds_ahead_are_reached_by_the_ends_of_the_action(scene):
 
 
 @pytest.mark.parametrize("name", ["sprint-thickness", "course", "hills", "magnify"])
-def test_an_episode_goes_on_from_a_layout_that_stands(name):
+def test_an_episode_continues_from_a_given_layout(name):
     env = DominoChain(name)
     actions, observations, rewards, info = play(env, at_random(env, np.random.default_rng(8)))
     whole = info["layout"]
@@ -289,7 +289,7 @@ def test_layouts_from_which_no_episode_can_start_are_rejected():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_misuse_is_explained(kind):
+def test_invalid_calls_are_rejected(kind):
     for scene, options, words in (
         ("sprnt", {}, "no scene 'sprnt': did you mean 'sprint'"),
         ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
@@ -324,7 +324,7 @@ def test_misuse_is_explained(kind):
         env.step(np.zeros(size))
 
 
-def test_the_page_has_all_arguments_and_the_sizes():
+def test_the_page_names_all_arguments_and_sizes():
     page = (Path(__file__).parents[3] / "docs" / "environments.md").read_text("utf-8")
     lines = dict(line.strip("| ").split(" | ", 1) for line in page.splitlines() if " | " in line)
     for kind, listed in zip(KINDS, lines["Arguments"].split(" | "), strict=True):
@@ -347,7 +347,7 @@ CHECKED |= {"table": short("table", 4), "two dominoes": short("sprint-thickness"
     [*product(IDS, CHECKED.values()), (IDS[0], small_scenes())],
     ids=[*map(", ".join, product(IDS, CHECKED)), "sampled scenes"],
 )
-def test_checkers_of_gymnasium_and_stable_baselines_accept(id_, scene):
+def test_environments_pass_the_checkers_of_gymnasium_and_sb3(id_, scene):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     env = gymnasium.make(id_, scene=scene)
     with warnings.catch_warnings():

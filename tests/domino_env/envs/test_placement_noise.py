@@ -15,7 +15,7 @@ LOW, HIGH = SCENE.spacing
 INTENDED = SCENE.layout(LOW + 0.5 * (ACTION + 1.0) * (HIGH - LOW))
 
 
-def test_chains_and_whole_layouts_get_the_same_errors():
+def test_chain_and_layout_environments_get_the_same_errors():
     seeds, pairs = [5, 6, 7], SCENE.count - 1
     errors = [SCENE.placement_errors(np.random.default_rng(seed)) for seed in seeds]
     gaps = np.maximum(INTENDED.spacing + np.array(errors), LEAST_GAP)

@@ -61,7 +61,7 @@ print(*env.metadata["render_modes"])
 @pytest.mark.parametrize(("hidden", "modes"), [
     (True, "rgb_array ansi"), (False, "rgb_array ansi human"),
 ], ids=["without pygame", "with pygame"])  # fmt: skip
-def test_checkers_render_every_mode_that_is_offered(hidden, modes):
+def test_the_checker_renders_every_available_mode(hidden, modes):
     pytest.importorskip("pygame")
     done = subprocess.run(
         [sys.executable, "-W", "error::UserWarning", "-c", CHECK.format(hidden=hidden)],

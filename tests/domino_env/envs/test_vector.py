@@ -64,7 +64,7 @@ def assert_same(together, alone):
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF], ids=["next step", "same step", "disabled"])
 @pytest.mark.parametrize(("kind", "name"), CASES)
-def test_together_and_alone_agree_across_the_ends_of_episodes(kind, name, mode):
+def test_vector_and_single_environments_agree_across_episode_ends(kind, name, mode):
     together, alone = KINDS[kind]
     scene = (FIXED | SAMPLED)[name]
     window = {"window": 5} if kind == "chain" else {}
@@ -95,7 +95,7 @@ def test_together_and_alone_agree_across_the_ends_of_episodes(kind, name, mode):
     assert ends >= 6
 
 
-def test_arrays_that_were_returned_do_not_change():
+def test_returned_arrays_do_not_change():
     env, rng = DominoChainVector(3, "sprint", autoreset_mode=SAME), np.random.default_rng(0)
     begun, _ = env.reset()
     answers = [env.step(rng.uniform(-1, 1, (3, 1))) for _ in range(39)]
@@ -110,7 +110,7 @@ def test_arrays_that_were_returned_do_not_change():
     np.testing.assert_array_equal(observations[1:], latest[1:])
 
 
-def test_threads_change_nothing():
+def test_results_do_not_depend_on_the_number_of_threads():
     threads = numba.get_num_threads()
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("one thread is all there is")
@@ -155,7 +155,7 @@ def test_every_environment_has_its_own_seed():
     assert env.np_random_seed == (1, 21, 2)
 
 
-def test_gymnasium_makes_and_wraps_them():
+def test_gymnasium_makes_and_wraps_vector_environments():
     env = gymnasium.make_vec("DominoChain-v1", num_envs=4, scene="sprint", autoreset_mode=SAME)
     assert isinstance(env.unwrapped, DominoChainVector)
     assert env.metadata["autoreset_mode"] is SAME
@@ -169,7 +169,7 @@ def test_gymnasium_makes_and_wraps_them():
     assert isinstance(listed.unwrapped, DominoLayoutVector)
 
 
-def test_misuse_is_explained():
+def test_invalid_calls_are_rejected():
     with pytest.raises(ValueError, match="num_envs"):
         DominoChainVector(0, "sprint")
     with pytest.raises(ValueError, match="autoreset_mode = 'SameStp': did you mean 'SameStep'"):

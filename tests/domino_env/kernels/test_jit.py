@@ -77,7 +77,7 @@ def edit(file, old, new):
     os.utime(file, ns=times)
 
 
-def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path):
+def test_an_edited_dependency_is_compiled_again(copy, tmp_path):
     first, _ = copy()
     node = first["values"][0]
     assert first == {"values": [node, 0.0, node, 0.0], "hits": [0, 0]}
@@ -93,7 +93,7 @@ def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path):
     assert after["values"] == pytest.approx([node / 2, 3.0, node / 2, 3.0])
 
 
-def test_without_a_writable_folder_it_compiles_in_memory_with_a_warning(copy):
+def test_compilation_without_a_writable_folder_gives_a_warning(copy):
     cache = copy.package / "kernels" / "__pycache__"
     full, errors = copy(full_disk=True)
     assert f"compiled code cannot be kept in {cache} (" in errors

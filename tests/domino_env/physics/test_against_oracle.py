@@ -82,7 +82,7 @@ def uneven_ground(rng):
 @pytest.mark.parametrize(
     "draw", [gaps_alone, all_different, up_and_down, equal_stretches, equal_gaps, uneven_ground]
 )
-def test_random_layouts(draw, friction):
+def test_random_layouts_agree_with_the_oracle(draw, friction):
     layout, push = draw(np.random.default_rng([0, round(100 * friction)]))
     compare(layout, de.Physics(friction, push=push))
 
@@ -142,7 +142,7 @@ def test_contacts_behind_a_separation_are_not_counted_as_face_contacts(seed):
 @pytest.mark.parametrize(
     ("gap", "push", "leader"), [(0.005, 4.0, 1), (0.003, 6.0, 2), (0.009, 2.69, 0)]
 )
-def test_stalls_happen_under_the_same_leader(gap, push, leader):
+def test_stalls_have_the_same_leader(gap, push, leader):
     wave = compare(de.Layout(np.full(12, gap), D), de.Physics(0.5, push=push))
     assert wave.outcome is de.Outcome.STALLED
     assert int(wave.reach * 13) == leader
@@ -153,7 +153,7 @@ def test_stalls_happen_under_the_same_leader(gap, push, leader):
 
 @pytest.mark.parametrize("excess", [1e-2, 1e-4, -1e-4])
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_on_either_side_of_a_stall(excess, friction):
+def test_waves_close_to_a_stall_agree_with_the_oracle(excess, friction):
     """A push a little above the smallest that topples the chain, and one a little below."""
     layout = de.Layout([0.012, 0.016, 0.009, 0.02, 0.011], D)
     push = de.smallest_push(layout, de.Physics(friction)) * (1.0 + excess)
@@ -176,7 +176,7 @@ def test_on_either_side_of_a_stall(excess, friction):
         de.Physics(1.0, push=40.0), 2,
     ),
 ], ids=["jams at a hit", "jams at a face impact", "out of reach", "no rigid answer"])  # fmt: skip
-def test_other_ends(outcome, layout, physics, hit):
+def test_other_outcomes_agree_with_the_oracle(outcome, layout, physics, hit):
     wave = compare(layout, physics, reach=1e-5 if outcome == "NO_RIGID_ANSWER" else 1e-9)
     assert (wave.outcome.name, wave.hit, wave.mean_speed) == (outcome, hit, 0.0)
     assert wave.explanation

@@ -24,7 +24,7 @@ def uniform_wave(pitch, friction, count=100, push=PUSH, gravity=9.8, **given):
 
 
 @pytest.mark.parametrize("known", UNIFORM)
-def test_uniform_chains(known):
+def test_uniform_chains_have_the_independently_computed_speeds(known):
     pitch, friction, frequency, speed, after, before, last = known
     wave = uniform_wave(pitch, friction)
     between = wave.arrival_times[99] - wave.arrival_times[98]
@@ -38,7 +38,7 @@ def test_uniform_chains(known):
 @pytest.mark.parametrize(
     ("rise", "friction", "ratio", "error"), [(0.0, 0.0, 0.5, 1e-13), (0.01, 0.25, 0.4344, 5e-5)]
 )
-def test_the_first_hit(rise, friction, ratio, error):
+def test_the_first_hit_has_the_known_velocity_ratio(rise, friction, ratio, error):
     """Half the energy is lost; the velocity on a level tread 10 mm higher."""
     layout = de.Layout([0.0165], 0.0075) if rise == 0.0 else de.Layout([0.02], 0.0075, rise=rise)
     wave = de.simulate(layout, de.Physics(friction), rtol=1e-12)
@@ -49,7 +49,7 @@ def test_the_first_hit(rise, friction, ratio, error):
 
 # the gap, over the height, at which the largest factor is carried
 @pytest.mark.parametrize(("friction", "limit", "gap"), [(0.0, 1.775, 0.963), (0.25, 1.541, 0.82)])
-def test_growing_chains(friction, limit, gap):
+def test_dominoes_can_grow_up_to_a_known_factor(friction, limit, gap):
     """Everything scaled by a factor per domino, thickness/height 0.15625: limits by any gap.
 
     Widths grow too, so masses grow as the cube: the density stands for it.
@@ -78,14 +78,14 @@ def test_the_steady_wave_without_friction_exists_up_to_a_pitch(slender):
 @pytest.mark.parametrize(
     ("gap", "speed"), [(0.1, 2.261), (0.2, 1.968), (0.4, 1.757), (0.6, 1.641), (0.833, 1.540)]
 )
-def test_van_leeuwens_own_program(gap, speed):
+def test_steady_speeds_match_van_leeuwens_program(gap, speed):
     """v/√(gL) without friction, thickness/height 0.15625."""
     steady = de.steady_wave(gap + 0.15625, 0.15625, 1.0, de.Physics(0.0, 1.0))
     assert steady.speed == pytest.approx(speed, abs=0.0016)
 
 
 @pytest.mark.parametrize(("slender", "ratio"), [(0.01, 1.4999), (0.15625, 1.4767)])
-def test_least_gap_that_topples_the_second(slender, ratio):
+def test_the_second_domino_topples_from_a_known_gap_on(slender, ratio):
     """USA Physics Olympiad 2017, B1: with the least push, s ≥ 1.5 d for thin dominoes."""
 
     def second_topples(gap):

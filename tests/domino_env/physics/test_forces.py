@@ -32,7 +32,7 @@ def reactions(chain, n, lead, speed):
 
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_forces_and_impulses_of_a_wave(friction, uneven):
+def test_forces_and_impulses_agree_with_the_oracle(friction, uneven):
     """At 17 angles of each interval between hits, and in the hits."""
     rng = np.random.default_rng(0)
     gaps, thickness = rng.uniform(0.018, 0.028, COUNT - 1), rng.uniform(0.006, 0.01, COUNT)
@@ -88,7 +88,7 @@ def test_a_diagnosis_agrees_with_the_wave(layout, friction):
         assert len(diagnosis.separating_contacts) > 0
 
 
-def test_a_uniform_layout_keeps_its_contacts_closed_and_what_was_not_reached_is_nan():
+def test_a_uniform_layout_keeps_its_contacts_closed_and_unreached_dominoes_have_nan():
     diagnosis = de.diagnose(de.Layout.uniform(40, pitch=0.024), de.Physics())
     assert len(diagnosis.separating_contacts) == 0
     assert len(diagnosis.lifting_dominoes) == 0

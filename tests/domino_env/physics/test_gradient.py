@@ -67,7 +67,7 @@ def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: s
 
 @grounds
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.6])
-def test_all_of_a_layout_by_differences(friction, uneven):
+def test_gradients_match_finite_differences(friction, uneven):
     rng = np.random.default_rng(round(100 * friction))
     checked = kinks = flushes = releases = 0
     while checked < 20:
@@ -92,7 +92,7 @@ def test_all_of_a_layout_by_differences(friction, uneven):
 
 
 @pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (True, 0.3)])
-def test_against_sixty_digits(friction, uneven):
+def test_the_gradient_matches_a_solution_of_sixty_digits(friction, uneven):
     """Along one direction through everything, without quadrature tables, tails or tolerances.
 
     The scaling laws tie gravity and push to the rest.
@@ -121,7 +121,7 @@ def test_against_sixty_digits(friction, uneven):
 @pytest.mark.parametrize(("friction", "push", "slope"), [
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip
-def test_near_a_stall_it_is_large_and_right(friction, push, slope):
+def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, slope):
     layout, physics = Layout([0.011, 0.009], 0.0075), Physics(friction, push=push)
     wave = simulate(layout, physics, rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
@@ -141,7 +141,7 @@ def wave(request: pytest.FixtureRequest) -> Wave:
     return wave
 
 
-def test_scaling_laws(wave):
+def test_gradients_obey_the_scaling_laws(wave):
     """Times scale by the root of lengths and the inverse root of gravity, not by density."""
     g, layout, physics, total = wave.gradient(), wave.layout, wave.physics, wave.arrival_times[-1]
     by_length = (
@@ -168,7 +168,7 @@ def test_later_dominoes_cannot_change_earlier_times(wave):
 # kinks, edges, batches ------------------------------------------------------------------------
 
 
-def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides():
+def test_the_gradient_at_a_kink_is_that_of_one_side():
     physics = Physics(0.25, 9.81, 14.0)
 
     def layout(gap: float) -> Layout:
@@ -188,7 +188,7 @@ def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides():
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_equal_gaps(friction):
+def test_equal_and_nearly_equal_gaps_have_the_same_gradient(friction):
     """Face impacts at one instant give finite numbers; a uniform layout shares only its stack.
 
     A 1e-12 difference in one gap takes another path through the code, to the same gradient.
@@ -226,7 +226,7 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
             assert np.array_equal(part, whole[b])
 
 
-def test_a_wave_that_stopped_pulls_back_what_it_reached():
+def test_the_pullback_of_a_stopped_wave_covers_the_dominoes_reached():
     layout = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
     wave = simulate(layout, Physics(0.25, push=10.0), gradient=True)
     assert wave.outcome == Outcome.OUT_OF_REACH
@@ -246,7 +246,7 @@ def test_a_wave_that_stopped_pulls_back_what_it_reached():
     (5, True, lambda wave: wave.pullback([0, 0, np.nan, 0, 0]), r"arrival_bar\[2\] = nan"),
     (1, True, Wave.gradient, "a single domino has none"),
 ])  # fmt: skip
-def test_what_cannot_be_differentiated(count, saved, call, words):
+def test_invalid_gradient_requests_are_rejected(count, saved, call, words):
     wave = simulate(Layout.uniform(count, spacing=0.0125), Physics(), gradient=saved)
     with pytest.raises(ValueError, match=words):
         call(wave)

@@ -31,7 +31,7 @@ def topple(layout, friction, gravity=9.81, push=16.0):
 @grounds
 @frictions
 @pytest.mark.parametrize("seed", range(4))
-def test_units(seed, friction, uneven):
+def test_results_scale_with_the_units(seed, friction, uneven):
     """Numbers of other units in a metre, a kilogram and a second; scaling laws among them."""
     layout = random_layout(seed, uneven)
     wave = topple(layout, friction)
@@ -89,7 +89,7 @@ def test_later_dominoes_change_nothing_earlier(seed, friction, uneven):
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
 @pytest.mark.parametrize("seed", range(3))
-def test_energy(seed, friction):
+def test_impacts_and_friction_take_energy(seed, friction):
     """Without friction only impacts take energy; friction takes it in every fall."""
     gaps = np.random.default_rng(seed).uniform(0.003, 0.03, 16)
     layout = de.Layout(gaps, 0.0075)

@@ -39,7 +39,7 @@ def test_pitch_is_measured_from_pivot_to_pivot():
     assert UNEQUAL.count == 4
 
 
-def test_one_number_serves_all_dominoes():
+def test_one_number_applies_to_all_dominoes():
     gaps = np.array([0.01, 0.02])
     layout = Layout(gaps, 0.0075)
     gaps[0] = 9.0  # a layout keeps its own numbers
@@ -86,14 +86,14 @@ def test_copies_are_equal_and_read_only(original, duplicate):
     ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: give a finite ..."),
     ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give (2,), or one number for all"),
 ])  # fmt: skip
-def test_what_cannot_stand(change, sentence):
+def test_invalid_layouts_are_rejected(change, sentence):
     good = {"spacing": [0.02, 0.02], "thickness": [0.0075] * 3}
     words = ".*".join(re.escape(part.strip()) for part in sentence.split("..."))
     with pytest.raises(ValueError, match=f"^{words}$"):
         Layout(**(good | change))
 
 
-def test_a_tip_above_the_next_top_and_both_remedies():
+def test_a_tip_above_the_next_top_is_rejected():
     with pytest.raises(ValueError, match=r"domino 0 \(height 0.05 m\) would strike"):
         Layout([0.02, 0.02], 0.0075, [0.05, 0.04, 0.05])
     Layout([0.030001, 0.02], 0.0075, [0.05, 0.04, 0.04])
@@ -108,7 +108,7 @@ def test_a_tip_above_the_next_top_and_both_remedies():
     ({"spacing": "wide"}, "spacing = 'wide' m: give a finite number, more than 0"),
     ({"spacing": 0.01, "slope": "steep"}, "slope = 'steep' rad: give a finite number"),
 ])  # fmt: skip
-def test_uniform_layouts_that_cannot_stand(arguments, words):
+def test_invalid_uniform_layouts_are_rejected(arguments, words):
     with pytest.raises(ValueError, match=re.escape(words)):
         Layout.uniform(**({"count": 3} | arguments))
 
@@ -130,14 +130,14 @@ def written(layout: Layout, path: Path) -> Path:
         min_size=1, max_size=8,
     ),
 )  # fmt: skip
-def test_files_keep_every_bit(tmp_path_factory, dominoes, ending):
+def test_files_read_back_bitwise(tmp_path_factory, dominoes, ending):
     gaps, thickness, density = (list(column) for column in zip(*dominoes, strict=True))
     path = tmp_path_factory.getbasetemp() / f"any.{ending}"
     for layout in (Layout(gaps[:-1], thickness, density=density), UNEQUAL, uneven_layout(1, 7)):
         assert same(Layout.read(written(layout, path)), layout)
 
 
-def test_columns_that_a_file_may_have(tmp_path):
+def test_files_may_have_optional_columns(tmp_path):
     path = tmp_path / "layout.csv"
     path.write_text("spacing_mm,thickness_mm,height_mm,density\n20,7,48,1000\n,7,50,900\n")
     layout = Layout.read(path)
@@ -170,7 +170,7 @@ SPREADSHEETS = {
 
 @pytest.mark.parametrize("text", SPREADSHEETS.values(), ids=SPREADSHEETS.keys())
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
+def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
     path = tmp_path / "layout.csv"
     path.write_bytes(text.removeprefix("\ufeff" if encoding == "utf-16" else "").encode(encoding))
     assert same(Layout.read(path), Layout([0.018, 0.0205], [0.0075, 0.007, 0.0075]))
@@ -200,7 +200,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
     ('{"spacing": [0.01], "thickness": 0.0075, "heigth": 0.05}', "did you mean 'height'?"),
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
 ])  # fmt: skip
-def test_a_file_that_cannot_be_read(tmp_path, text, words):
+def test_invalid_files_are_rejected(tmp_path, text, words):
     """File, line and column or key, value and what to give."""
     path = tmp_path / ("layout.json" if text[:1] in tuple("{[") else "layout.csv")
     path.write_text(text)

@@ -47,7 +47,7 @@ def test_neighbours_touch_and_never_overlap(layout, friction):
 
 
 @layouts
-def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(layout):
+def test_the_leader_follows_the_arrival_times_and_leans_only_grow(layout):
     wave = simulate(layout, Physics(0.25, push=24.0))
     motion = Motion(layout, wave.physics)
     arrivals = wave.arrival_times[: wave.hit]

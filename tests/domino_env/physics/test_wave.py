@@ -31,7 +31,7 @@ def random_batch(count=60, n=30):
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
-def test_a_batch_is_bit_for_bit_its_layouts(rtol):
+def test_a_batch_equals_its_single_waves_bitwise(rtol):
     """With and without a record, as waves of the batch and simulated alone."""
     spacing, thickness = random_batch()
     batch = de.simulate_batch(spacing, thickness, PHYSICS, rtol=rtol)
@@ -51,7 +51,7 @@ def test_a_batch_is_bit_for_bit_its_layouts(rtol):
         brief[0]
 
 
-def test_threads_change_nothing():
+def test_results_do_not_depend_on_the_number_of_threads():
     spacing, thickness = random_batch(200)
     expected = de.simulate_batch(spacing, thickness, PHYSICS).arrival_times
 
@@ -64,7 +64,7 @@ def test_threads_change_nothing():
             np.testing.assert_array_equal(arrivals, expected)
 
 
-def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
+def test_a_worker_uses_the_threads_that_the_environment_allows(monkeypatch):
     """The environment may be set after Numba has been loaded with more."""
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     monkeypatch.setattr("numba.get_num_threads", lambda: 4)
@@ -82,7 +82,7 @@ def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
     assert calls == [(0, 100, threading.get_ident())] * 2
 
 
-def test_physics_is_the_standard_unless_given():
+def test_the_standard_physics_is_the_default():
     layout = de.Layout.uniform(5, pitch=0.024)
     times = de.simulate(layout, de.Physics()).arrival_times
     np.testing.assert_array_equal(de.simulate(layout).arrival_times, times)
@@ -90,7 +90,7 @@ def test_physics_is_the_standard_unless_given():
     np.testing.assert_array_equal(batch.arrival_times[0], times)
 
 
-def test_millimetres_are_hinted_at():
+def test_lengths_in_millimetres_are_reported():
     wave = de.simulate(de.Layout([18, 18], [7.5] * 3))
     assert wave.outcome is de.Outcome.OUT_OF_REACH
     assert "a domino is 7.5 m thick, and the dominoes are 0.048 m tall" in wave.explanation
@@ -142,7 +142,7 @@ def test_an_array_of_pitches_gives_a_curve():
     assert curve.exists.tolist() == [[False, True], [True, False]]
 
 
-def test_where_there_is_no_steady_wave():
+def test_chains_without_a_steady_wave_are_explained():
     tight = de.steady_wave(0.0078, 0.0075)
     assert not tight.exists
     assert tight.speed == 0.0
@@ -154,7 +154,7 @@ def test_where_there_is_no_steady_wave():
             de.steady_wave(pitch, 0.0075)
 
 
-def test_the_closed_form_is_near_for_thin_dominoes():
+def test_the_closed_form_approximates_thin_dominoes():
     steady = de.steady_wave(0.012, 0.001, physics=de.Physics(0.0))
     assert de.terminal_speed_estimate(0.012, 0.001) == pytest.approx(steady.speed, rel=0.05)
     with pytest.raises(ValueError, match="releases no energy"):
@@ -166,7 +166,7 @@ def test_the_closed_form_is_near_for_thin_dominoes():
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
 @pytest.mark.parametrize("seed", range(6))
-def test_the_smallest_push_divides_propagation_from_a_stall(friction, seed):
+def test_the_smallest_push_separates_propagation_from_a_stall(friction, seed):
     rng = np.random.default_rng(seed)
     flat = de.Layout(rng.uniform(0.002, 0.02, 30), rng.uniform(0.005, 0.012, 31))
     for layout in (flat, uneven_layout(5, 8)):
@@ -180,7 +180,7 @@ def test_the_smallest_push_divides_propagation_from_a_stall(friction, seed):
             assert de.simulate(layout, physics, rtol=1e-13).outcome.name == outcome
 
 
-def test_the_smallest_push_of_one_domino_and_where_none_helps():
+def test_the_smallest_push_of_one_domino_and_of_a_gap_out_of_reach():
     least = np.sqrt(3.0 * 9.81 * (np.hypot(0.048, 0.0075) - 0.048) / (0.048**2 + 0.0075**2))
     alone = de.Layout([], [0.0075])
     assert de.smallest_push(alone, de.Physics()) == pytest.approx(least, rel=1e-12)
@@ -191,7 +191,7 @@ def test_the_smallest_push_of_one_domino_and_where_none_helps():
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_just_above_a_stall_the_estimate_stays_honest(friction):
+def test_the_error_estimate_holds_just_above_a_stall(friction):
     """One unit in the last place of the push moves the time by far more than rtol."""
     layout = de.Layout(np.random.default_rng(5).uniform(0.004, 0.02, 15), 0.0075)
     push = de.smallest_push(layout, de.Physics(friction)) * (1.0 + 1e-12)
@@ -217,7 +217,7 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
     ({"tilt": [[0.3, 0.0, 0.0]]}, "layout 0: domino 0 does not stand"),
     ({"rise": [[0.0, 0.021]]}, "layout 0: .* above domino 1"),
 ])  # fmt: skip
-def test_a_batch_that_cannot_stand(given, message):
+def test_invalid_batches_are_rejected(given, message):
     good = {"spacing": [[0.02, 0.02]], "thickness": [[0.01, 0.01, 0.01]]}
     with pytest.raises(ValueError, match=message):
         de.simulate_batch(physics=de.Physics(), **(good | given))
@@ -241,7 +241,7 @@ CURVED = de.Ground(profile=[[0.0, 0.0], [0.5, 0.01], [1.0, 0.02]])
 @pytest.mark.parametrize("function", [
     de.simulate, de.diagnose, de.smallest_push, de.simulate_standing, de.verify, de.Motion,
 ])  # fmt: skip
-def test_arguments_of_another_type(function):
+def test_arguments_of_another_type_are_rejected(function):
     with pytest.raises(TypeError, match=r"layout = \[0.018, 0.02\]: give a Layout, such as L"):
         function([0.018, 0.02], de.Physics())
     with pytest.raises(TypeError, match=r"physics = 0\.25: give a Physics, such as"):
@@ -304,6 +304,6 @@ def test_arguments_of_another_type(function):
     (lambda: de.listen(np.ones(9), 3), "rate = 3 samples per second: give a finite number from"),
     (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
-def test_misuse_is_explained(call, words):
+def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError, OSError), match=f"^{re.escape(words)}"):
         call()

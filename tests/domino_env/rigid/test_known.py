@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "verified.md"
 
 
 @pytest.mark.parametrize("name", best_known())
-def test_every_layout_that_ships_is_verified_as_it_is(name):
+def test_every_shipped_layout_has_a_current_verification(name):
     layout, verified = best_known()[name].layout, STORED.get(name)
     assert verified is not None, AGAIN
     assert verified.digest == known.digest(layout, de.load_scene(name).physics), AGAIN
@@ -35,14 +35,14 @@ def test_the_page_shows_the_stored_verifications():
         fill_tables(page, {"else": []})
 
 
-def test_a_layout_is_known_under_its_own_physics_only():
+def test_a_verification_applies_to_its_own_physics_only():
     scene, layout = de.load_scene("sprint"), best_known()["sprint"].layout
     assert known.known_verification(layout, scene.physics) == STORED["sprint"]
     assert known.known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
     assert known.known_verification(scene.uniform().layout, scene.physics) is None
 
 
-def test_a_verification_repeated_agrees_with_the_stored_one(tmp_path):
+def test_a_repeated_verification_agrees_with_the_stored_one(tmp_path):
     name, lines = "tempo", []  # needs no uniform layouts on floors
     record, scene = best_known()[name], de.load_scene(name)
     verified = verify_best_known({name: record}, {name: scene}, [0.5], report=lines.append)[name]

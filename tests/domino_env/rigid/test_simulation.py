@@ -35,7 +35,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_fixed_pivots_meet_the_analytic_model(name):
+def test_fixed_pivots_agree_with_the_analytic_model(name):
     layout, rtol = LAYOUTS[name]
     wave = de.simulate(layout, PHYSICS)
     rigid = de.simulate_standing(layout, PHYSICS, None, rtol=rtol)
@@ -48,7 +48,7 @@ def test_fixed_pivots_meet_the_analytic_model(name):
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1])
-def test_without_friction_below_a_domino_falls_as_its_energy_says(slope):
+def test_a_domino_on_a_frictionless_floor_conserves_energy(slope):
     """Gravity along the ground moves the centre, gravity across it turns the domino."""
     layout = de.Layout.uniform(2, spacing=0.03, slope=slope)
     along, across = 9.81 * np.array([math.sin(slope), math.cos(slope)])
@@ -69,7 +69,7 @@ def test_without_friction_below_a_domino_falls_as_its_energy_says(slope):
 @pytest.mark.parametrize(
     ("place", "same", "engine"), [(0, 5e-4, 3e-3), (1, 5e-4, 5e-3), (2, 5e-3, 4e-3)]
 )
-def test_an_edge_above_a_tip_does_not_meet_the_front_face(place, same, engine):
+def test_an_edge_above_a_tip_does_not_touch_the_front_face(place, same, engine):
     """Once a tip had slipped under the next domino, a false impact took place before hit 23."""
     data = json.loads((Path(__file__).parents[2] / "data" / "disputed_layout.json").read_text())
     layout, run = de.Layout(data["spacing"], data["thickness"]), data["runs"][place]
@@ -78,7 +78,7 @@ def test_an_edge_above_a_tip_does_not_meet_the_front_face(place, same, engine):
     assert last == pytest.approx(run["engine"][-1], rel=engine)
 
 
-def test_lengths_times_four_take_twice_the_time():
+def test_four_times_the_lengths_take_twice_the_time():
     small = random_layout(1, 8)
     large = de.Layout(4.0 * small.spacing, 4.0 * small.thickness, 4.0 * small.height)
     times = de.simulate_standing(small, PHYSICS).arrival_times
@@ -88,14 +88,14 @@ def test_lengths_times_four_take_twice_the_time():
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("floor", [None, 0.4])
-def test_the_estimate_holds_against_finer_runs(seed, floor):
+def test_the_error_estimate_covers_the_difference_from_finer_runs(seed, floor):
     layout = random_layout(seed)
     rigid = de.simulate_standing(layout, PHYSICS, floor)
     fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0)[0].arrival_times
     np.testing.assert_allclose(rigid.arrival_times, fine, rtol=rigid.error_estimate)
 
 
-def test_more_friction_below_holds_the_feet():
+def test_feet_slip_less_on_rougher_floors():
     layout = random_layout(3)
     slid = [de.simulate_standing(layout, PHYSICS, floor).slid.max() for floor in (0.1, 0.4, 1.5)]
     assert slid[0] > slid[1] > slid[2]
@@ -110,7 +110,7 @@ def test_a_wave_that_stops_has_no_speed():
     assert (weak.hit, weak.toppled, weak.converged) == (1, 0, True)
 
 
-def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(monkeypatch):
+def test_a_long_simulation_can_be_interrupted_and_one_of_hours_is_rejected(monkeypatch):
     layout, calls = de.Layout.uniform(20_000, spacing=0.012), iter([False, False, True])
     with pytest.raises(simulation.StoppedError):
         de.simulate_standing(layout, PHYSICS, stop=lambda: next(calls))

@@ -115,7 +115,7 @@ def test_the_command_verifies_without_the_engine(tmp_path, capsys):
     assert "--floor: 'rough': give a number" in capsys.readouterr().err
 
 
-def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours():
+def test_the_best_uniform_layout_on_a_floor_beats_its_neighbours():
     baseline = SHORT.uniform().layout
     assert best_uniform_on(SHORT, baseline, None) is baseline
     gap = float(best_uniform_on(SHORT, baseline, 0.3).spacing[0])

@@ -13,7 +13,7 @@ def shipped(scene):
     return uniform._shipped_points().get(uniform.stamp(scene))
 
 
-def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours():
+def test_every_shipped_baseline_is_current_and_beats_its_neighbours():
     for name in de.scene_names():
         scene = de.load_scene(name)
         assert shipped(scene), f"{name}: run `python -m domino_env.scenes.shipping`"
@@ -32,7 +32,7 @@ def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours():
         assert scores[1:].max() <= scores[0] * (1.0 + 1e-9), name
 
 
-def test_a_stored_baseline_is_the_computed_one_bitwise():
+def test_a_stored_baseline_equals_the_computed_one_bitwise():
     for name in ("sprint", "stock", "course"):
         scene = de.load_scene(name)
         assert best_point(scene).tolist() == shipped(scene)
@@ -57,7 +57,7 @@ LONG = {
 
 
 @pytest.mark.parametrize("changes", LONG.values(), ids=LONG)
-def test_long_layouts_have_the_same_baseline_by_their_first_dominoes_as_whole(changes, monkeypatch):
+def test_first_dominoes_of_a_long_layout_give_its_baseline(changes, monkeypatch):
     for name in ("FULL", "BY_PREFIX"):
         monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
     scene = de.load_scene("marathon").replace(count=160, **changes)

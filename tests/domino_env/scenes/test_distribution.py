@@ -25,7 +25,7 @@ def out_of_range(distribution, scene):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_stored_scenes_keep_the_schema_and_are_those_sampled_now(name):
+def test_stored_scenes_are_valid_and_equal_to_newly_sampled_ones(name):
     text = (DISTRIBUTIONS / f"{name}.toml").read_text("utf-8")
     assert text.startswith("#:schema ../shipped/scene.schema.json\n")
     jsonschema.Draft202012Validator(scene_schema()).validate(tomllib.loads(text))
@@ -47,7 +47,7 @@ def test_stored_scenes_keep_the_schema_and_are_those_sampled_now(name):
         assert again.uniform().score == pytest.approx(scene.uniform().score, rel=1e-9)
 
 
-def test_every_number_of_the_set_beyond_is_out_of_range():
+def test_numbers_of_the_test_set_beyond_the_ranges_are_out_of_range():
     varied = de.load_distribution("varied")
     for scene in de.load_test_set("varied-beyond"):
         assert out_of_range(varied, scene) >= 5  # one may lie on the edge
@@ -71,7 +71,7 @@ def test_one_number_of_the_sets_beyond_is_out_of_range():
 
 
 @pytest.mark.parametrize("name", ["varied", "varied-course"])
-def test_the_quick_baseline_is_that_of_the_full_search(name):
+def test_the_quick_baseline_equals_that_of_the_full_search(name):
     for scene in de.load_test_set(name)[::40]:
         quick = UniformLayouts(scene).layout(best_point(scene, quick=True))
         assert scene.score(quick) == pytest.approx(scene.uniform().score, rel=1e-7)
@@ -79,7 +79,7 @@ def test_the_quick_baseline_is_that_of_the_full_search(name):
     assert scene.uniform().score == pytest.approx(searched.score, rel=1e-9)
 
 
-def test_numbers_of_a_scene_are_those_it_was_made_of():
+def test_a_scene_has_the_numbers_it_was_made_from():
     small, rng = small_scenes(), np.random.default_rng(5)
     low, high = np.array([(r.min, r.max) for r in small.ranges.values()]).T
     for _ in range(30):

@@ -23,7 +23,7 @@ def read(top: str = "", **tables: str | None) -> de.Scene:
     return parse_scene("\n".join([top, *parts]), "asked", "asked.toml")
 
 
-def test_a_step_is_a_list_of_values():
+def test_a_step_defines_a_list_of_values():
     scene = read(spacing="min = 0.004\nmax = 0.0061\nstep = 0.0005")
     assert scene.spacing_values == (0.004, 0.0045, 0.005, 0.0055, 0.006)
     assert scene.spacing == (0.004, 0.006)
@@ -81,13 +81,13 @@ BAD = [
 
 @pytest.mark.parametrize(("tables", "words"), BAD, ids=[words[:40] for _, words in BAD])
 @pytest.mark.filterwarnings("ignore:profile spans")
-def test_a_bad_scene_names_the_place(tables, words):
+def test_the_error_of_an_invalid_scene_names_file_and_key(tables, words):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         read(**tables)
     assert str(refused.value).startswith(f"asked.toml: {words}")
 
 
-def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(tmp_path, monkeypatch):
+def test_a_file_of_the_same_name_does_not_hide_a_shipped_scene(tmp_path, monkeypatch):
     (tmp_path / "sprint").write_text("not a scene")
     monkeypatch.chdir(tmp_path)
     assert de.load_scene("sprint").count == 40
@@ -97,7 +97,7 @@ def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(tmp_path, monk
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_a_scene_is_a_value_that_reads_back_the_same(scene):
+def test_a_scene_reads_back_equal(scene):
     again = parse_scene(scene.to_toml(), "x", "x.toml")
     assert scene == again == scene.replace()
     assert hash(scene) == hash(again)
@@ -126,7 +126,7 @@ def test_a_scene_made_in_python_has_the_defaults_of_a_file():
       "first_thickness": 7.5}, ".* cover 370.5 to 1852.5 m; the dominoes are 48 m tall: lengths"),
     ({"stock": Stock((0.005,), (3,))}, "stock.count adds up to 3 dominoes"),
 ])  # fmt: skip
-def test_a_scene_made_in_python_is_checked_as_its_file(changes, words):
+def test_a_scene_made_in_python_is_checked_like_its_file(changes, words):
     with pytest.raises(ValueError, match=f"^scene '.*': {words}"):
         de.load_scene("sprint").replace(**changes)
 
@@ -136,6 +136,6 @@ def test_a_scene_made_in_python_is_checked_as_its_file(changes, words):
      "the dominoes are 48 m tall"),
     ({"spacing": "min = 0.002\nmax = 30"}, "a gap is 30 m wide, and the dominoes are 0.048 m tall"),
 ])  # fmt: skip
-def test_a_scene_in_millimetres_gives_a_hint(tables, words):
+def test_a_scene_in_millimetres_gives_a_warning(tables, words):
     with pytest.warns(Advice, match=f"asked.toml: {words}: lengths are in metres"):
         read(**tables)

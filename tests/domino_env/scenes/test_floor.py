@@ -23,7 +23,7 @@ def test_the_score_is_the_speed_of_the_free_standing_layout():
     assert "floor of friction 0.3" in text
 
 
-def test_a_failure_scores_by_how_far_it_topples():
+def test_a_failure_scores_by_the_part_that_topples():
     scene = SMALL.replace(spacing=(0.001, 0.06))
     gaps = np.repeat(GAPS[:1], 3, axis=0)
     gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
@@ -46,7 +46,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 
-def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
+def test_the_uniform_baseline_is_the_best_equal_gap_on_its_floor(monkeypatch):
     monkeypatch.setattr(uniform, "FREE_STANDING", uniform.FREE_STANDING._replace(line=4))
     baseline = SMALL.uniform()
     assert baseline.score == SMALL.score(baseline.layout)
@@ -62,7 +62,7 @@ def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0
 
 
-def test_auto_on_a_floor(monkeypatch):
+def test_auto_is_reproducible_and_finds_a_good_layout_on_a_floor(monkeypatch):
     from optimize.methods.search import two_fidelities
 
     monkeypatch.setattr(two_fidelities, "ANALYTIC_EVALUATIONS", 200)

@@ -75,7 +75,7 @@ SCORED = {
 
 
 @pytest.mark.parametrize("scene", SCORED.values(), ids=SCORED)
-def test_gradients_along_the_ground_against_differences(scene):
+def test_gradients_on_the_ground_match_finite_differences(scene):
     """All later dominoes move along the ground with a gap or a thickness."""
     (gaps,), (thick,) = random_sizes(1, seed=2)
     score, *gradient = evaluated(scene, gaps[None], thick[None], rtol=1e-13)
@@ -122,7 +122,7 @@ def test_waves_stop_where_placement_noise_makes_dominoes_lean():
     assert np.isfinite(wild.evaluate(wild.batch(gaps, thick)).score).all()
 
 
-def test_tables_that_exclude_uneven_ground():
+def test_settings_that_conflict_with_uneven_ground_are_rejected():
     hollow = de.Ground(profile=[[0, 0.0014], [0.03, 0], [0.06, 0.0014]])
     for changes, words in (
         ({"ground": hollow, "spacing": (0.003, 0.03)}, r"too narrow for the hollow near x = 0\.03"),

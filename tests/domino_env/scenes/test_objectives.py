@@ -73,7 +73,7 @@ def test_draws_that_stop_count_as_zero():
 
 
 @pytest.mark.parametrize("name", ["tempo-noise", "sprint"])
-def test_a_mean_over_frozen_draws_and_its_derivatives(name):
+def test_the_score_under_placement_noise_is_a_mean_over_fixed_draws(name):
     scene = some(name, count=9, placement_deviation=1e-3, placement_draws=5)
     gaps = 0.003 + 0.5 * gaps_of(scene, 2, 1)
     thick = np.full(gaps.shape, np.mean(scene.thickness))
@@ -111,7 +111,7 @@ def growing() -> tuple[de.Scene, np.ndarray, np.ndarray]:
     return de.load_scene("magnify"), heights[1:], heights[:-1]
 
 
-def test_magnify_scores_the_height_of_the_last():
+def test_magnify_scores_the_height_of_the_last_domino():
     scene, tall, before = growing()
     layout = scene.layout(0.6 * before, None, tall)
     assert scene.violations(layout) == []
@@ -121,7 +121,7 @@ def test_magnify_scores_the_height_of_the_last():
     assert -1.0 < scene.score(scene.layout(0.05 * before, None, tall)) < 0.0
 
 
-def test_growing_heights_keep_their_rules():
+def test_violations_of_growth_are_reported():
     scene, tall, before = growing()
     tall = np.append(tall[:4], 1.3 * tall[4:])
     words = scene.violations(scene.layout(0.91 * before, 0.15 * tall * 1.01, tall))
@@ -130,7 +130,7 @@ def test_growing_heights_keep_their_rules():
     assert words[2].endswith("(and 10 more): the scene allows 0.15 heights")
 
 
-def test_the_uniform_baseline_with_growth():
+def test_the_uniform_baseline_has_the_largest_growth():
     baseline = de.load_scene("magnify").uniform()
     growth = baseline.layout.height[1:] / baseline.layout.height[:-1]
     assert np.ptp(growth) < 1e-12
@@ -175,7 +175,7 @@ def test_a_broken_limit_scores_between_failures_and_successes():
 # stock and lists --------------------------------------------------------------------------------
 
 
-def test_the_stock_of_the_scene():
+def test_violations_of_the_stock_are_reported():
     scene = de.load_scene("stock")
     left = scene.stock.without(0.0075)
     assert left.count == (16, 13, 10)
@@ -197,7 +197,7 @@ def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given():
     assert scene.violations(baseline.layout) == []
 
 
-def test_values_are_on_the_list_and_change_no_faster_than_allowed():
+def test_violations_of_lists_and_of_the_largest_change_are_reported():
     scene = some("sprint", count=5, spacing_values=(0.002, 0.01, 0.02, 0.04), largest_change=0.01)
     assert scene.violations(scene.layout([0.002, 0.01, 0.02, 0.02])) == []
     words = scene.violations(scene.layout([0.002, 0.011, 0.04, 0.02]))
@@ -208,7 +208,7 @@ def test_values_are_on_the_list_and_change_no_faster_than_allowed():
     ]
 
 
-def test_the_uniform_baseline_of_lists():
+def test_the_uniform_baseline_of_lists_is_the_best_pair_of_values():
     scene = some("sprint", count=12, spacing_values=(0.002, 0.011, 0.017, 0.04),
                  thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
     baseline = scene.uniform()

@@ -29,7 +29,7 @@ SMALL = de.Scene(
         ("marathon", 0.988, 5e-4, 0.004, 0.0075),
     ],
 )
-def test_the_uniform_baseline(name, speed, digits, gap, thickness):
+def test_uniform_baselines_have_the_known_scores(name, speed, digits, gap, thickness):
     scene = de.load_scene(name)
     baseline = scene.uniform()
     assert baseline.score == pytest.approx(speed, abs=digits)
@@ -60,7 +60,7 @@ def test_a_scene_without_design_variables_has_a_baseline():
 # the score --------------------------------------------------------------------------------------
 
 
-def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
+def test_a_success_scores_its_speed_and_a_failure_its_reach():
     scene = de.load_scene("gentle")
     rng, shape = np.random.default_rng(2), (300, scene.count - 1)
     spacing, thickness = rng.uniform(*scene.spacing, shape), rng.uniform(*scene.thickness, shape)
@@ -116,12 +116,12 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     (lambda: VARIED.sample(1.5), "rng = 1.5: give a whole number, at least 0 (a seed; or a"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
 ])  # fmt: skip
-def test_arguments_that_are_not_accepted_are_named(call, words):
+def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):
         call()
 
 
-def test_every_violation_has_its_sentence():
+def test_every_violation_is_reported():
     scene = SMALL.replace(length=0.14, thickness=(0.006, 0.008))
     assert scene.violations(de.Layout([0.01], 0.0075)) == [
         "the layout has 2 dominoes, and the scene 8"
@@ -136,7 +136,7 @@ def test_every_violation_has_its_sentence():
     assert words[5].startswith("the layout is 0.138000000 m long: the scene has 0.14 m (-0.002 m)")
 
 
-def test_the_scene_completes_a_layout():
+def test_a_scene_adds_the_fixed_thicknesses_to_a_layout():
     scene = SMALL.replace(first_thickness=0.009)
     layout = scene.layout(0.016)
     assert layout.thickness.tolist() == [0.009] + [0.0075] * 7

@@ -22,7 +22,7 @@ def test_the_shipped_schema_is_up_to_date():
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_scenes_that_ship_name_the_schema_and_keep_it(path):
+def test_shipped_scenes_name_the_schema_and_are_valid(path):
     text = path.read_text("utf-8")
     assert text.startswith(f"#:schema ./{SCHEMA.name}\n")
     VALIDATOR.validate(tomllib.loads(text))

@@ -36,7 +36,7 @@ def _batch(
     return kind, physics, {name: np.array([getattr(x, name) for x in layouts]) for name in names}
 
 
-def test_estimates_are_honest_and_tolerances_kept_over_random_layouts():
+def test_estimates_and_tolerances_hold_for_random_layouts():
     ratios, small = [], 0
     for name, physics, layouts in _random_layouts():
         exact = simulate_batch(**layouts, physics=physics, rtol=1e-13)
@@ -61,7 +61,7 @@ def test_estimates_are_honest_and_tolerances_kept_over_random_layouts():
 SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())
 
 
-def test_every_solver_is_measured_and_finer_is_better():
+def test_every_solver_is_measured_and_finer_settings_reduce_its_error():
     runs = list(accuracy.measure([SIX], seconds=0.05, quick=True))
     assert {m.solver for m in runs} == set(accuracy.SOLVERS)
     for solver in accuracy.SOLVERS:
@@ -77,7 +77,7 @@ def test_every_solver_is_measured_and_finer_is_better():
     ("--seconds 0.02", "classic: run time [s] to reach an error", "accuracy", 20),
     ("--stability", "edge cases: none with a fault", "stability", 200),
 ])  # fmt: skip
-def test_domino_accuracy_writes(options, summary, table, lines, tmp_path, capsys):
+def test_the_command_writes_a_table_and_a_figure(options, summary, table, lines, tmp_path, capsys):
     assert main(["accuracy", *options.split(), "--quick", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr()
     assert summary in printed.out

@@ -8,7 +8,7 @@ import pytest
 from domino_env.validation.chapman import FIGURES, angular_velocities, draw, frequencies, markdown
 
 
-def test_the_tables_are_those_of_the_independent_solution():
+def test_the_tables_agree_with_the_independent_solution():
     velocities = np.array(angular_velocities())
     independent = [[13.63153, 17.24773], [14.82572, 21.74023], [14.79539, 24.80159]]
     np.testing.assert_allclose(velocities[:, 1:3], independent, atol=1e-5)
@@ -18,7 +18,7 @@ def test_the_tables_are_those_of_the_independent_solution():
     np.testing.assert_allclose(with_friction, [59.87259, 37.22842, 26.25904], atol=1e-5)
 
 
-def test_one_printed_number_differs():
+def test_the_page_is_up_to_date_and_marks_one_misprint():
     page = Path(__file__).parents[3] / "docs" / "figures" / "tables.md"
     assert page.read_text("utf-8") == markdown(), "run domino figures --out docs/figures"
     assert markdown().count("(17.80*)") == markdown().count("*)") == 1

@@ -20,13 +20,13 @@ SHORT = {str(case): case for case in edge_cases.short_cases()}
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_a_wave_is_right_within_its_estimate_and_tolerance(case):
+def test_errors_are_within_estimate_and_tolerance(case):
     for rtol in (1e-4, 1e-8, 1e-12):
         assert edge_cases.examine(case, rtol).faults == ""
 
 
 @pytest.mark.parametrize("name", SHORT)
-def test_the_tightest_run_meets_the_stored_digits(name):
+def test_the_tightest_tolerance_agrees_with_the_stored_digits(name):
     case, true = SHORT[name], reference_waves()[name]
     wave = simulate(case.layout, case.physics, rtol=1e-13)
     error = true.relative_error(wave.arrival_times)
@@ -36,7 +36,7 @@ def test_the_tightest_run_meets_the_stored_digits(name):
         assert error < 4e-15 / true.lowest
 
 
-def test_the_stored_digits_are_those_of_every_short_case_as_solved_now():
+def test_the_stored_digits_are_complete_and_up_to_date():
     assert list(reference_waves()) == list(SHORT)
     assert len(SHORT) == 60
     for name in ("short: μ = 0.25, one face impact", "short: jams", "short: μ = 0, out of reach"):
@@ -53,7 +53,7 @@ EASY_TO_STEP = [case for case in CASES if not any(word in str(case) for word in 
 
 
 @pytest.mark.parametrize("case", EASY_TO_STEP, ids=str)
-def test_steps_in_time_end_alike(case):
+def test_time_steps_give_the_same_outcome_and_times(case):
     wave = simulate(case.layout, case.physics, rtol=1e-12)
     swing = math.sqrt(case.layout.height.min() / case.physics.gravity)
     last = wave.arrival_times[wave.hit - 1] / wave.hit
@@ -64,7 +64,7 @@ def test_steps_in_time_end_alike(case):
     assert error < 1e-6 + 100.0 * wave.error_estimate
 
 
-def test_a_fault_says_what_is_wrong():
+def test_a_fault_names_the_expected_outcome():
     layout = Layout.uniform(3, pitch=0.016)
     case = edge_cases.EdgeCase("group", "name", layout, Physics(), (Outcome.JAMMED,))
     assert edge_cases.examine(case).faults == "expected JAMMED"

@@ -103,7 +103,7 @@ def test_the_reasons_name_the_evidence():
     assert mclachlan.main.chi_square < pitch.chi_square
 
 
-def test_effects_are_as_large_as_simulated_layouts_have_them():
+def test_effects_have_the_simulated_size():
     setting = SOURCES["toronto"].setting
     assert measured.uneven_gap_factor(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
     narrow = [measured.uneven_gap_factor(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
@@ -122,7 +122,7 @@ def test_the_page_shows_the_results_of_the_command():
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 
 
-def test_the_command(tmp_path, capsys):
+def test_the_command_compares_sources_and_given_frequencies(tmp_path, capsys):
     words = ["validate", "walker", "8=90", "--thickness", "3", "--out", str(tmp_path)]
     assert main(words) == 0
     assert "2 of 2 sources explained" in capsys.readouterr().out

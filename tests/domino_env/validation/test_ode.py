@@ -74,7 +74,7 @@ ENDS = {
 
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
 @pytest.mark.parametrize("name", ENDS)
-def test_a_wave_ends_for_the_same_reason(name, method):
+def test_solvers_and_simulator_have_the_same_outcome(name, method):
     wave = simulate(*ENDS[name])
     outcome, times = integrate(*ENDS[name], method, 1e-4 if method in FIXED else 1e-8)
     assert outcome == wave.outcome

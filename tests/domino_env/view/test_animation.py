@@ -17,7 +17,7 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(frame.astype(int) - colour).sum(axis=-1) < 12).sum())
 
 
-def test_a_race_ends_when_all_lie(tmp_path):
+def test_a_race_ends_when_all_dominoes_lie(tmp_path):
     compared = [
         ComparedLayout(name, de.simulate(de.Layout.uniform(40, spacing=gap), de.Physics()))
         for name, gap in (("a", 0.010), ("b", 0.018))

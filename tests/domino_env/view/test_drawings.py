@@ -51,7 +51,7 @@ def test_notebooks_show_the_figure(results, name):
 
 
 @pytest.mark.parametrize("count", [40, 100_000])
-def test_of_a_long_layout_the_first_dominoes_and_all_gaps_are_drawn(count):
+def test_a_long_layout_is_drawn_with_its_first_dominoes_and_all_gaps(count):
     dominoes, gaps = de.Layout.uniform(count, pitch=0.02).plot().axes
     assert sum(len(drawn.get_paths()) for drawn in dominoes.collections) == min(count, 107)
     assert len(gaps.get_lines()[0].get_xdata()) == count - 1

@@ -34,7 +34,7 @@ def test_the_line_goes_through_all_bases_and_has_no_kinks():
     assert np.abs(np.diff(slope)).max() < 0.015  # where the bases turn by 0.06
 
 
-def test_places_are_counted_along_the_ground():
+def test_positions_are_measured_along_the_ground():
     layout, radius, step = wheel(), 0.35, 0.06
     half = np.arcsin(0.5 * 0.0075 / radius)
     arcs = radius * (step - 2.0 * half) + 0.0075
@@ -62,7 +62,7 @@ def test_every_picture_stands_on_its_ground(layout):
     assert np.abs(off).max() < 3.5
 
 
-def test_a_figure_stands_on_its_line():
+def test_dominoes_of_a_figure_stand_on_the_ground_line():
     axes = LAYOUT.plot().axes[0]
     line = axes.get_lines()[0].get_xydata()
     dominoes = [path.vertices for path in axes.collections[0].get_paths()]

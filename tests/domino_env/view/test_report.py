@@ -26,7 +26,7 @@ COMPARED = [
     (de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008), 10.0),
     (uneven_layout(3, 12), 14.0),
 ], ids=["flat", "hills"])  # fmt: skip
-def test_energies_balance_and_little_friction_takes_little(layout, push):
+def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
     smooth, hardly, rough = (
         energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
@@ -42,7 +42,7 @@ def test_energies_balance_and_little_friction_takes_little(layout, push):
     assert np.diff(rough.friction).min() > -1e-4 * given
 
 
-def test_first_hit_of_equal_dominoes_takes_half():
+def test_first_hit_of_equal_dominoes_takes_half_the_energy():
     wave = de.simulate(de.Layout.uniform(3, pitch=0.024), de.Physics(friction=0.0, push=8.0))
     energy = energies(Motion(wave.layout, wave.physics))
     at = int(np.argmax(energy.hits > 0.0))
@@ -59,7 +59,7 @@ def test_headline_names_the_faster_layout_in_any_order():
     assert headline([dead])["winner"] == "No layout topples to its end"
 
 
-def test_headline_follows_the_score_where_speed_is_not_what_counts():
+def test_headline_names_the_best_score_where_scores_are_not_speeds():
     fast, slow = sorted(COMPARED, key=lambda one: -one.wave.mean_speed)
     scored = [
         dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
@@ -182,7 +182,7 @@ def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     assert browser.execute_script("return comparison.now() === comparison.end")
 
 
-def test_page_fits_a_phone_and_follows_the_front(browser):
+def test_page_fits_a_phone_and_follows_the_leader(browser):
     size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     try:

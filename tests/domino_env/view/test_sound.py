@@ -21,7 +21,7 @@ def test_listening_to_clicks_gives_their_frequency(pitch, tmp_path):
     assert result.uncertainty < 0.02 * true
 
 
-def test_noise_changes_little_but_the_clarity():
+def test_noise_lowers_the_clarity_and_hardly_changes_the_frequency():
     wave = de.simulate(de.Layout.uniform(100, pitch=0.024), de.Physics(push=PUSH))
     sound = clicks(wave)
     rng = np.random.default_rng(0)
@@ -39,7 +39,7 @@ def test_clicks_come_when_the_dominoes_are_hit():
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
-def test_recordings_of_every_width_read_the_same(size, tmp_path):
+def test_recordings_of_every_sample_size_read_the_same(size, tmp_path):
     written = np.round(100 * np.sin(np.arange(500) / 7)) / 128.0
     with wav.open(str(tmp_path / "w.wav"), "wb") as file:
         file.setnchannels(2)

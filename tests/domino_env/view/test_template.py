@@ -25,7 +25,7 @@ def test_strips_have_all_dominoes_and_do_not_touch(paper):
         assert strip.end - strip.begin < PAPERS[paper][0]
 
 
-def test_footprints_are_drawn_at_one_to_one(tmp_path):
+def test_footprints_are_drawn_to_full_scale(tmp_path):
     write_template(LAYOUT, tmp_path / "row.pdf")
     text = (tmp_path / "row.pdf").read_bytes().decode("latin-1")
     box = r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS"

@@ -57,7 +57,7 @@ def test_designs_are_simulated_and_optimised(scenes, name):
     assert problem.render(best).size == (1000, 200)
 
 
-def test_conditions_are_those_given(scenes):
+def test_conditions_are_taken_from_the_configuration(scenes):
     problem = DominoProblem(config={"friction": 0.1}, scene=scenes["spacing"])
     design, _ = problem.random_design()
     layout = problem.layout(design)

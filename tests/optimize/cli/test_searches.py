@@ -63,7 +63,7 @@ def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     assert "%" not in text
 
 
-def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch):
+def test_the_progress_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch):
     at_once = functools.partial(progress_bar, mininterval=0.0)
     monkeypatch.setattr("optimize.searching.progress_bar", at_once)
     search(scenes["both"], "random", 4000, progress=True)

@@ -57,7 +57,7 @@ RULED = {
 
 
 @pytest.mark.parametrize("name", RULED)
-def test_every_design_keeps_the_rules_and_stays_where_it_is(name):
+def test_projected_designs_keep_the_rules_and_project_to_themselves(name):
     scene = RULED[name]
     problem = Problem(scene)
     outside = 3.0 * np.random.default_rng(1).random((60, problem.dimension)) - 1.0
@@ -114,7 +114,7 @@ def test_no_allowed_layout_is_nearer(seed, even, length, smooth):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_the_stock_is_taken_as_near_as_can_be(seed):
+def test_the_nearest_pieces_of_the_stock_are_taken(seed):
     random = np.random.default_rng(seed)
     stock = Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
     dominoes = stock.dominoes
@@ -131,7 +131,7 @@ def test_the_stock_is_taken_as_near_as_can_be(seed):
     assert np.square(kinds[chosen] - wanted).sum() == pytest.approx(least, abs=1e-9)
 
 
-def test_an_assignment_that_changes_few_places():
+def test_an_assignment_with_few_changes_is_the_best():
     random = np.random.default_rng(0)
     kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
     for changes in (0, 2, 3, 5):
@@ -147,7 +147,7 @@ def test_an_assignment_that_changes_few_places():
         assert prices[np.arange(5), assigned].sum() == pytest.approx(least)
 
 
-def test_assign_orders_a_small_box_as_well_as_can_be():
+def test_assign_finds_the_best_order_of_a_small_box():
     """Against all orders of the box at gaps that the scene fixes."""
     scene = ruled(spacing=(0.018, 0.018), **BOXED)
     orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
@@ -158,7 +158,7 @@ def test_assign_orders_a_small_box_as_well_as_can_be():
 
 
 @pytest.mark.parametrize("length", [False, True])
-def test_the_nearest_smooth_layout_is_that_of_a_convex_programme(length):
+def test_the_nearest_smooth_layout_agrees_with_cvxpy(length):
     random = np.random.default_rng(5)
     for _ in range(12):
         n = int(random.integers(2, 12))
@@ -196,7 +196,7 @@ SMOOTH = {
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_gradients_under_rules(name):
+def test_gradients_under_rules_match_finite_differences(name):
     scene = SMOOTH[name]
     problem, exact = Problem(scene), Problem(scene, rtol=1e-12)
     box = 1e-5 * np.eye(problem.dimension)
@@ -210,7 +210,7 @@ def test_gradients_under_rules(name):
     assert agreeing >= 5  # the differences of some have a kink within reach
 
 
-def test_a_value_from_a_list_has_a_gradient_only_relaxed():
+def test_listed_values_have_a_gradient_only_if_relaxed():
     problem = Problem(RULED["stock"])
     assert problem.discrete
     x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
@@ -232,7 +232,7 @@ def test_every_method_keeps_the_rules(method, name):
     assert result.score == RULED[name].score(result.layout)
 
 
-def test_the_schedule_of_a_known_layout_is_found_again():
+def test_a_search_meets_the_schedule_of_a_known_layout():
     plain = SMOOTH["tempo"]
     layout = Problem(plain).layout(np.random.default_rng(4).random(12))
     times = plain.simulate(layout).arrival_times[1:]
@@ -240,7 +240,7 @@ def test_the_schedule_of_a_known_layout_is_found_again():
     assert search(scene, "gauss-newton", budget=300).score > 1.0 - 1e-6
 
 
-def test_the_gradient_of_lateness():
+def test_the_gradient_of_lateness_matches_finite_differences():
     problem = Problem(SMOOTH["tempo"])
     x = np.full(problem.dimension, 0.4)
     _, lateness, gradient = problem.lateness(x)
@@ -276,5 +276,5 @@ def test_rules_that_conflict_are_rejected(rules):
     ruled(length=0.16, **PAIRED),
     ruled(largest_change=0.0, spacing_values=(0.002, 0.04)),
 ])  # fmt: skip
-def test_scenes_that_can_be_met_have_no_conflict(scene):
+def test_scenes_without_conflicts_are_accepted(scene):
     Problem(scene)

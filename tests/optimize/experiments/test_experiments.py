@@ -63,7 +63,7 @@ def test_a_shortfall_is_reached_at_its_time_and_not_before(compared):
                 assert compared.shortfalls(result, np.array([1e9]))[0] > shortfall
 
 
-def test_the_report_of_a_comparison(compared, tmp_path):
+def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     report.write_comparison(compared, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(report.COMPARISON_FILES)
     for line, result in zip(read_csv(tmp_path / "runs.csv"), compared.results, strict=True):
@@ -127,7 +127,7 @@ def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_scene_has_a_record_that_is_valid(name):
+def test_every_scene_has_a_valid_best_known_layout(name):
     record, scene = best_known.best_known()[name], de.load_scene(name)
     assert scene.violations(record.layout) == []
     known = 1e-11 if scene.floor_friction is None else 3e-4  # as closely as a score is known
@@ -136,7 +136,7 @@ def test_every_scene_has_a_record_that_is_valid(name):
     assert score >= scene.uniform().score * (1.0 - known)
 
 
-def test_a_record_is_kept_where_it_is_better(scenes, tmp_path):
+def test_only_a_better_layout_replaces_the_best_known(scenes, tmp_path):
     path, scene = tmp_path / "best.json", scenes["both"]
     assert best_known.best_known(path) == {}
     uniform, better = (search(scene, method, budget=300) for method in ("uniform", "auto"))
@@ -176,7 +176,7 @@ def test_an_axis_has_the_values_of_its_text(text, values):
     ("physics.push=4,8,4", "and each value once"),
     ("spacing.values=[1, ", "Expecting value"),
 ])  # fmt: skip
-def test_wrong_texts_are_rejected(text, message):
+def test_invalid_axes_are_rejected(text, message):
     with pytest.raises(ValueError, match=f"--set .*{message}"):
         parse_axis(text)
 
@@ -251,7 +251,7 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept):
     assert all(r.score <= swept.best[r.problem] for r in swept.results)
 
 
-def test_the_report_of_a_sweep(scenes, swept, tmp_path):
+def test_the_report_of_a_sweep_has_all_runs(scenes, swept, tmp_path):
     report.write_sweep(swept, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(report.SWEEP_FILES)
     for line, r in zip(read_csv(tmp_path / "sweep.csv"), swept.results, strict=True):
@@ -266,7 +266,7 @@ def test_the_report_of_a_sweep(scenes, swept, tmp_path):
     ("spacing", ["objective=mean_speed,toppled", "row.count=5,6"]),
     ("dead", ["physics.push=0.3,0.5"]),
 ], ids=["words", "dead"])  # fmt: skip
-def test_pictures_of_other_sweeps(scenes, scene, axes, tmp_path):
+def test_sweeps_of_words_and_without_gains_are_drawn(scenes, scene, axes, tmp_path):
     experiment = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
     report.write_sweep(experiment, tmp_path)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
@@ -278,7 +278,7 @@ WORDS = ["sweep", "small.toml", "--set", "physics.push=6,8", "--methods", "rando
 WORDS += ["--budget", "20"]
 
 
-def test_names_of_studies(folder, capsys, monkeypatch):
+def test_studies_are_named_and_resumed(folder, capsys, monkeypatch):
     def error_of(*words: str) -> str:
         assert main([*WORDS, *words]) == 2
         return capsys.readouterr().err

@@ -39,7 +39,7 @@ def numbered(result: TaskResult, number: int, **changes: object) -> TaskResult:
 # results ----------------------------------------------------------------------------------------
 
 
-def test_results_come_back_bitwise(path, result):
+def test_results_read_back_bitwise(path, result):
     ugly = numbered(
         result, 7,
         score=float(np.nextafter(0.8, 1.0)), gain=None, seconds=5e-324, seed=2**63 - 1,
@@ -174,7 +174,7 @@ def test_other_files_are_rejected(tmp_path):
 # the command ------------------------------------------------------------------------------------
 
 
-def test_the_command_lists_and_shows(output_of, path, result):
+def test_the_command_lists_studies_and_shows_results(output_of, path, result):
     study = open_store(path).begin("friction", "sweep", {"evaluations": 300})
     for number, score in enumerate((0.5, 0.7, 0.6)):
         gain = score / 0.5 - 1.0
@@ -217,7 +217,7 @@ def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
     assert int(first["label.score"]) == 3
 
 
-def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
+def test_the_best_layout_of_a_scene_is_exported(output_of, capsys, path, scenes, result):
     study = open_store(path).begin("one", "sweep", {})
     better = Task(scenes["both"].to_toml(), "l-bfgs", 0, budget=200).run()
     study.add(result)

@@ -46,7 +46,7 @@ def test_a_drag_sets_the_nearest_value_allowed() -> None:
         assert listed.layout.spacing[5] == nearest
 
 
-def test_a_fixed_length_is_kept_by_the_neighbours() -> None:
+def test_a_drag_with_a_fixed_length_changes_the_neighbours() -> None:
     design = Design(COURSE)
     before = design.layout.spacing
     design.drag(SPACING, 20, before[20] + 0.001)
@@ -94,7 +94,7 @@ def test_another_scene_keeps_the_shape(fields: dict[str, Any]) -> None:
     assert design.score == design.scene.score(design.layout)
 
 
-def test_a_scene_that_cannot_be_changes_nothing() -> None:
+def test_an_impossible_scene_changes_nothing() -> None:
     design = Design(SPRINT)
     before = design.scene, design.layout
     with pytest.raises(ValueError, match="length"):
@@ -113,7 +113,7 @@ def test_a_scene_that_cannot_be_changes_nothing() -> None:
         design.open(SPRINT.replace(count=20), design.layout)
 
 
-def test_numbers_are_those_of_the_score_and_of_the_command(capsys, tmp_path) -> None:
+def test_displayed_numbers_agree_with_the_command(capsys, tmp_path) -> None:
     design = Design(SPRINT)
     design.drag(SPACING, 3, 0.012)
     design.uniform = SPRINT.uniform()
@@ -141,7 +141,7 @@ def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
 
 
 @pytest.mark.parametrize("kind", ["bounds", "length", "list"])
-def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
+def test_improving_raises_the_score_and_keeps_the_rules(kind: str, monkeypatch) -> None:
     monkeypatch.setattr("optimize.interactive.jobs.SHOW_INTERVAL", 0.0)
     monkeypatch.setattr("optimize.interactive.jobs.STEP_PAUSE", 0.0)
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)

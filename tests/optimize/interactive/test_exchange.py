@@ -32,7 +32,7 @@ def sent(design: Design, name: str) -> bytes:
 
 
 @pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
-def test_files_and_links_bring_back_the_same_design(name: str) -> None:
+def test_files_and_links_restore_the_same_design(name: str) -> None:
     design = Design(de.load_scene(name))
     other = Design(SPRINT)
     files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
@@ -44,7 +44,7 @@ def test_files_and_links_bring_back_the_same_design(name: str) -> None:
         assert (found.scene, found.layout, found.score) == expected
 
 
-def test_pages_and_templates_are_those_of_the_commands(design: Design) -> None:
+def test_reports_and_templates_are_exported(design: Design) -> None:
     assert sent(design, "Template (PDF)").startswith(b"%PDF")
     page = sent(design, "Report (HTML)").decode()
     assert '"uniform baseline"' in page
@@ -81,7 +81,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_file_gets_the_sentence_of_the_command_line(
+def test_an_invalid_file_has_the_message_of_the_command_line(
     name: str, design: Design, tmp_path: Path
 ) -> None:
     path = tmp_path / name
@@ -105,7 +105,7 @@ def test_a_wrong_file_gets_the_sentence_of_the_command_line(
     ({"big.csv": b" " * (exchange.MAX_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
     ({"long.csv": b"spacing,thickness\n" + b".02,.01\n" * 5999 + b",.01\n"}, "6,000 dominoes: g"),
 ])  # fmt: skip
-def test_other_uploads_are_refused(design: Design, files: dict[str, bytes], words: str) -> None:
+def test_other_uploads_are_rejected(design: Design, files: dict[str, bytes], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         exchange.receive(design, files)
 
@@ -118,6 +118,6 @@ def packed(data: bytes) -> str:
     "", "€", "AAAA", packed(b"[1, 2"), packed(b"{}"), packed(b"[" * 10**6), packed(b" " * 10**8),
     packed(json.dumps(["count = 3", "spacing"]).encode()),
 ])  # fmt: skip
-def test_a_damaged_link_is_refused(text: str) -> None:
+def test_a_damaged_link_is_rejected(text: str) -> None:
     with pytest.raises(ValueError, match="the design in the link: "):
         exchange.read_link(text)

@@ -178,12 +178,12 @@ def test_dragging_a_point_changes_the_gap_and_the_numbers(tab: Tab) -> None:
     tab.wait(lambda: tab.speed == before)
 
 
-def test_improving_gains(tab: Tab) -> None:
+def test_improving_raises_the_gain(tab: Tab) -> None:
     tab.click("Improve")
     tab.wait(lambda: "nothing nearby is better" in tab.status and tab.settled and tab.gain > 1.0)
 
 
-def test_a_search_stops_where_it_is_stopped(tab: Tab) -> None:
+def test_a_stopped_search_shows_its_best_layout(tab: Tab) -> None:
     tab.click("Search")
     tab.click("Stop")
     tab.wait(lambda: "stopped; this is the best so far" in tab.status and tab.settled)
@@ -215,7 +215,7 @@ def test_a_race_plays_and_the_export_scores_the_same(
     assert f"score {tab.speed:.6f} on 'sprint'" in capsys.readouterr().out
 
 
-def test_a_wrong_file_gets_its_sentence_and_a_link_its_layout(tab: Tab, tmp_path: Path) -> None:
+def test_an_invalid_file_shows_its_error_and_a_link_its_layout(tab: Tab, tmp_path: Path) -> None:
     path = tmp_path / "wrong.csv"
     path.write_text("spacing_mm,thickness_mm\n18,5,7.5\n,7.5\n")
     tab.send("input[type=file]", str(path))
@@ -234,7 +234,7 @@ def test_a_wrong_file_gets_its_sentence_and_a_link_its_layout(tab: Tab, tmp_path
     assert tab.design.layout == layout  # tabs do not disturb each other
 
 
-def test_a_damaged_link_gets_its_sentence(served: Studio) -> None:
+def test_a_damaged_link_shows_an_error(served: Studio) -> None:
     from bokeh.client import pull_session
 
     with pull_session(url=served.url, arguments={"design": "AAAA"}) as session:

@@ -38,14 +38,14 @@ def coarse_to_fine(start: np.ndarray) -> CoarseToFine:
     (LocalSearch, 300),  # with limited memory
     (coarse_to_fine, 60),
 ])  # fmt: skip
-def test_it_finds_the_maximum_of_a_quadratic(search, n):
+def test_a_local_search_finds_the_maximum_of_a_quadratic(search, n):
     arm = search(np.full(n, 0.5))
     run(arm, quadratic(0.5 + 0.3 * np.sin(np.arange(n) / 7.0)))
     assert arm.done
     assert arm.score == pytest.approx(5.0, abs=1e-3)
 
 
-def test_it_finds_the_best_corner_or_face_of_the_box():
+def test_a_local_search_finds_the_best_corner_or_face_of_the_box():
     """No component of the gradient leads into the box."""
     top = np.array([1.4, 0.3, -0.2, 0.6, 1.1])
     answer = quadratic(top, seed=3)
@@ -61,7 +61,7 @@ def test_it_finds_the_best_corner_or_face_of_the_box():
 
 
 @pytest.mark.parametrize("n", [2, 10])
-def test_it_follows_a_kink(n):
+def test_a_local_search_follows_a_kink(n):
     """The ridge -8 |x0 - x1²| bends; along it a smooth score rises to x = 0.7."""
 
     def answer(x):
@@ -79,7 +79,7 @@ def test_it_follows_a_kink(n):
     assert arm.design[:2] == pytest.approx([0.49, 0.7], abs=5e-3)
 
 
-def test_a_step_of_the_score_stops_it():
+def test_a_local_search_stops_at_a_jump_of_the_score():
     """Beyond x0 = 0.6 the wave stops: zero gradient and a negative score."""
 
     def answer(x):

@@ -35,7 +35,7 @@ def simulated(monkeypatch) -> list[tuple[de.Layout, float]]:
 
 @every_method
 @pytest.mark.parametrize("name", SCENES)
-def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated, method, name):
+def test_a_method_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated, method, name):
     scene = scenes[name]
     scene.uniform()
     simulated.clear()
@@ -60,7 +60,7 @@ def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated, metho
 
 
 @every_method
-def test_it_is_bitwise_repeatable(bits, scenes, monkeypatch, tmp_path, method):
+def test_a_method_is_bitwise_reproducible(bits, scenes, monkeypatch, tmp_path, method):
     """It uses no file, and no global random generator."""
     monkeypatch.chdir(tmp_path)
     first = search(scenes["dying"], method, budget=150, seed=11)
@@ -74,7 +74,7 @@ def test_it_is_bitwise_repeatable(bits, scenes, monkeypatch, tmp_path, method):
 
 
 @endless_method
-def test_ctrl_c_ends_it_with_the_best_so_far(scenes, simulated, method):
+def test_ctrl_c_ends_a_method_with_the_best_so_far(scenes, simulated, method):
     scene = scenes["spacing"]
     scene.uniform()
     simulated.clear()
@@ -94,7 +94,7 @@ def test_ctrl_c_ends_it_with_the_best_so_far(scenes, simulated, method):
 
 @endless_method
 @pytest.mark.parametrize("seconds", [1e-9, 1.0])
-def test_a_budget_of_seconds_ends_it_after_at_least_one_layout(scenes, method, seconds):
+def test_a_budget_of_seconds_ends_a_method_after_at_least_one_layout(scenes, method, seconds):
     ticks = count()  # a clock that advances by 10 ms whenever it is read
     result = search(scenes["spacing"], method, seconds=seconds, clock=lambda: 0.01 * next(ticks))
     assert not result.interrupted
@@ -107,7 +107,7 @@ def test_a_budget_of_seconds_ends_it_after_at_least_one_layout(scenes, method, s
     ("method", "budget", "least"),
     [("cma", 3000, 1.02), ("l-bfgs", 1000, 1.02), ("scp", 500, 1.02), ("auto", 800, 1.031)],
 )
-def test_it_beats_the_best_uniform_pitch_of_sprint(method, budget, least):
+def test_a_method_beats_the_uniform_baseline_of_sprint(method, budget, least):
     result = search("sprint", method, budget=budget)
     assert result.wave.outcome == de.Outcome.PROPAGATED
     assert result.score > least * result.uniform.score

@@ -49,7 +49,7 @@ def folder(tmp_path: Path, monkeypatch) -> Path:
     return tmp_path
 
 
-def test_a_method_is_named_or_given(folder, scenes):
+def test_a_method_is_given_by_name_or_as_a_function(folder, scenes):
     by_name = search(scenes["spacing"], "my_methods:run", budget=40, seed=2)
     by_function = search(scenes["spacing"], sys.modules["my_methods"].run, budget=40, seed=2)
     assert by_name.method == by_function.method == "my_methods:run"
@@ -63,7 +63,7 @@ def test_a_method_that_catches_every_exception_ends(folder, scenes):
     assert result.stop_reason == "limit of 20 layouts reached"
 
 
-def test_it_runs_in_other_processes(folder, scenes):
+def test_a_method_runs_in_other_processes(folder, scenes):
     """Spawned processes import it from the working folder."""
     local = compare([scenes["spacing"]], ["my_methods:run"], range(2), 21)
     methods = [load("my_methods:run")]
@@ -84,7 +84,7 @@ def test_it_runs_in_other_processes(folder, scenes):
     ("my_typo:run", "'(' was never closed"),
     ("my_methods:", "method = 'my_methods:': choose one of auto, "),
 ])  # fmt: skip
-def test_impossible_methods_are_rejected_in_a_line(folder, capsys, method, message):
+def test_impossible_methods_are_rejected_in_one_line(folder, capsys, method, message):
     assert main(["optimize", "sprint", "--method", method, "--budget", "9"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("domino: ")
