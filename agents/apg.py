@@ -146,6 +146,11 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
         are free, the thicknesses and heights (B, N-1) [m] of all dominoes but the first, to the
         scores (B,). It raises TypeError for an argument that is not a tensor.
 
+    Raises
+    ------
+    ValueError
+        If the scene is unknown.
+
     Examples
     --------
     >>> import torch

@@ -62,8 +62,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     Raises
     ------
     ValueError
-        If `run` names no policy, if it requires a scene and none is given, or if the observations
-        of the scene have another size.
+        If `run` names no policy, if the scene is unknown, or required and not given, or if its
+        observations have another size.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Policies that build domino by domino, and the files in the folder of a training.
+"""Policies that build layouts domino by domino, and the files in the folder of a training.
 
 config.json     algorithm, seed, hyperparameters   progress.csv    learning curve
 policy.npz      weights, as plain arrays           summary.json    result of the training
@@ -103,7 +103,7 @@ def read_summary(folder: Path) -> SummaryDocument:
 
 @dataclass(frozen=True, eq=False)
 class ScenePolicy:
-    """A policy that builds domino by domino, trained on one scene or on a scene distribution.
+    """A policy that builds a layout domino by domino, trained on one scene or on a distribution.
 
     Attributes
     ----------

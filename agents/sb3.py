@@ -333,7 +333,7 @@ class ScheduledPolicy(ActorCriticPolicy):
         means: Any = self.action_net(latent_pi)
         if self.penalty > 0.0 and means.requires_grad:
             excess = (means - means.clamp(-1.0, 1.0)).detach() * (self.penalty / len(means))
-            means.register_hook(lambda gradient: gradient + excess)  # gradient of the loss
+            means.register_hook(lambda gradient: gradient + excess)  # plus that of the penalty
         factor = math.log(self.end_factor) * self._near_end
         log_deviations = torch.clamp(math.log(self.deviation) + factor, max=0.0)
         assert isinstance(self.action_dist, DiagGaussianDistribution)

@@ -71,7 +71,8 @@ class Run:
     curve
         A tuple for each evaluation, with the columns of progress.csv. If scenes are sampled, scores
         are median gains over the uniform baselines of some training scenes, and `test_score` is
-        that of the best policy so far in the test set, which does not affect the training.
+        that of the best policy so far in the test set, which does not affect the training;
+        otherwise, or without a test set, it is `best_score`.
     interrupted
         True if the training was interrupted (Ctrl-C).
     rollout

@@ -292,8 +292,8 @@ def design(scene: str | Path | Scene, *, tries: int = TRIES, steps: int | None =
     Raises
     ------
     ValueError
-        If the scene is of another kind than those of the training, and for `tries` below 1 or
-        `steps` below 0.
+        If the scene is unknown or of another kind than those of the training, and for `tries` below
+        1 or `steps` below 0.
 
     Examples
     --------

@@ -24,7 +24,7 @@ def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any
         True to cache its machine code in a folder whose name has the digest of all files of the
         folder `kernels`, as Numba checks only the file that contains the function.
     **options
-        Options of `numba.njit`.
+        Options of `numba.njit`; `forceinline` is ignored.
 
     Returns
     -------
