@@ -117,10 +117,11 @@ def numbers(
     """
     try:
         given = np.asarray(value)
-        # booleans, strings, dates, masked entries and None are rejected
-        is_mixed = given.dtype == object and any(isinstance(x, str | None) for x in given.flat)
-        if given.dtype.kind not in "iufO" or is_mixed or np.ma.is_masked(value):
-            raise TypeError
+        # booleans, strings, dates, masked entries and None are rejected; most arrays are of floats
+        if given.dtype.kind != "f" or type(value) is not np.ndarray:
+            is_mixed = given.dtype == object and any(isinstance(x, str | None) for x in given.flat)
+            if given.dtype.kind not in "iufO" or is_mixed or np.ma.is_masked(value):
+                raise TypeError
         array = np.array(given, dtype=np.float64, copy=copy)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
