@@ -109,13 +109,13 @@ def new_panels(
         The figure and its panels, from left to right and from top to bottom, after `style`.
     """
     columns = min(number, max_columns)
-    rows = -(-number // columns)
+    lines = -(-number // columns)  # rounded up
     head = HEAD if headline else 0.0
-    width, height = margins[0] + size[0] * columns, margins[1] + size[1] * rows + head
+    width, height = margins[0] + size[0] * columns, margins[1] + size[1] * lines + head
     figure = new_figure(max(width, MIN_WIDTH if headline else 0.0), height)
     if headline:
         add_headings(figure, headline, subtitle)
-    panels = list(figure.subplots(rows, columns, squeeze=False, **sharing).ravel())
+    panels = list(figure.subplots(lines, columns, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
     for axes in panels[:number]:

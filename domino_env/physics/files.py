@@ -222,7 +222,7 @@ def _split_table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list
     if declared:
         separator = declared[1]
     else:
-        separator = max(";\t,", key=lambda mark: len(next(_cells(path, lines, mark), (0, []))[1]))
+        separator = max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
     cells = _cells(path, lines, separator)
     if declared:
         next(cells)  # that line is not part of the table
