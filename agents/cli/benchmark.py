@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("algorithms", split_names, "NAME,...", None, algorithms),
         ("seeds", NATURAL, "N", 10, "number of seeds, from 100 on"),
         ("steps", NATURAL, "N", None, "largest number of dominoes to place in a training"),
-        ("seconds", SECONDS, "S", None, "processor time of a search [s] (varied: 4 % per scene)"),
+        ("seconds", SECONDS, "S", None, "processor time of a search [s]; varied: 0.04 S per scene"),
     )
     add_out_option(parser, DEFAULT_FOLDER)
     add_flags(parser, page="write the page from the table without running anything")
