@@ -29,7 +29,7 @@ from optimize.methods.search.cma_es import cma_options
 
 GENERATIONS, POPULATION = 400, 16
 FIRST_STEP = 0.3  # standard deviation of the coefficients of the rule
-PREFERENCES = -0.75, -0.25, 0.25, 0.75  # wishes, as actions, for each order of three kinds
+PREFERENCES = -0.75, -0.25, 0.25, 0.75  # requests, as actions: every ranking of three kinds
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
 ROUNDS = 40
@@ -70,7 +70,7 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
     actions
         (N-1, 2) actions to begin at.
     rounds
-        Largest number of rounds, each of which changes one wish.
+        Largest number of rounds, each of which changes one requested thickness.
     """
     env, seeds = DominoChainVector(len(SELECTION_SEEDS), scene), [*SELECTION_SEEDS]
 
@@ -131,7 +131,7 @@ def hindsight(
     seeds
         S seeds of orders.
     policies
-        Policies whose layouts are improved, each for itself at first.
+        Policies whose layouts are improved, each separately; the best result of each order counts.
     rounds
         Largest number of rounds.
 

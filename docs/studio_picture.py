@@ -27,7 +27,7 @@ LONGEST = 40.0  # [s] after which the search is stopped
 
 
 def main() -> None:
-    """Open the page, drag a point, search, and write what is seen."""
+    """Open the page, drag a point, search, and write the picture."""
     sys.path.insert(0, str(HERE.parent / "tests" / "optimize" / "interactive"))
     from test_page import Tab
 

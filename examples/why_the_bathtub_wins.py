@@ -43,14 +43,14 @@ def percent(speed, reference):
     return f"{speed / reference - 1.0:+.2%}"
 
 
-# what each part contributes -----------------------------------------------------------------------
+# parts of the best layout -----------------------------------------------------------------------
 
 
 def parts():
-    """Apply each part of the best known layout alone, and leave it out; count its lead."""
+    """Return the table of gains with a part of the best known gaps alone, and with all others."""
     equal = SPRINT.uniform()
     gaps = {"equal": equal.layout.spacing, "best": BEST}
-    lead = {}  # [m] over a runner with the speed of the equal gaps
+    lead = {}  # [m] over a point that moves at the mean speed of the equal gaps
     for name, spacing in gaps.items():
         times = np.diff(simulate(spacing).arrival_times)
         lead[name] = spacing + THICKNESS - equal.score * times
@@ -99,7 +99,7 @@ def only_the_start(count, gap, physics=SPRINT.physics):
 
 
 def freedom():
-    """Return gains if only some gaps may differ from the others."""
+    """Return the table of gains if only some gaps may differ from the others."""
     equal, count = SPRINT.uniform(), SPRINT.count - 1
     gap = equal.layout.spacing[0]
     rows = []
@@ -119,7 +119,7 @@ def freedom():
 
 
 def continued():
-    """Return what happens if the chain goes on behind its last domino with the equal gaps."""
+    """Return the table of gains of chains that continue with equal gaps behind the last domino."""
     equal = SPRINT.uniform()
     gap = equal.layout.spacing[0]
     layouts = {
@@ -145,7 +145,7 @@ def continued():
 
 
 def equal_gaps():
-    """Return why forty dominoes prefer wider gaps than an endless chain."""
+    """Return the table of equal gaps: speeds of forty dominoes and of an endless chain."""
     rows = []
     for gap in (0.003, 0.006, 0.011, 0.018, 0.025):
         steady = de.steady_wave(gap + THICKNESS, THICKNESS, physics=SPRINT.physics).speed
@@ -314,7 +314,7 @@ if __name__ == "__main__":
         print(f"dominoes of {1e3 * thickness:g} mm complete at gaps from {least:.1f} mm")
     print("local speeds of the best layout:", *np.round(simulate(BEST).local_speed, 2))
     for mu in (0.0, 0.1, 0.25, 0.5):
-        print(f"friction {mu:g}: an endless chain prefers {1e3 * endless_gap(mu):.2f} mm")
+        print(f"friction {mu:g}: fastest endless chain at {1e3 * endless_gap(mu):.2f} mm")
     if "--write" in sys.argv:
         page = DOCS / "why.md"
         page.write_text(fill_tables(page.read_text("utf-8"), tables), "utf-8")

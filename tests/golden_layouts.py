@@ -21,7 +21,7 @@ def powers(rng: np.random.Generator, low: float, high: float, size: int | None =
 
 
 def odd_layouts(rng: np.random.Generator, batch: int, friction: float | None) -> Block:
-    """Layouts in units of the first height, each quantity over many powers of ten."""
+    """Return layouts in units of the first height, each quantity over many powers of ten."""
     count, layouts = int(rng.integers(1, 15)), []
     if friction is None:
         friction = float(rng.choice([0.1, 0.25, 0.5, 1.0, 2.0, 5.0, rng.uniform(0.0, 10.0)]))
@@ -49,7 +49,7 @@ def odd_layouts(rng: np.random.Generator, batch: int, friction: float | None) ->
 
 
 def usual_layouts(rng: np.random.Generator, batch: int, friction: float) -> Block:
-    """Layouts that could be built: gaps and thicknesses of a few millimetres to centimetres."""
+    """Return layouts that could be built: gaps and thicknesses of millimetres to centimetres."""
     count, widest = int(rng.integers(10, 100)), float(rng.choice([0.02, 0.032, 0.046]))
     layouts = [
         de.Layout(rng.uniform(0.003, widest, count - 1), rng.uniform(0.004, 0.012, count))
@@ -70,7 +70,7 @@ def equal_layouts(rng: np.random.Generator, batch: int, friction: float) -> Bloc
 
 
 def blocks() -> Iterator[Block]:
-    """About 3000 random layouts, and the edge cases of the package."""
+    """Yield about 3000 random layouts, and the edge cases of the package."""
     rng = np.random.default_rng(15)
     for _ in range(60):
         yield odd_layouts(rng, 20, None)
@@ -83,7 +83,7 @@ def blocks() -> Iterator[Block]:
 
 
 def scene_layout(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
-    """A random layout that is feasible in a shipped scene."""
+    """Return a random layout that is feasible in a shipped scene."""
     pairs = scene.count - 1
     low, high = (0.002, 0.025) if scene.name == "gentle" else (0.002, 0.040)
     low, high = (low, high) if scene.ground is None else scene.spacing
@@ -103,7 +103,7 @@ def scene_layout(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
 
 
 def random_scene(rng: np.random.Generator, name: str, count: int) -> de.Scene:
-    """A scene of equal dominoes."""
+    """Return a scene of equal dominoes."""
     spacing = float(rng.uniform(0.001, 0.009)), float(rng.uniform(0.02, 0.045))
     thickness = float(rng.uniform(0.004, 0.012))
     physics = de.Physics(rng.uniform(0.0, 0.5), 9.81, rng.uniform(3.0, 20.0))

@@ -49,7 +49,7 @@ class Digests:
             digest.update(f"{array.shape}".encode() + array.tobytes())
 
     def finished(self) -> dict[str, str]:
-        """All digests, as short hexadecimal words."""
+        """Return all digests, as 16 hexadecimal digits each."""
         return {name: digest.hexdigest()[:16] for name, digest in self._open.items()}
 
 
@@ -265,7 +265,7 @@ TRAINED = {"apg": 3_000, "ppo": 7_000, "ars": 4_000}  # steps
 
 
 def tensors(state: Any) -> Iterator[Any]:
-    """All real tensors in nested containers."""
+    """Yield all real tensors in nested containers."""
     if hasattr(state, "detach"):
         if state.is_floating_point():
             yield state.detach().numpy()

@@ -19,7 +19,7 @@ from scipy.optimize import minimize_scalar
 
 TIP, CORNER = 0, 1
 TOGETHER = 1e-9  # [rad] contacts whose faces are this close change in one impact
-PARADOX = 1e-5  # of the leader's inertia: where less is effective, DOP853 crawls; counts as none
+PARADOX = 1e-5  # of the leader's inertia: less effective inertia counts as none (steps get tiny)
 
 
 @dataclass
@@ -27,13 +27,13 @@ class Result:
     """Result of a wave; times and velocities have one entry per domino that it reached."""
 
     outcome: str = ""  # name of a domino_env.Outcome
-    hit: int = 1  # dominoes struck, the first and one struck in vain among them
+    hit: int = 1  # dominoes struck, with the first, and with one that the hit does not move
     toppled: int = 0  # dominoes past their tipping angle
-    reach: float = 0.0  # falls done and the fraction of the last one, over all
+    reach: float = 0.0  # intervals between hits, with the fraction of the last, over all
     arrival: list[float] = field(default_factory=lambda: [0.0])  # [s]
     release_velocity: list[float] = field(default_factory=list)  # just after being hit [rad/s]
     impact_velocity: list[float] = field(default_factory=list)  # just before hitting [rad/s]
-    margin: list[float] = field(default_factory=list)  # of each fall: lowest ω² over the first
+    margin: list[float] = field(default_factory=list)  # per interval: lowest ω² over first
     flushes: int = 0
     releases: int = 0
     largest_flush_loss: float = 0.0
@@ -97,7 +97,7 @@ class Chain:
         self.foot = np.concatenate((np.zeros((1, 2)), np.cumsum(step, axis=0)))
         self.friction = friction
         self.gravity = gravity * np.array([np.sin(turned), -np.cos(turned)])  # a vector
-        self.state = np.full(count - 1, TIP)  # of the contact of i and i+1
+        self.state = np.full(count - 1, TIP)  # kind of the contact of i and i+1
         self.back = 0  # the last domino that still leans on another
 
     # geometry ---------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The documentation: its code, scenes and commands run as typed; its pictures exist."""
+"""The documentation: its code, scenes and commands run; the files that it links exist."""
 
 import io
 import re
@@ -40,7 +40,7 @@ def commands(page: str) -> list[str]:
     return [line.partition(" #")[0].strip() for line in lines]
 
 
-# What is changed in a command so that it takes a second or so: the last value of an option holds.
+# Changes of commands so that each takes about a second; the last value of an option counts.
 CHANGED = {
     r" --(workers \d+|dask local)": "",  # tests/optimize/test_executors.py
     "=0:0.5:11": "=0:0.5:2",
@@ -140,7 +140,7 @@ def test_examples_run(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
 def test_every_optimiser_example_beats_equal_gaps(section):
-    warnings.simplefilter("ignore")  # theirs
+    warnings.simplefilter("ignore")  # warnings of third-party packages
     for package in re.findall(r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.M):
         pytest.importorskip(package, reason=f"needs {package}")
     names: dict[str, object] = {}

@@ -141,7 +141,7 @@ def test_every_requirement_is_pinned_to_the_version_under_test():
 
 
 def test_everything_is_compiled_through_one_decorator():
-    """Only that one knows what to do where no folder can be written."""
+    """That decorator also compiles where no folder is writable."""
     sources = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     plain = re.compile(r"\bn?jit\(|@\S*\bn?jit\b(?!\.)|import n?jit\b|\bcache=True")
     places = {str(path.relative_to(ROOT)) for path in sources if plain.search(path.read_text())}

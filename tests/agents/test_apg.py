@@ -43,8 +43,8 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
     policy.deviation, policy.penalty = 1e-9, 0.0
     with torch.no_grad():
         policy.action_net.bias += 0.1  # away from the uniform baseline
-        policy.action_net.weight.mul_(20.0 if random_parts(scene) else 5.0)  # it reacts
-        if name == "draw":  # it wishes for one thickness
+        policy.action_net.weight.mul_(20.0 if random_parts(scene) else 5.0)  # larger reactions
+        if name == "draw":  # always requests one thickness
             policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
             monkeypatch.setattr(closed_loop, "shipped_references", lambda: numbers)

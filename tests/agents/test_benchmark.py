@@ -1,4 +1,4 @@
-"""The benchmark: its statistics on known numbers, and its whole path with a tiny budget."""
+"""The benchmark: its statistics on known numbers, and complete runs with a small budget."""
 
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
@@ -152,7 +152,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     gains = evaluate_gains(policy, de.load_distribution("varied"), three)
     assert learned.score == np.median(gains)
     assert learned.trace[-1][3] == learned.score
-    assert learning_curve(tasks[0].folder)[-1][3] == pytest.approx(learned.score)  # of the test set
+    assert learning_curve(tasks[0].folder)[-1][3] == pytest.approx(learned.score)  # test set
     assert searched.simulations > 30
     assert searched.gradients == 0
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one

@@ -1,4 +1,4 @@
-"""Learners and trained policies as search methods: budgets, clocks, repeatability."""
+"""Learners and trained policies as search methods: budgets, time limits, reproducibility."""
 
 import json
 import sys

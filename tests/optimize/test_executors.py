@@ -175,7 +175,7 @@ def test_a_lost_scheduler_loses_no_result(tasks, expected, tmp_path, monkeypatch
             run_experiment([*tasks, *more], executor, study)
     monkeypatch.setattr(Study, "add", add)
     assert len(study.results()) >= 1
-    assert results_of(tasks, None, study) == expected  # what is missing
+    assert results_of(tasks, None, study) == expected  # computes the missing results
 
 
 # errors -----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A search that was stopped anywhere resumes to the same bits, and simulates nothing twice."""
+"""A search that was stopped anywhere resumes bitwise, and simulates nothing twice."""
 
 import sqlite3
 import subprocess

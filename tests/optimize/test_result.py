@@ -10,7 +10,7 @@ from optimize import SearchResult, search
 
 
 def dominoes(axes: Axes) -> np.ndarray:
-    """(N, 4) left, bottom, width, height of the rectangles drawn [mm]."""
+    """Return left, bottom, width and height of the drawn rectangles [mm], shape (N, 4)."""
     (collection,) = axes.collections
     return np.array([path.get_extents().bounds for path in collection.get_paths()])
 

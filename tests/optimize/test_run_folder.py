@@ -1,4 +1,4 @@
-"""The folder of a run: whole files, and nothing replaced by less."""
+"""Run folders: complete files, which no shorter search replaces."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""A layout beside a scene.toml, as in a run's folder, is taken under that scene."""
+"""A layout beside a scene.toml, as in a run folder, is simulated with the physics of that scene."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 
-GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # says no width
+GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # has no width
 
 
 @pytest.fixture

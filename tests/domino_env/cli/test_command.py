@@ -138,9 +138,9 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
 def test_an_interruption_is_reported_whatever_a_library_raises(
     capsys, monkeypatch, file, number, code, becomes
 ):
-    """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C.
+    """NumPy turns a KeyboardInterrupt during a comparison into another exception.
 
-    A search or a training makes nothing of it, but ends with the best so far.
+    A search or a training catches it and ends with the best so far: no exception is raised.
     """
 
     def interrupted(arguments: object) -> int:

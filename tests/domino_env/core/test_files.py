@@ -1,4 +1,4 @@
-"""Files: errors name the file that was asked for."""
+"""Files: errors name the requested file."""
 
 import errno
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Models of documents: what is wrong is a sentence with key, value and what is allowed."""
+"""Models of documents: an error names the key, its value and what is allowed."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal

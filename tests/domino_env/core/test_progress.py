@@ -1,4 +1,4 @@
-"""Bars: where there is no terminal, a line now and then."""
+"""Progress bars: without a terminal, a line at intervals."""
 
 from itertools import count
 
@@ -9,7 +9,7 @@ from domino_env.core import progress
 
 @pytest.mark.parametrize(("shown", "lines"), [(None, 3), (False, 0)])
 def test_progress_without_a_terminal_is_printed_in_lines(capsys, monkeypatch, shown, lines):
-    clock = count(step=10.0)  # every look at it finds ten seconds gone
+    clock = count(step=10.0)  # ten seconds pass between two readings
     monkeypatch.setattr("tqdm.std.time", lambda: next(clock))
     with progress.progress_bar(shown, total=12, unit=" dominoes") as bar:
         for _ in range(10):

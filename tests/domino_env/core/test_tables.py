@@ -1,4 +1,4 @@
-"""Tables: what is written reads back, and nothing in it runs or breaks out of its cell."""
+"""Tables: numbers read back exactly, and no text becomes a formula or leaves its cell."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""The mapping of actions: forwards as in episodes, and backwards."""
+"""The mapping of actions to gaps, thicknesses and heights, and its derivatives."""
 
 import numpy as np
 import pytest

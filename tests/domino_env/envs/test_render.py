@@ -68,5 +68,5 @@ def test_the_checker_renders_every_available_mode(hidden, modes):
         env=os.environ | {"SDL_VIDEODRIVER": "dummy"}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # the mixer of pygame would complain where there is no sound
+    assert done.stderr == ""  # pygame's mixer prints errors without a sound device
     assert done.stdout.splitlines()[-1] == modes

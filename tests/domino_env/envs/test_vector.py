@@ -105,7 +105,7 @@ def test_returned_arrays_do_not_change():
         observations = env.step(rng.uniform(-1, 1, (3, 1)))[0]
     assert_same(arrays, kept)
     latest = observations.copy()
-    observations[:] = 7.0  # of the caller alone
+    observations[:] = 7.0  # changes the copy of the caller only
     observations, _ = env.reset(options={"reset_mask": np.array([True, False, False])})
     np.testing.assert_array_equal(observations[1:], latest[1:])
 

@@ -149,7 +149,7 @@ def test_plain_compilation_gives_the_same_results(tmp_path):
     for way in ("fast", "plain"):
         done = subprocess.run(
             [sys.executable, "-c", WALK, way], capture_output=True, text=True, check=True,
-            cwd=tmp_path, env=os.environ | {"PYTHONPATH": root},  # nothing cached of other tests
+            cwd=tmp_path, env=os.environ | {"PYTHONPATH": root},  # without the cache of other tests
         )  # fmt: skip
         results[way], fast = json.loads(done.stdout)
         assert fast == (way == "fast")

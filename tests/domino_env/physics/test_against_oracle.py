@@ -1,4 +1,4 @@
-"""simulate against the independent Newton-Euler solution in time."""
+"""Waves compared with the independent Newton-Euler solution."""
 
 import numpy as np
 import oracle
@@ -12,7 +12,7 @@ D, H = 0.0075, 0.048
 
 
 def compare(layout, physics, *, rtol=AGREE, reach=1e-9, slow=None):
-    """Topple with both, compare all they report; return the result of simulate."""
+    """Simulate with both, compare all results; return that of `simulate`."""
     if slow is None:
         slow = oracle.topple(
             layout.spacing, layout.thickness, physics.friction, physics.gravity, physics.push,
@@ -33,7 +33,7 @@ def compare(layout, physics, *, rtol=AGREE, reach=1e-9, slow=None):
         assert wave.mean_speed == layout.length / wave.arrival_times[-1]
         assert wave.error_estimate > 0.0
         assert wave.converged == (wave.error_estimate <= wave.rtol)
-    # where the wave did not come
+    # dominoes that the wave did not reach
     assert np.isinf(wave.arrival_times[came:]).all()
     assert np.isnan(wave.release_velocity[falls:]).all()
     assert np.isnan(wave.impact_velocity[came - 1 :]).all()
@@ -89,7 +89,7 @@ def test_random_layouts_agree_with_the_oracle(draw, friction):
 
 @pytest.mark.parametrize("slope", [-0.12, 0.14])
 def test_a_slope_is_level_ground_under_turned_gravity(slope):
-    """Uphill this one stops."""
+    """On the uphill slope the wave stops."""
     rng = np.random.default_rng(7)
     gaps, thick = rng.uniform(0.006, 0.034, 11), rng.uniform(0.007, 0.01, 12)
     layout = de.Layout(gaps, thick, rise=-(gaps + thick[1:]) * np.sin(slope), tilt=slope)
@@ -162,10 +162,10 @@ def test_waves_close_to_a_stall_agree_with_the_oracle(excess, friction):
 
 
 @pytest.mark.parametrize(("outcome", "layout", "physics", "hit"), [
-    (  # the third was struck in vain
+    (  # the hit does not move the third domino
         "JAMMED", de.Layout(np.full(6, 0.02), [D, D, 0.05, 0.05, D, D, D]), de.Physics(1.0), 3,
     ),
-    (  # a face impact that would throw the leader back
+    (  # a face impact that would reverse the leader
         "JAMMED", de.Layout([0.005, 0.035, 0.03], [0.044, 0.025, 0.0115, 0.045]),
         de.Physics(0.5, push=25.0), 2,
     ),

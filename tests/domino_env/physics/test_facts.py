@@ -1,4 +1,4 @@
-"""Numbers computed twice elsewhere, measured, or published."""
+"""Waves compared with numbers that were computed independently, measured, or published."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_uniform_chains_have_the_independently_computed_speeds(known):
     ("rise", "friction", "ratio", "error"), [(0.0, 0.0, 0.5, 1e-13), (0.01, 0.25, 0.4344, 5e-5)]
 )
 def test_the_first_hit_has_the_known_velocity_ratio(rise, friction, ratio, error):
-    """Half the energy is lost; the velocity on a level tread 10 mm higher."""
+    """Equal dominoes lose half the energy; a tread 10 mm higher has a known ratio of velocities."""
     layout = de.Layout([0.0165], 0.0075) if rise == 0.0 else de.Layout([0.02], 0.0075, rise=rise)
     wave = de.simulate(layout, de.Physics(friction), rtol=1e-12)
     lost = wave.release_velocity[1] / wave.impact_velocity[0]
@@ -50,9 +50,9 @@ def test_the_first_hit_has_the_known_velocity_ratio(rise, friction, ratio, error
 # the gap, over the height, at which the largest factor is carried
 @pytest.mark.parametrize(("friction", "limit", "gap"), [(0.0, 1.775, 0.963), (0.25, 1.541, 0.82)])
 def test_dominoes_can_grow_up_to_a_known_factor(friction, limit, gap):
-    """Everything scaled by a factor per domino, thickness/height 0.15625: limits by any gap.
+    """No gap carries a growth by the limit, thickness/height 0.15625; a gap carries a little less.
 
-    Widths grow too, so masses grow as the cube: the density stands for it.
+    Widths grow too, so masses grow as the cube; layouts have one width, so densities grow instead.
     """
 
     def outcome(factor, gap):

@@ -1,4 +1,4 @@
-"""Gradients of a wave: against differences, against many digits, and by laws."""
+"""Gradients of a wave, compared with differences, multi-precision solutions, and laws."""
 
 from dataclasses import astuple, replace
 from typing import Any
@@ -21,7 +21,7 @@ grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"
 
 
 def parts(gradient: Gradient) -> list[Any]:
-    """Return what a gradient has; on flat ground there is nothing of the ground."""
+    """Return the parts of a gradient; on flat ground those of rise and tilt are missing."""
     return [part for part in astuple(gradient) if part is not None]
 
 
@@ -47,8 +47,11 @@ def batch_of(layouts: list[Layout], uneven: bool) -> dict[str, Any]:
 
 
 def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: str) -> Any:
-    """Richardson's differences by one part; nan where they see a kink: another sequence of face
-    impacts and separations, or two step sizes that disagree."""
+    """Return Richardson's differences by one part of the layout.
+
+    They are nan near a kink: where the numbers of face impacts or separations differ, or the
+    differences of two step sizes disagree.
+    """
     part = getattr(layout, name)
     size = len(part)
     step = {"rise": np.full(size, 1e-6), "tilt": np.full(size, 1e-4)}.get(name, 1e-4 * part)
@@ -92,10 +95,10 @@ def test_gradients_match_finite_differences(friction, uneven):
 
 
 @pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (True, 0.3)])
-def test_the_gradient_matches_a_solution_of_sixty_digits(friction, uneven):
-    """Along one direction through everything, without quadrature tables, tails or tolerances.
+def test_the_gradient_matches_multi_precision_solutions(friction, uneven):
+    """Compare the derivative along one direction in which all sizes change.
 
-    The scaling laws tie gravity and push to the rest.
+    The scaling laws relate gravity and push to the other derivatives.
     """
     flat = Layout([0.004, 0.03, 0.02], np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3)
     layout, physics = uneven_layout(7, 3) if uneven else flat, Physics(friction, push=14.0)
@@ -189,7 +192,7 @@ def test_the_gradient_at_a_kink_is_that_of_one_side():
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_equal_and_nearly_equal_gaps_have_the_same_gradient(friction):
-    """Face impacts at one instant give finite numbers; a uniform layout shares only its stack.
+    """Simultaneous face impacts have finite gradients; uniform layouts take their own code path.
 
     A 1e-12 difference in one gap takes another path through the code, to the same gradient.
     """

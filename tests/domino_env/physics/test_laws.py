@@ -14,7 +14,7 @@ grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"
 
 
 def random_layout(seed, uneven, count=25):
-    """A layout in which every domino differs, with face impacts and a separation now and then."""
+    """Return a layout of unequal dominoes, with face impacts and sometimes a separation."""
     if uneven:
         return uneven_layout(seed, count, unequal=True)
     rng = np.random.default_rng(seed)
@@ -98,7 +98,7 @@ def test_impacts_and_friction_take_energy(seed, friction):
     assert wave.releases == 0
 
     def energies(first, angle, speed):
-        """Kinetic and total energy of the stacks under 16 leaders."""
+        """Return kinetic and total energy of the stacks of 16 leaders."""
         released, inertia = stack_sums(layout, first + np.arange(16), angle, 1e-5, 1e-5)
         kinetic = 0.5 * inertia * speed**2
         return kinetic, kinetic - 9.81 * released

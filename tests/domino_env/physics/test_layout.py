@@ -1,4 +1,4 @@
-"""Layouts: what is kept, what follows from it, what cannot stand, and files."""
+"""Layouts: attributes, rejected arguments, and files."""
 
 import copy
 import dataclasses
@@ -26,7 +26,7 @@ UNEQUAL = Layout(
 
 
 def same(one: Layout, other: Layout) -> bool:
-    """Equal to the last bit, independently of the comparison of layouts."""
+    """Return True if all sizes are bitwise equal, without the comparison of layouts."""
     names = ("spacing", "thickness", "height", "density", "rise", "tilt", "width")
     return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in names)
 
@@ -201,7 +201,7 @@ def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
 ])  # fmt: skip
 def test_invalid_files_are_rejected(tmp_path, text, words):
-    """File, line and column or key, value and what to give."""
+    """The message has file, line and column or key, the value, and what to give."""
     path = tmp_path / ("layout.json" if text[:1] in tuple("{[") else "layout.csv")
     path.write_text(text)
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below

@@ -1,4 +1,4 @@
-"""Positions of the dominoes of a falling chain: they touch, and keep the time of the wave."""
+"""Positions of the dominoes of a falling chain: they touch, at the arrival times of the wave."""
 
 import numpy as np
 import oracle

@@ -1,4 +1,4 @@
-"""Waves, batches, steady waves and smallest pushes: what they promise besides the physics."""
+"""Waves, batches, steady waves and smallest pushes: consistency, defaults, rejected arguments."""
 
 import math
 import re
@@ -23,7 +23,7 @@ PHYSICS = de.Physics(0.5, 9.81, 3.0)
 
 
 def random_batch(count=60, n=30):
-    """Gentle chains: about a third propagate, the others stall; some gaps are out of reach."""
+    """Return gaps and thicknesses [m]: a third of the chains complete, some gaps are too wide."""
     rng = np.random.default_rng(0)
     spacing = rng.uniform(0.002, 0.026, (count, n - 1))
     spacing[::9, 11] = 0.05

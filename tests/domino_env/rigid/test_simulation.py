@@ -1,4 +1,4 @@
-"""Rigid bodies: laws of mechanics, the analytic model where it holds, honest errors."""
+"""Rigid bodies: laws of mechanics, the analytic model where it holds, error estimates."""
 
 import json
 import math
@@ -65,7 +65,7 @@ def test_a_domino_on_a_frictionless_floor_conserves_energy(slope):
     assert rigid.arrival_times[1] == pytest.approx(np.interp(0.03, tip, times), rel=1e-4)
 
 
-# how near the last hits of a code with the same contact law and of Chipmunk are met
+# relative differences from the last hits of a code with the same contact law and of Chipmunk
 @pytest.mark.parametrize(
     ("place", "same", "engine"), [(0, 5e-4, 3e-3), (1, 5e-4, 5e-3), (2, 5e-3, 4e-3)]
 )
@@ -106,7 +106,7 @@ def test_a_wave_that_stops_has_no_speed():
     assert (rigid.hit, rigid.mean_speed, rigid.propagated) == (2, 0.0, False)
     assert "2 of 4" in repr(rigid)
     assert de.simulate_standing(de.Layout([], [0.0075]), PHYSICS).toppled == 1
-    weak = de.simulate_standing(LAYOUTS["uniform"][0], de.Physics(push=1e-6))  # once 21 s
+    weak = de.simulate_standing(LAYOUTS["uniform"][0], de.Physics(push=1e-6))  # took 21 s once
     assert (weak.hit, weak.toppled, weak.converged) == (1, 0, True)
 
 

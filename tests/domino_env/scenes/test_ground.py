@@ -92,7 +92,7 @@ def test_gradients_on_the_ground_match_finite_differences(scene):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_all_layouts_within_accepted_bounds_can_stand(seed):
-    """Ground as uneven as is not yet refused, and gaps at their bounds or anywhere."""
+    """The ground is the most uneven that is accepted; gaps are at their bounds and between."""
     rng = np.random.default_rng(seed)
     shape = np.stack([np.linspace(-0.1, 0.5, 9), rng.uniform(-1.0, 1.0, 9)], axis=1)
     low, high = 0.0, 0.1

@@ -63,7 +63,7 @@ def test_the_robust_score_is_the_quantile_computed_by_hand():
 def test_draws_that_stop_count_as_zero():
     scene = some("jitter", count=9, settings=de.Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
-    gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
+    gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws stop
     drawn = add_errors(gaps, draw_errors(scene.settings, 8))
     stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in drawn])
     assert 10 < stopped.sum() < 30

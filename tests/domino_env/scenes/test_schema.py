@@ -1,4 +1,4 @@
-"""The JSON Schema of scene files: up to date, named by the shipped scenes, and true."""
+"""The JSON Schema of scene files: up to date, named by shipped scenes, as strict as the reader."""
 
 import json
 import tomllib

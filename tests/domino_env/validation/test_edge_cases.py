@@ -1,4 +1,4 @@
-"""Edge cases: a right answer within tolerance, or an outcome that says why there is none."""
+"""Edge cases: times within tolerance, or an outcome with the reason of the end."""
 
 import math
 import tracemalloc
@@ -47,7 +47,7 @@ def test_the_stored_digits_are_complete_and_up_to_date():
             assert abs(time - known) <= Fraction(1, 10**25) * known
 
 
-# stepping in time from these does not settle within the steps of a test
+# steps in time do not converge for these within the run time of a test
 HARD_TO_STEP = ("near stall", "smallest push", "near touching", "out of reach", "long", "nearly")
 EASY_TO_STEP = [case for case in CASES if not any(word in str(case) for word in HARD_TO_STEP)]
 
@@ -124,7 +124,7 @@ OPTIMISTIC_CASES = {
         ),
         Physics(0.0, push=40.0),
     ),
-    "a sharp corner before a long calm": unit_case(
+    "a rapid change before a long slow interval": unit_case(
         [7.49894209e-07, 7.49894210e-02, 1.0, 1.0], 1.0, push=7.882387605032138
     ),
     "friction of next to nothing": unit_case(

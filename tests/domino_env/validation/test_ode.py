@@ -1,4 +1,4 @@
-"""ODE solvers meet the simulator, each at its own order, and end as it ends."""
+"""ODE solvers converge to the simulator with their orders, and have the same outcomes."""
 
 import math
 
@@ -42,7 +42,7 @@ def test_runge_kutta_with_located_hits_is_of_order_four(name):
 @pytest.mark.parametrize("method", ["euler", "rk4-step"])
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_hits_located_to_the_step_leave_order_one(name, method):
-    # an error depends on where in its step a hit falls: the mean over several steps tells
+    # an error depends on where in its step a hit falls: compare means over several steps
     def mean_error(step: float) -> float:
         return float(np.mean([_error(name, method, step * x) for x in np.linspace(0.8, 1.2, 15)]))
 

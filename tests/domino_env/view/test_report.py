@@ -34,8 +34,8 @@ def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
         spent = one.kinetic + one.hits + one.flushes + one.friction
         np.testing.assert_allclose(one.pushed + one.released, spent, rtol=1e-12)
     given = smooth.released[-1]
-    assert smooth.flushes[-1] > 0.02 * given  # a wave that has some to lose
-    # computed otherwise where there is friction: from the recorded face impacts
+    assert smooth.flushes[-1] > 0.02 * given  # face impacts take energy from this wave
+    # with friction, this loss comes from the recorded face impacts instead
     assert hardly.flushes[-1] == pytest.approx(smooth.flushes[-1], rel=0.02)
     assert hardly.hits[-1] == pytest.approx(smooth.hits[-1], rel=0.005)
     assert 0.0 < hardly.friction[-1] < 0.01 * given < rough.friction[-1]

@@ -1,4 +1,4 @@
-"""Sound out and in."""
+"""Sounds of waves, and the frequencies of recordings."""
 
 import wave as wav
 

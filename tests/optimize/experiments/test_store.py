@@ -1,4 +1,4 @@
-"""The study store: exact, shared by processes, and clear about what it cannot read or write."""
+"""The study store: exact results, several processes, damaged files, and the command."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Designs as files and links: what was exported scores the same, wrong files get a sentence."""
+"""Designs as files and links: exports have the same score, and invalid files are rejected."""
 
 from __future__ import annotations
 

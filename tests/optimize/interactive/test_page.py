@@ -103,7 +103,7 @@ class Tab:
 
     @property
     def settled(self) -> bool:
-        """Whether the numbers are complete and those of the layout in the link."""
+        """True if the numbers are complete and those of the layout in the link."""
         return bool(self.link) and abs(self.speed - self.design.score) < 6e-7 and self.gain > -100
 
     def of(self, selector: str, text: str, what: str) -> Any:

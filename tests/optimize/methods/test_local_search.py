@@ -11,7 +11,7 @@ from optimize.methods.starts import coarse_matrix
 
 
 def run(arm: LocalSearch | CoarseToFine, answer: Callable) -> None:
-    """Evaluate until it is done."""
+    """Evaluate candidates until the search is done, at most 2000."""
     while not arm.done and arm.evaluations < 2000:
         assert np.all((arm.candidate >= 0.0) & (arm.candidate <= 1.0))
         arm.update(*answer(arm.candidate))
