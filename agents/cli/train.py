@@ -22,13 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser,
         ("algorithm", str, "NAME", None, "apg, ppo, ars, sac, td3 or tqc (ppo)"),
-        (
-            "steps",
-            NATURAL,
-            "N",
-            None,
-            "dominoes placed at least, in whole updates (default of each)",
-        ),
+        ("steps", NATURAL, "N", None, "dominoes placed at least (default of each algorithm)"),
         ("seed", WHOLE, "N", None, "seed of all randomness (0)"),
         ("num-scenes", NATURAL, "N", None, number),
         ("save-zip", output(".zip"), "FILE", None, archive),
