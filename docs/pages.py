@@ -199,7 +199,7 @@ def floor_cell(floor: float, scene: de.Scene, record: BestKnown) -> str:
 def key_table() -> list[str]:
     """Return the table of the keys of a scene file, from its schema."""
     schema = scene_schema()
-    rows = []
+    lines = []
     for table, entry in schema["properties"].items():
         inside = schema["$defs"].get(entry.get("$ref", "").rpartition("/")[2])
         fields = inside["properties"] if inside else {table: entry}
@@ -208,8 +208,8 @@ def key_table() -> list[str]:
             place = f"[{table}]" if inside else ""
             choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
             value = "" if default is None else f"`{default}`"
-            rows.append((place, f"`{key}`", field["description"] + choice, value))
-    return markdown_table(("table", "key", "meaning", "default"), rows)
+            lines.append((place, f"`{key}`", field["description"] + choice, value))
+    return markdown_table(("table", "key", "meaning", "default"), lines)
 
 
 def method_sections() -> list[str]:
@@ -240,11 +240,11 @@ def public_names(package: str) -> dict[str, Path]:
 
 def name_table(package: str) -> list[str]:
     """Return the table of the public names of a package, each with a link to its source."""
-    rows = []
+    lines = []
     for name, source in public_names(package).items():
         link = f"[`{name}`](../{source.relative_to(ROOT).as_posix()})"
-        rows.append((link, summary(name, source)))
-    return markdown_table(("name", "summary"), rows)
+        lines.append((link, summary(name, source)))
+    return markdown_table(("name", "summary"), lines)
 
 
 def summary(name: str, source: Path) -> str:

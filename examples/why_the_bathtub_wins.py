@@ -54,19 +54,19 @@ def parts():
     for name, spacing in gaps.items():
         times = np.diff(simulate(spacing).arrival_times)
         lead[name] = spacing + THICKNESS - equal.score * times
-    rows = []
+    lines = []
     for name, part in PARTS.items():
         alone, without = gaps["equal"].copy(), BEST.copy()
         alone[part], without[part] = BEST[part], gaps["equal"][part]
         speeds = [percent(simulate(one).mean_speed, equal.score) for one in (alone, without)]
         ahead = [f"{round(1e3 * lead[one][part].sum(), 1) + 0.0:+.1f}" for one in gaps]
-        rows.append((name, *speeds, *ahead))
+        lines.append((name, *speeds, *ahead))
     speed = percent(simulate(BEST).mean_speed, equal.score)
-    rows.append(
+    lines.append(
         ("all", speed, "+0.00%", *(f"{round(1e3 * lead[one].sum(), 1) + 0.0:+.1f}" for one in gaps))
     )
     names = ("gaps", "applied alone", "all but these", "lead, equal gaps [mm]", "lead, best [mm]")
-    return markdown_table(names, rows)
+    return markdown_table(names, lines)
 
 
 def fastest(sizes, starts, physics=SPRINT.physics):
@@ -102,7 +102,7 @@ def freedom():
     """Return the table of gains if only some gaps may differ from the others."""
     equal, count = SPRINT.uniform(), SPRINT.count - 1
     gap = equal.layout.spacing[0]
-    rows = []
+    lines = []
     for name, first, last in (
         ("the first", 1, 0), ("the first 12", START, 0), ("the first 27", 27, 0),
         ("the last 3", 0, 3), ("the last 12", 0, 12), ("all", count, 0),
@@ -114,8 +114,8 @@ def freedom():
             start[:first], start[count - last :] = BEST[:first], end[count - last :]
             starts.append(start)
         spacing = fastest(sizes, starts)
-        rows.append((name, percent(simulate(spacing).mean_speed, equal.score)))
-    return markdown_table(("gaps that may differ", "gain"), rows)
+        lines.append((name, percent(simulate(spacing).mean_speed, equal.score)))
+    return markdown_table(("gaps that may differ", "gain"), lines)
 
 
 def continued():
@@ -128,7 +128,7 @@ def continued():
         "start free, rest equal": only_the_start(SPRINT.count, gap),
     }
     ends = SPRINT.count - 1, SPRINT.count + 2, SPRINT.count - 1 + BEHIND
-    leads, rows = {}, []
+    leads, lines = {}, []
     for name, spacing in layouts.items():
         spacing = np.r_[spacing, np.full(BEHIND, gap)]
         wave, positions = simulate(spacing), de.Layout(spacing, THICKNESS).positions
@@ -136,9 +136,9 @@ def continued():
         leads[name] = speeds
         gains = [percent(a, b) for a, b in zip(speeds, leads["equal gaps"], strict=True)]
         released = wave.release_velocity[SPRINT.count - 1]
-        rows.append((name, f"{released:.1f} rad/s", *gains))
+        lines.append((name, f"{released:.1f} rad/s", *gains))
     names = ("first 39 gaps", "last domino starts with", *(f"to domino {end + 1}" for end in ends))
-    return markdown_table(names, rows)
+    return markdown_table(names, lines)
 
 
 # equal gaps ---------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def continued():
 
 def equal_gaps():
     """Return the table of equal gaps: speeds of forty dominoes and of an endless chain."""
-    rows = []
+    lines = []
     for gap in (0.003, 0.006, 0.011, 0.018, 0.025):
         steady = de.steady_wave(gap + THICKNESS, THICKNESS, physics=SPRINT.physics).speed
         forty, wave = (simulate(np.full(count, gap)) for count in (SPRINT.count - 1, 300))
@@ -157,10 +157,10 @@ def equal_gaps():
             slowest = forty.release_velocity.min()
             numbers = [f"{forty.mean_speed:.3f}", f"{slowest:.1f}", settled, f"{1e3 * lost:.0f}"]
         lean = np.degrees(np.arcsin(gap / SPRINT.height))
-        rows.append((f"{1e3 * gap:g}", f"{lean:.1f}°", f"{steady:.3f}", *numbers))
+        lines.append((f"{1e3 * gap:g}", f"{lean:.1f}°", f"{steady:.3f}", *numbers))
     names = ("gap [mm]", "lean at the hit", "endless chain [m/s]", "forty dominoes [m/s]")
     names += ("slowest start of a domino [rad/s]", "dominoes to within 1 % of steady")
-    return markdown_table((*names, "time lost at the start [ms]"), rows)
+    return markdown_table((*names, "time lost at the start [ms]"), lines)
 
 
 def clock_started_late(late=200):
@@ -226,7 +226,7 @@ def best_layout(name, scene, budget):
 
 def other_scenes(budget=BUDGET, cases=None):
     """Return baseline and gains, with and without the end effect, of other scenes."""
-    rows = []
+    lines = []
     for name, scene in (cases or scenes()).items():
         equal = scene.uniform()
         gap = equal.layout.spacing[0]
@@ -239,10 +239,10 @@ def other_scenes(budget=BUDGET, cases=None):
             start = (f"{1e3 * spacing[-1]:.1f}", gain)
         middle = f"{1e3 * np.median(best.spacing):.1f}"
         numbers = f"{1e3 * gap:.1f}", f"{equal.score:.3f}", middle, percent(speed, equal.score)
-        rows.append((name, *numbers, *start))
+        lines.append((name, *numbers, *start))
     names = ("chain", "best equal gap [mm]", "its speed [m/s]", "best layout: median gap [mm]")
     names += ("its gain", "first 12 free: equal gap of the rest [mm]", "its gain")
-    return markdown_table(names, rows)
+    return markdown_table(names, lines)
 
 
 # pictures -----------------------------------------------------------------------------------------

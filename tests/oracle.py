@@ -117,12 +117,12 @@ class Chain:
 
     def contacts(self, n, theta, state=None):
         """Return the contacts of back … n, of the kinds given or those of the chain."""
-        links = slice(self.back, n)
+        pairs = slice(self.back, n)
         state = self.state if state is None else state
         a, b = theta[:-1], theta[1:]
-        d, length = self.d[self.back + 1 : n + 1, None], self.height[links, None]
+        d, length = self.d[self.back + 1 : n + 1, None], self.height[pairs, None]
         # of the one behind, from the pivot of the one ahead
-        foot = self.foot[links] - self.foot[self.back + 1 : n + 1]
+        foot = self.foot[pairs] - self.foot[self.back + 1 : n + 1]
         ua, fa, ub, fb = up(a), ahead(a), up(b), ahead(b)
 
         # tip on the rear face:  tip · ahead_b + d = 0,  tip from the pivot of the one ahead
@@ -139,13 +139,13 @@ class Chain:
             second=np.stack([-dot(edge, fa), -dot(d * ub, ua), dot(d * fb, fa)], -1),
             arm_behind=edge, arm_ahead=-d * fb, normal=fa, along=ua,
         )  # fmt: skip
-        is_tip = (state[links] == TIP)[:, None]
+        is_tip = (state[pairs] == TIP)[:, None]
         return Contacts(*(np.where(is_tip, *parts) for parts in zip(on_tip, on_edge, strict=True)))
 
     def ratios(self, contacts):
         """Return ω_i/ω_n of back … n, from the derivatives of the conditions."""
-        links = -contacts.first[:, 1] / contacts.first[:, 0]
-        return np.append(np.cumprod(links[::-1])[::-1], 1.0)
+        each = -contacts.first[:, 1] / contacts.first[:, 0]  # ω_i/ω_{i+1}
+        return np.append(np.cumprod(each[::-1])[::-1], 1.0)
 
     # equations --------------------------------------------------------------------------------
     def system(self, n, contacts):
@@ -212,12 +212,12 @@ class Chain:
     def short_of_slipping(self, n, lead):
         """Return the distance of each contact from the end of its face, over the height."""
         theta = self.angles(n, lead)
-        links = slice(self.back, n)
+        pairs = slice(self.back, n)
         contacts = self.contacts(n, theta)
         edge = -self.d[self.back + 1 : n + 1, None] * ahead(theta[1:])
         above_edge = dot(contacts.arm_ahead - edge, contacts.along)
-        below_top = self.height[links] - dot(contacts.arm_behind, contacts.along)
-        return np.where(self.state[links] == TIP, above_edge, below_top) / self.height[links]
+        below_top = self.height[pairs] - dot(contacts.arm_behind, contacts.along)
+        return np.where(self.state[pairs] == TIP, above_edge, below_top) / self.height[pairs]
 
 
 def topple(

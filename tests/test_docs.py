@@ -80,9 +80,9 @@ def few_steps(algorithm: str, target: de.Scene | de.SceneDistribution) -> Hyperp
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def prepared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files and the earlier runs that the commands name."""
-    folder = tmp_path_factory.mktemp("desk")
+    folder = tmp_path_factory.mktemp("prepared_folder")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("agents.training.default_hyperparameters", few_steps)
@@ -155,8 +155,8 @@ def test_every_optimiser_example_beats_equal_gaps(section):
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
-def test_the_commands_of_a_page_run(page, desk, tmp_path, monkeypatch):
-    folder = shutil.copytree(desk, tmp_path / "desk")
+def test_the_commands_of_a_page_run(page, prepared_folder, tmp_path, monkeypatch):
+    folder = shutil.copytree(prepared_folder, tmp_path / "prepared_folder")
     monkeypatch.chdir(folder)
     monkeypatch.setattr("agents.training.default_hyperparameters", few_steps)
     monkeypatch.setattr("domino_env.core.plot_style.png", lambda _: b"")  # rendered elsewhere
@@ -174,8 +174,8 @@ def test_the_commands_of_a_page_run(page, desk, tmp_path, monkeypatch):
         assert run(shorter) == 0, line
 
 
-def test_the_query_of_a_store_runs(desk, monkeypatch):
-    monkeypatch.chdir(desk)
+def test_the_query_of_a_store_runs(prepared_folder, monkeypatch):
+    monkeypatch.chdir(prepared_folder)
     (command,) = re.findall(r"^sqlite3 .*?GROUP BY \w+\"$", PAGES["studies.md"], re.M | re.S)
     _, store, query = shlex.split(command)
     with closing(sqlite3.connect(store)) as connection:

@@ -14,14 +14,14 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
     minari = pytest.importorskip("minari")
     run_experiment = dataset.run_experiment
 
-    def stops(tasks: list[Task], *given: object, **options: object) -> None:
+    def interrupted(tasks: list[Task], *given: object, **options: object) -> None:
         run_experiment(tasks[:2], *given, **options)
         raise KeyboardInterrupt
 
     words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
     words += ["--code-link", "x.org/y"]
     with monkeypatch.context() as patched:
-        patched.setattr(dataset, "run_experiment", stops)
+        patched.setattr(dataset, "run_experiment", interrupted)
         assert main(words) != 0
     monkeypatch.delitem(gymnasium.registry, "DominoChain-v1")  # as in the command
     assert main(words) == 0

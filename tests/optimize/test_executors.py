@@ -75,7 +75,7 @@ def kill_worker(unless: str = "") -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def surroundings() -> tuple[int, str | None]:
+def thread_settings() -> tuple[int, str | None]:
     """Return the threads that Numba and OpenMP may use."""
     import numba
 
@@ -103,7 +103,7 @@ def test_results_are_those_of_one_process_if_a_worker_dies(tasks, expected, work
     killed = workers.submit(kill_worker, str(tmp_path / "killed"))
     assert results_of(tasks, workers) == expected
     assert killed.result() is None
-    assert workers.submit(surroundings).result() == (1, "1")
+    assert workers.submit(thread_settings).result() == (1, "1")
 
 
 def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(pool):

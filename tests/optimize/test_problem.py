@@ -101,8 +101,8 @@ def test_a_gradient_at_a_face_of_the_box_is_one_sided(scenes):
     for i, sign in ((0, 1.0), (1, -1.0)):
         y = x.copy()
         y[i] += sign * h
-        slope = sign * (problem.evaluate(y).score - problem.evaluate(x).score) / h
-        assert gradient[i] == pytest.approx(slope, rel=2e-2)
+        difference = sign * (problem.evaluate(y).score - problem.evaluate(x).score) / h
+        assert gradient[i] == pytest.approx(difference, rel=2e-2)
 
 
 @pytest.mark.parametrize(("name", "designs", "message"), [

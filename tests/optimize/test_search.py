@@ -160,19 +160,19 @@ def test_auto_ends_when_independent_searches_agree(bits, scenes, tmp_path):
 def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch):
     """Near a stall a wave may complete at the tolerance of the search and not at a closer one."""
     scene = scenes["spacing"]
-    honest = search(scene, "random", budget=300)
+    expected = search(scene, "random", budget=300)
     original, gaps = Scene.evaluate, []
 
-    def flattering(scene: Scene, batch, gradient=False):
+    def inflated(scene: Scene, batch, gradient=False):
         gaps.extend(batch.spacing)
         result = original(scene, batch, gradient)
         result.score[-1] = 5.0 if len(gaps) == 302 else result.score[-1]  # two of them compile
         return result
 
-    monkeypatch.setattr(Scene, "evaluate", flattering)
+    monkeypatch.setattr(Scene, "evaluate", inflated)
     result = search(scene, "random", budget=300)
     assert result.trace[-1][3] == 5.0
-    assert result.score == honest.score == scene.score(result.layout)
+    assert result.score == expected.score == scene.score(result.layout)
 
 
 def test_auto_ends_when_a_schedule_is_met():

@@ -60,6 +60,6 @@ class Outer(Table):
     ({"count": 2, "label": "long"}, "label = 'long': give a line of text of at most 3 char"),
 ])  # fmt: skip
 def test_an_error_names_the_key_its_value_and_what_is_allowed(document, sentence):
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - compared below
         read_model(Outer, document)
-    assert str(refused.value).startswith(sentence)
+    assert str(caught.value).startswith(sentence)

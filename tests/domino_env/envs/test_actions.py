@@ -46,5 +46,5 @@ def test_derivatives_by_actions_match_finite_differences(name):
         for place in np.ndindex(shape):
             step = np.zeros(shape)
             step[place] = 1e-7
-            slope = (total(actions + step) - total(actions - step)) / 2e-7
-            assert exact[place] == pytest.approx(slope, rel=1e-5, abs=1e-8)
+            difference = (total(actions + step) - total(actions - step)) / 2e-7
+            assert exact[place] == pytest.approx(difference, rel=1e-5, abs=1e-8)

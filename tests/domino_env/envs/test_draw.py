@@ -42,11 +42,11 @@ def test_an_action_takes_the_nearest_piece_in_hand_and_no_piece_is_lost(size):
             drawn = order[: n + size] if size else order
             assert hand + counts(placed[1:]) == pytest.approx(counts(drawn), abs=1e-5)
             action = rng.uniform(-1.0, 1.0, 2) * (1.0, n % 2)  # 0: thin and thick are equally near
-            wished = KINDS[0] + 0.5 * (action[1] + 1.0) * (KINDS[-1] - KINDS[0])
+            desired = KINDS[0] + 0.5 * (action[1] + 1.0) * (KINDS[-1] - KINDS[0])
             held = KINDS[hand > 0.5]
             observation, _, ended, _, info = env.step(action)
             last = (info["layout"] if ended else env.snapshot().layout).thickness[-1]
-            assert last == held[np.argmin(np.abs(held - wished))]
+            assert last == held[np.argmin(np.abs(held - desired))]
             if ended:
                 break
 
@@ -107,10 +107,10 @@ def test_rollouts_and_the_baseline_are_means_over_the_same_orders():
     scores = SCENE.score_placed(rollout.layout, EVALUATION_SEEDS)
     assert rollout.score == rollout.uniform.score == scores.mean() != SCENE.uniform().score
     orders = SCENE.orders([*map(np.random.default_rng, EVALUATION_SEEDS[:3])])
-    wished = np.interp(orders, KINDS[[0, -1]], (-1.0, 1.0))
+    desired = np.interp(orders, KINDS[[0, -1]], (-1.0, 1.0))
     env = DominoChainVector(3, SCENE)
     env.reset(seed=EVALUATION_SEEDS[0])
-    for pieces in wished.T:  # as they come
+    for pieces in desired.T:  # as they come
         info = env.step(np.stack([np.full(3, gap), pieces], axis=1))[4]
     assert info["score"] == pytest.approx(scores[:3], rel=1e-5)
     for name in ("greedy", "ramp"):

@@ -90,8 +90,8 @@ def test_rewards_and_observations_follow_a_schedule(noise):
     tempo, parts = scene.settings, env.observation_layout
     late = info["wave"].arrival_times[1:] - tempo.schedule(8)
     rms = np.sqrt(np.cumsum(np.append(0.0, late**2)) / 7)
-    paid = 1.0 / (1.0 + rms / tempo.tolerance) + (1.0 - scene.uniform().score) * np.arange(8) / 7
-    assert rewards == pytest.approx(100.0 * np.diff(paid) / scene.uniform().score, rel=1e-6)
+    returns = 1.0 / (1.0 + rms / tempo.tolerance) + (1.0 - scene.uniform().score) * np.arange(8) / 7
+    assert rewards == pytest.approx(100.0 * np.diff(returns) / scene.uniform().score, rel=1e-6)
     assert rewards.sum() == pytest.approx(100.0 * info["gain"])
     assert info["score"] == scene.as_placed.score(info["wave"])
     lateness = np.clip(late / (3.0 * tempo.tolerance), -1.0, 1.0)
@@ -107,7 +107,7 @@ def test_rewards_and_observations_follow_a_schedule(noise):
 def test_rewards_do_not_depend_on_the_size_of_the_dominoes(name, push):
     scene = short(name, 12)
     scene = scene.replace(physics=scene.physics.replace(push=push))
-    outcomes, paid = set(), []
+    outcomes, returns = set(), []
     for factor in (0.1, 1.0, 10.0):
         env = DominoChain(scaled(scene, factor), rtol=1e-10)
         rng, rewards = np.random.default_rng(1), []
@@ -115,8 +115,8 @@ def test_rewards_do_not_depend_on_the_size_of_the_dominoes(name, push):
             *_, episode, info = play(env, at_random(env, rng, low, high))
             rewards.append(episode)
             outcomes.add(info["outcome"])
-        paid.append(np.concatenate(rewards))
-    np.testing.assert_allclose(paid, paid[1][None].repeat(3, axis=0), rtol=1e-6, atol=1e-6)
+        returns.append(np.concatenate(rewards))
+    np.testing.assert_allclose(returns, returns[1][None].repeat(3, axis=0), rtol=1e-6, atol=1e-6)
     assert len(outcomes) > 1
 
 
@@ -257,9 +257,9 @@ def test_an_episode_continues_from_a_given_layout(name):
             rise=whole.rise[:given], tilt=whole.tilt[: given + 1],
         )  # fmt: skip
         policy = actions[given:].__getitem__
-        _, resumed, paid, last = play(env, policy, options={"layout": start})
+        _, resumed, resumed_rewards, last = play(env, policy, options={"layout": start})
         np.testing.assert_array_equal(resumed, observations[given:])
-        np.testing.assert_allclose(paid, rewards[given:], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(resumed_rewards, rewards[given:], rtol=0.0, atol=1e-12)
         assert last["score"] == info["score"]
 
 

@@ -36,23 +36,23 @@ def test_errors_are_those_of_the_scene_and_are_observed():
     env.reset(seed=3)
     observed = [env.step(np.array([ACTION]))[0][3] for _ in range(SCENE.count - 1)]
     gaps = env.snapshot().wave.layout.spacing
-    off = SCENE.placement_errors(np.random.default_rng(3))
-    assert gaps == pytest.approx(np.maximum(INTENDED.spacing + off, LEAST_GAP), rel=1e-12)
+    errors = SCENE.placement_errors(np.random.default_rng(3))
+    assert gaps == pytest.approx(np.maximum(INTENDED.spacing + errors, LEAST_GAP), rel=1e-12)
     inside = np.interp(gaps, SCENE.spacing, (-1.0, 1.0))
     assert observed == pytest.approx(inside, abs=1e-6)
 
 
 def test_layouts_are_compared_by_means_over_the_same_errors():
-    steady = SCENE.replace(placement_deviation=0.0)
+    exact = SCENE.replace(placement_deviation=0.0)
     gap = SCENE.uniform().layout.spacing[0]
-    assert SCENE.uniform().score == steady.uniform().score
+    assert SCENE.uniform().score == exact.uniform().score
     action = np.interp(gap, SCENE.spacing, (-1.0, 1.0))
     same = build(lambda o: np.full((*o.shape[:-1], 1), action), SCENE)
     scripted = uniform(SCENE)
     assert same.score == pytest.approx(scripted.score, rel=1e-6)
     assert scripted.gain == pytest.approx(0.0, abs=1e-12)
     mean = SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
-    assert scripted.score == mean < steady.score(scripted.layout)
+    assert scripted.score == mean < exact.score(scripted.layout)
     with pytest.raises(ValueError, match="greedy tries each action in a copy"):
         ScriptedPolicy("greedy").build(SCENE)
 

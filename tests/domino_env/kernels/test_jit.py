@@ -20,23 +20,23 @@ from domino_env.kernels.jit import entry_point, noinline
 from domino_env.kernels.quadrature import NODES
 
 @noinline
-def beneath(values):
+def inner(values):
     return NODES[0, 0], at_or_zero(values, 0)
 
 @entry_point
-def into(values):
+def direct(values):
     return NODES[0, 0], at_or_zero(values, 0)
 
 @entry_point
-def across(values):
-    return beneath(values)
+def nested(values):
+    return inner(values)
 """
-ASK = """
+CALL = """
 import json
-from domino_env.kernels.probe import across, into
+from domino_env.kernels.probe import direct, nested
 result = {
-    "values": [*into(None), *across(None)],
-    "hits": [sum(entry.stats.cache_hits.values()) for entry in (into, across)],
+    "values": [*direct(None), *nested(None)],
+    "hits": [sum(entry.stats.cache_hits.values()) for entry in (direct, nested)],
 }
 print(json.dumps(result))
 """
@@ -50,9 +50,9 @@ def copy(tmp_path):
     shutil.copytree(Path(domino_env.__file__).parent, package, ignore=litter)
     (package / "kernels" / "probe.py").write_text(PROBE)
 
-    def ask(*, full_disk=False, **environment):
+    def call(*, full_disk=False, **environment):
         done = subprocess.run(
-            [sys.executable, "-c", ASK],
+            [sys.executable, "-c", CALL],
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(tmp_path), **environment},
             capture_output=True,
@@ -63,8 +63,8 @@ def copy(tmp_path):
         )
         return json.loads(done.stdout), done.stderr
 
-    ask.package = package
-    return ask
+    call.package = package
+    return call
 
 
 def edit(file, old, new):

@@ -42,9 +42,9 @@ def test_the_first_hit_has_the_known_velocity_ratio(rise, friction, ratio, error
     """Equal dominoes lose half the energy; a tread 10 mm higher has a known ratio of velocities."""
     layout = de.Layout([0.0165], 0.0075) if rise == 0.0 else de.Layout([0.02], 0.0075, rise=rise)
     wave = de.simulate(layout, de.Physics(friction), rtol=1e-12)
-    lost = wave.release_velocity[1] / wave.impact_velocity[0]
-    lost = lost if rise else 2.0 * lost**2
-    assert lost == pytest.approx(ratio, abs=error)
+    kept = wave.release_velocity[1] / wave.impact_velocity[0]
+    kept = kept if rise else 2.0 * kept**2
+    assert kept == pytest.approx(ratio, abs=error)
 
 
 # the gap, over the height, at which the largest factor is carried
@@ -71,8 +71,8 @@ def test_the_steady_wave_without_friction_exists_up_to_a_pitch(slender):
     """van Leeuwen 2004, eq. 79: d/λ < (1-a²)/(1+a²), within 0.2 %; equivalent to Δh > 0."""
     limit = (1.0 - slender**2) / (1.0 + slender**2)
     assert de.existence_limit(slender, 1.0) == pytest.approx(limit, rel=2e-3)
-    for lean, exists in ((0.997 * limit, True), (1.003 * limit, False)):
-        assert de.steady_wave(slender / lean, slender, 1.0, de.Physics(0.0)).exists is exists
+    for ratio, exists in ((0.997 * limit, True), (1.003 * limit, False)):
+        assert de.steady_wave(slender / ratio, slender, 1.0, de.Physics(0.0)).exists is exists
 
 
 @pytest.mark.parametrize(

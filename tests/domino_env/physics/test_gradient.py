@@ -121,15 +121,15 @@ def test_the_gradient_matches_multi_precision_solutions(friction, uneven):
 
 # friction, push 1 + 1e-7 times the smallest [rad/s], and the derivative of the last time by it
 # [s²/rad], by `precise_wave` between pushes 1e-10 of the push above and below
-@pytest.mark.parametrize(("friction", "push", "slope"), [
+@pytest.mark.parametrize(("friction", "push", "derivative"), [
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip
-def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, slope):
+def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, derivative):
     layout, physics = Layout([0.011, 0.009], 0.0075), Physics(friction, push=push)
     wave = simulate(layout, physics, rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
-    assert wave.gradient().push == pytest.approx(slope, rel=1e-6)
-    assert abs(slope) > 1e4 * abs(of_time(layout, physics.replace(push=2.0 * push)).push)
+    assert wave.gradient().push == pytest.approx(derivative, rel=1e-6)
+    assert abs(derivative) > 1e4 * abs(of_time(layout, physics.replace(push=2.0 * push)).push)
 
 
 # laws -----------------------------------------------------------------------------------------

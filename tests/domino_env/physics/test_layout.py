@@ -204,10 +204,10 @@ def test_invalid_files_are_rejected(tmp_path, text, words):
     """The message has file, line and column or key, the value, and what to give."""
     path = tmp_path / ("layout.json" if text[:1] in tuple("{[") else "layout.csv")
     path.write_text(text)
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - compared below
         Layout.read(path)
-    assert str(refused.value).startswith(str(path))
-    assert words in str(refused.value)
+    assert str(caught.value).startswith(str(path))
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(("table", "words"), [

@@ -82,9 +82,9 @@ BAD = [
 @pytest.mark.parametrize(("tables", "words"), BAD, ids=[words[:40] for _, words in BAD])
 @pytest.mark.filterwarnings("ignore:profile spans")
 def test_the_error_of_an_invalid_scene_names_file_and_key(tables, words):
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - compared below
         read(**tables)
-    assert str(refused.value).startswith(f"asked.toml: {words}")
+    assert str(caught.value).startswith(f"asked.toml: {words}")
 
 
 def test_a_file_of_the_same_name_does_not_hide_a_shipped_scene(tmp_path, monkeypatch):

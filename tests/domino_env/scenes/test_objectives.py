@@ -85,8 +85,8 @@ def test_the_score_under_placement_noise_is_a_mean_over_fixed_draws(name):
         step = 1e-7 * np.eye(8)[i]
         sides = (scene.batch(gaps + sign * step, thick, rtol=1e-11) for sign in (1.0, -1.0))
         up, down = (scene.evaluate(side).score for side in sides)
-        slope = evaluation.gradient.spacing[:, i]
-        assert slope == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
+        gradient = evaluation.gradient.spacing[:, i]
+        assert gradient == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
 
 
 # toppled, magnify, time -------------------------------------------------------------------------
@@ -162,14 +162,14 @@ def test_a_broken_limit_scores_between_failures_and_successes():
     assert after.tolist() == [limited.score(wave) for wave in waves]
     margin, loss = np.array([[w.stall_margin.min(), w.largest_flush_loss] for w in waves]).T
     excess = np.maximum(0.1 - margin, 0.0) + np.maximum(loss - 0.1, 0.0)
-    dead = np.array([wave.outcome != de.Outcome.PROPAGATED for wave in waves])
-    kept, broken = ~dead & (excess == 0.0), ~dead & (excess > 0.0)
+    stopped = np.array([wave.outcome != de.Outcome.PROPAGATED for wave in waves])
+    kept, broken = ~stopped & (excess == 0.0), ~stopped & (excess > 0.0)
     assert min(kept.sum(), broken.sum()) > 5
-    assert np.all((after[dead] >= -1.0) & (after[dead] < -0.5))
+    assert np.all((after[stopped] >= -1.0) & (after[stopped] < -0.5))
     assert np.all((after[broken] > -0.5) & (after[broken] < 0.0))
     assert np.array_equal(after[kept], before[kept])
     assert np.all(np.diff(after[broken][np.argsort(excess[broken])]) <= 0.0)  # less is better
-    assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
+    assert np.all(np.argsort(before[stopped]) == np.argsort(after[stopped]))
 
 
 # stock and lists --------------------------------------------------------------------------------

@@ -57,9 +57,9 @@ def test_every_picture_stands_on_its_ground(layout):
     first = 20.0 + 1.2 * layout.thickness[0] * scale.pixels
     inside = np.arange(int(first) + 8, int(x[-1]))  # beyond the triangle under it
     z = np.interp(inside, x, line[:, 1]) * scale.pixels
-    off = lowest[inside] + z - np.median(lowest[inside] + z)
-    assert np.abs(off).mean() < 1.0
-    assert np.abs(off).max() < 3.5
+    error = lowest[inside] + z - np.median(lowest[inside] + z)
+    assert np.abs(error).mean() < 1.0
+    assert np.abs(error).max() < 3.5
 
 
 def test_dominoes_of_a_figure_stand_on_the_ground_line():

@@ -153,7 +153,7 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     browser.get(first)
 
 
-def once(browser, condition):
+def wait_for(browser, condition):
     """Wait until a condition holds, and return its value."""
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -166,7 +166,7 @@ def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     body = browser.find_element("css selector", "#comparison")
     browser.find_element("id", "play").click()
     playing = "return comparison.playing() && comparison.now() > 0"
-    once(browser, lambda: browser.execute_script(playing))
+    wait_for(browser, lambda: browser.execute_script(playing))
     browser.find_element("id", "play").click()
     stopped = browser.execute_script("return comparison.now()")
     browser.execute_script(
@@ -204,8 +204,8 @@ def test_page_fits_a_phone_and_follows_the_leader(browser):
 def test_numbers_can_be_read_as_tables(browser):
     browser.execute_script("document.getElementById('numbers').open = true")
     table = "#each table:first-child tbody tr"
-    lines = once(browser, lambda: browser.find_elements("css selector", table))
-    once(browser, lambda: lines[3].text)
+    lines = wait_for(browser, lambda: browser.find_elements("css selector", table))
+    wait_for(browser, lambda: lines[3].text)
     assert len(lines) == 20
     assert lines[3].text.split()[1] == f"{COMPARED[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):

@@ -205,8 +205,8 @@ def test_gradients_under_rules_match_finite_differences(name):
         scores = problem.evaluate(x, gradient=True)
         if scores.score < 0.0:
             continue
-        slope = (exact.evaluate(x + box).score - exact.evaluate(x - box).score) / 2e-5
-        agreeing += np.abs(slope - scores.gradient).max() < 1e-5 * np.abs(slope).max()
+        difference = (exact.evaluate(x + box).score - exact.evaluate(x - box).score) / 2e-5
+        agreeing += np.abs(difference - scores.gradient).max() < 1e-5 * np.abs(difference).max()
     assert agreeing >= 5  # the differences of some have a kink within reach
 
 

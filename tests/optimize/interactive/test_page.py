@@ -124,8 +124,8 @@ class Tab:
         element = self.run("return find(arguments[0], arguments[1])", selector, text)
         element.send_keys(keys)
 
-    def drag(self, number: int, up: int, look: Callable[[], Any] = lambda: None) -> None:
-        """Drag a point of the gap curve by some pixels, and look at the page after each step."""
+    def drag(self, number: int, up: int, callback: Callable[[], Any] = lambda: None) -> None:
+        """Drag a point of the gap curve by some pixels, and call `callback` after each step."""
         from selenium.webdriver import ActionChains
 
         def act(name: str, *values: Any) -> None:
@@ -139,7 +139,7 @@ class Tab:
         act("pointer_down")
         for k in range(1, 9):
             act("move_to_location", x + 3, y - up * k // 8)  # which goes up and down only
-            look()
+            callback()
         act("pointer_up")
         self.wait(lambda: self.design.layout != before and self.settled)
 

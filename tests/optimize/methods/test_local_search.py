@@ -10,11 +10,11 @@ from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.methods.starts import coarse_matrix
 
 
-def run(arm: LocalSearch | CoarseToFine, answer: Callable) -> None:
+def run(arm: LocalSearch | CoarseToFine, objective: Callable) -> None:
     """Evaluate candidates until the search is done, at most 2000."""
     while not arm.done and arm.evaluations < 2000:
         assert np.all((arm.candidate >= 0.0) & (arm.candidate <= 1.0))
-        arm.update(*answer(arm.candidate))
+        arm.update(*objective(arm.candidate))
 
 
 def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
@@ -23,10 +23,10 @@ def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, n)))[0]
     curvature = turn @ np.diag(np.geomspace(1.0, 100.0, n)) @ turn.T
 
-    def answer(x):
+    def objective(x):
         return 5.0 - 0.5 * (x - top) @ curvature @ (x - top), curvature @ (top - x)
 
-    return answer
+    return objective
 
 
 def coarse_to_fine(start: np.ndarray) -> CoarseToFine:
@@ -48,10 +48,10 @@ def test_a_local_search_finds_the_maximum_of_a_quadratic(search, n):
 def test_a_local_search_finds_the_best_corner_or_face_of_the_box():
     """No component of the gradient leads into the box."""
     top = np.array([1.4, 0.3, -0.2, 0.6, 1.1])
-    answer = quadratic(top, seed=3)
+    objective = quadratic(top, seed=3)
     arm = LocalSearch(np.full(5, 0.5))
-    run(arm, answer)
-    gradient = answer(arm.design)[1]
+    run(arm, objective)
+    gradient = objective(arm.design)[1]
     low, high = arm.design <= 0.0, arm.design >= 1.0
     assert low.any()
     assert high.any()
@@ -64,7 +64,7 @@ def test_a_local_search_finds_the_best_corner_or_face_of_the_box():
 def test_a_local_search_follows_a_kink(n):
     """The ridge -8 |x0 - x1²| bends; along it a smooth score rises to x = 0.7."""
 
-    def answer(x):
+    def objective(x):
         distance = x[0] - x[1] ** 2
         gradient = np.zeros(n)
         gradient[0] = -8.0 * np.sign(distance)
@@ -74,7 +74,7 @@ def test_a_local_search_follows_a_kink(n):
         return 3.0 + score, gradient
 
     arm = LocalSearch(np.full(n, 0.1))
-    run(arm, answer)
+    run(arm, objective)
     assert arm.score == pytest.approx(3.0, abs=1e-5)
     assert arm.design[:2] == pytest.approx([0.49, 0.7], abs=5e-3)
 
@@ -82,11 +82,11 @@ def test_a_local_search_follows_a_kink(n):
 def test_a_local_search_stops_at_a_jump_of_the_score():
     """Beyond x0 = 0.6 the wave stops: zero gradient and a negative score."""
 
-    def answer(x):
+    def objective(x):
         return (-0.3, np.zeros(2)) if x[0] > 0.6 else (1.0 + x[0] - x[1], np.array([1.0, -1.0]))
 
     arm = LocalSearch(np.array([0.2, 0.9]))
-    run(arm, answer)
+    run(arm, objective)
     assert arm.design[0] == pytest.approx(0.6, abs=1e-3)
     assert arm.design[0] <= 0.6
     assert arm.score >= 1.1 > 0.3  # it began at 0.3
