@@ -144,7 +144,8 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     callable
         `score(spacing, thickness=None, height=None)`: maps the gaps (B, N-1) [m] and, where they
         are free, the thicknesses and heights (B, N-1) [m] of all dominoes but the first, to the
-        scores (B,). It raises TypeError for an argument that is not a tensor.
+        scores (B,). It raises TypeError for an argument that is not a tensor,
+        and ValueError for one of another shape.
 
     Raises
     ------
@@ -170,7 +171,10 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     ) -> torch.Tensor:
         sizes = {"spacing": spacing, "thickness": thickness, "height": height}
         for name, size in sizes.items():
-            require_type(name, size, torch.Tensor | None, f"a tensor (B, {target.count - 1})")
+            shape = (len(spacing), target.count - 1)
+            require_type(name, size, torch.Tensor | None, f"a tensor (B, {shape[1]})")
+            if size is not None and size.shape != shape:
+                raise ValueError(f"{name} has shape {tuple(size.shape)}: give (B, {shape[1]})")
         scores: torch.Tensor = _Score.apply(target, rtol, *sizes.values())[0]  # type: ignore[no-untyped-call]
         return scores
 

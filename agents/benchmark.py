@@ -48,10 +48,10 @@ BASELINES = ("ramp", "cma", "auto")  # scripted policy and searches without lear
 SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
 ENVIRONMENT = "DominoChain-v1"  # its version fixes rewards, observations and scenes
-TRAININGS = Path("runs/benchmark")  # one folder for each training
+TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorithm of `domino train`
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
-STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and least gain of others
+STOPPED_GAIN = -1.0  # gain of searches and scripted policies whose wave stops, and their least gain
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,8 @@ class BenchmarkTask(Task):
     Attributes
     ----------
     steps
-        Largest number of dominoes that a training places; None for that of the hyperparameters.
+        Number of dominoes that a training places at most, a third-party one about; None for that of
+        the hyperparameters, 100 000 for a third-party algorithm.
     """
 
     steps: int | None = None
@@ -110,7 +111,13 @@ class BenchmarkTask(Task):
         Parameters
         ----------
         clock
-            Function that returns the time [s], for searches and scripted policies.
+            Function that returns the time [s], for scripted policies and for searches in a single
+            scene; searches in a test set use `time.process_time`.
+
+        Returns
+        -------
+        TaskResult
+            Result of the run, whose `evaluations` are dominoes placed.
 
         Raises
         ------
@@ -231,7 +238,8 @@ def benchmark_tasks(
     seeds
         Number of seeds, from `FIRST_SEED` on; a scripted policy runs once.
     steps
-        Largest number of dominoes that a training places; None for that of the hyperparameters.
+        Number of dominoes that a training places at most, a third-party one about; None for that of
+        the hyperparameters, 100 000 for a third-party algorithm.
     seconds
         Largest processor time of a search in a single scene [s]; in each scene of a test set,
         `SEARCH_TIME_RATIO` times that. None for no limit.
@@ -283,14 +291,14 @@ def learning_curve(folder: Path) -> list[TraceEntry]:
     return trace
 
 
-@lru_cache(8)  # more than the targets of a benchmark
+@lru_cache(8)  # more than the default targets of a benchmark
 def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
     document = parse_document(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else read_scene(text)
 
 
-@lru_cache(8)  # more than the targets of a benchmark
+@lru_cache(8)  # more than the default targets of a benchmark
 def target_hash(target: Target) -> str:
     """Return a short hash of the environment's name, of a target and of its test set."""
     tests = load_test_set(target.name) if isinstance(target, SceneDistribution) else []
@@ -316,7 +324,10 @@ def machine_versions() -> dict[str, str]:
 
 
 def best_known_score(result: TaskResult) -> float:
-    """Return the best known score of a result's target, a median gain in a test set; else -inf."""
+    """Return the best known score of a result's target; -inf if there is none.
+
+    For a scene distribution it is the median gain in the test set.
+    """
     target = read_target(result.scene)
     if isinstance(target, Scene):
         return known_score(result)

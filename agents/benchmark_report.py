@@ -109,6 +109,11 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
     targets
         Scenes and scene distributions that are not shipped.
 
+    Returns
+    -------
+    list of TaskResult
+        Results without layouts and numbers of simulated intervals; empty if there is no file.
+
     Raises
     ------
     ValueError
@@ -135,7 +140,7 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
 
 def _result(line: Mapping[str, str], scene: str) -> TaskResult:
     """Return the result in a line of the table of runs."""
-    score, uniform = float(line["score"]), float(line["uniform"])
+    score, uniform = float(line["score"]), float(line["uniform"])  # 0 if scenes are sampled
     trace = [(n, 0, seconds, value) for n, seconds, value in json.loads(line["trace"])]
     return TaskResult(
         key=line["key"], scene_name=line["scene"], method=line["algorithm"], seed=int(line["seed"]),
@@ -220,7 +225,8 @@ def table(
     names
         Names of the algorithms; None for all.
     scene
-        Name of a scene, whose scores are added to the table; None for all scenes.
+        Name of the scene whose runs are shown, with the worst and the best score; None for the runs
+        in all scenes.
 
     Returns
     -------
@@ -296,11 +302,11 @@ def _scene_section(experiment: Experiment, scene: str) -> list[str]:
     result = next(r for r in experiment.results if r.problem == scene)
     best = _score_text(result, experiment.best[scene])
     text = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
-    if not result.uniform_score:
+    if not result.uniform_score:  # scenes are sampled
         text = SAMPLED.format(best)
     return ["", f"## {scene}", "", text, "", *table(experiment, None, scene)]
 
 
 def _score_text(result: TaskResult, score: float) -> str:
-    """Format a score on the problem of a result, as a gain if scenes are sampled."""
+    """Format a score on the problem of a result; a gain if scenes are sampled (uniform 0)."""
     return f"{score:.5f}" if result.uniform_score else f"{score:+.2%}"

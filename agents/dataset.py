@@ -21,7 +21,7 @@ import numpy as np
 
 from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.checks import as_path, require, require_extra
-from domino_env.core.files import require_unused, require_writable, write_text
+from domino_env.core.files import require_writable, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.envs import register
@@ -95,7 +95,8 @@ def make_dataset(
     require_extra("a dataset", "minari", "pyarrow", "minari")
     root, source = as_path("folder", folder), load_distribution(distribution)
     require_writable(root)
-    require_unused(root, (CARD, EPISODES))
+    if (root / CARD).exists() or (root / EPISODES).exists():
+        raise ValueError(f"{root} holds a data set that is finished: name another folder")
     root.mkdir(parents=True, exist_ok=True)
     sampled_scenes = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)

@@ -112,18 +112,25 @@ class Network:
         for i, (weight, bias) in enumerate(self.layers):
             shapes = f"layer {i} has shapes {weight.shape} and {bias.shape}"
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
-                raise ValueError(f"{shapes}: expected {size} inputs")
+                raise ValueError(f"{shapes}: expected (n, {size}) and (n,)")
             for array in (weight, bias):
                 if array.dtype != np.float32 or not np.isfinite(array).all():
                     raise ValueError(f"layer {i} has values that are not finite float32 numbers")
             size = weight.shape[0]
-        if not self.layers or size != outputs:
+        if not self.layers:
+            raise ValueError("there are no weights of layers")
+        if size != outputs:
             raise ValueError(f"the last layer has {size} outputs: expected {outputs}")
         return self
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Read the arrays of an .npz file; no pickled code is run.
+
+    Returns
+    -------
+    dict
+        Arrays by name.
 
     Raises
     ------
@@ -150,6 +157,8 @@ def read_network(
     ------
     ValueError
         If the file does not have the weights of a network with these inputs and outputs.
+    OSError
+        If it cannot be read.
     """
     arrays = read_arrays(path)
     with errors_with_path(path):
@@ -184,7 +193,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     function = activation or kinds[0].activation
     if function not in ACTIVATIONS:
         raise UnsupportedPolicyError(
-            f"its activation function is {function}, only Tanh and ReLU are supported"
+            f"its activation function is {function}: expected Tanh or ReLU"
         )
     names = _names(layers, kinds[0])
     has_biases = any(name.endswith("bias") for name in arrays)

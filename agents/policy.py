@@ -23,7 +23,7 @@ from agents.algorithms import Hyperparameters
 from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.checks import require_type
+from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_model
 from domino_env.core.progress import notice
@@ -161,7 +161,17 @@ class ScenePolicy:
             (A,) or (B, A), each from -1 to 1.
         state : None
             The policy has no state.
+
+        Raises
+        ------
+        ValueError
+            For an observation of another shape, or with entries that are not finite.
         """
+        values = numbers("observation", observation)
+        require("observation", values, array=True)
+        if values.shape[-1:] != (self.size,):
+            given = f"observation has shape {values.shape}"
+            raise ValueError(f"{given}: give ({self.size},) or (B, {self.size})")
         return self.policy(observation), None
 
     def build(self, scene: Scene | None = None) -> Rollout:
@@ -182,6 +192,7 @@ class ScenePolicy:
         ValueError
             If observations of the scene have another size, or if no scene is known.
         """
+        require_type("scene", scene, Scene | None, "a Scene, as load_scene returns")
         target = scene or self.scene
         if not isinstance(target, Scene):
             raise ValueError(f"policy '{self.source}' has no scene of its own: give one (--scene)")

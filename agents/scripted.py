@@ -14,6 +14,7 @@ from agents.draw import open_loop, shipped_references
 from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, average, average_uniform, build, evaluation_seeds
 from domino_env import DominoChain
+from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints, Singles
 from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
@@ -243,4 +244,5 @@ class ScriptedPolicy:
 
     def build(self, scene: Scene) -> Rollout:
         """Build a layout; raise ValueError for a scene that the policy cannot handle."""
+        require_type("scene", scene, Scene, "a Scene, as load_scene returns")
         return SCRIPTED[self.name](scene)

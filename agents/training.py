@@ -282,8 +282,8 @@ class Training:
             self.learner = self._resume_learner()
         else:
             self.learner = self._make_learner(self.seed)
-            if not resume:
-                require_unused(self.folder, FILES)  # another training may have begun meanwhile
+            if not resume and (self.folder / CONFIG).exists():
+                raise ValueError(f"{self.folder}: another training began in it: name another one")
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,

@@ -4,10 +4,10 @@ An algorithm is one of those of `domino train`, a scripted policy (ramp), a sear
 auto) or a third-party algorithm: `package.module:fit` with a function fit(make_env, steps, seed)
 that returns an object with `predict`.
 
-Every result is stored when its run ends, and each training has a folder in runs/benchmark. The same
-command executes missing runs, continues stopped trainings and rewrites the page. Runs in the table
-benchmark.csv of the output folder are not repeated and remain on the page. After Ctrl-C the page
-has all complete runs. Times are processor times.
+Every result is stored when its run ends. Each training of an algorithm of `domino train` has a
+folder in runs/benchmark. The same command executes missing runs, continues stopped trainings and
+rewrites the page. Runs in the table benchmark.csv of the output folder are not repeated and remain
+on the page. After Ctrl-C the page has all complete runs. Times are processor times.
 
 The default scenes are sprint, course, sprint-thickness, ideal and varied. In varied every episode
 has a new scene, and scores are those in the test set.
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> str:
-    """Return the command line that writes the page, without options that have their defaults."""
+    """Return the command line of the page, with the options that the results depend on."""
     words = ["domino", "benchmark", *arguments.scenes]
     for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
         value = getattr(arguments, name)

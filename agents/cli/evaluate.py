@@ -5,7 +5,7 @@ or an archive (.zip) of Stable-Baselines3 or sb3-contrib, which needs --scene. S
 uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule) and rule (takes
 pieces from a hand). Archives with plain multilayer perceptrons are read without running code;
 others need --trust. `designer` designs a layout for a new --scene in milliseconds. --scenes
-evaluates it, or a policy trained on `varied`, in many scenes that were not used in the training.
+evaluates a policy in many scenes that were not used in its training.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("layout", LAYOUT_FILE, "FILE", None, target),
     )
     add_options(
-        parser.add_argument_group("evaluation on many scenes, of a policy trained on many"),
+        parser.add_argument_group("evaluation in many scenes"),
         ("scenes", NATURAL, "N", None, "number of scenes"),
         ("distribution", str, "NAME", None, names),
         ("seed", WHOLE, "N", None, seed),
@@ -67,6 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.distribution, scene = arguments.scene, None
     distribution = arguments.distribution and load_distribution(arguments.distribution)
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=distribution)
+    for name in ("layout",) if many else ("csv", "seed"):
+        if getattr(arguments, name) is not None:
+            raise ValueError(f"--{name}: leave it out {'with' if many else 'without'} --scenes")
     if many:
         return _evaluate_scenes(policy, arguments)
     if isinstance(policy, ScenePolicy):
@@ -88,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _evaluate_scenes(
     policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
 ) -> int:
-    """Print a table of the scores in many scenes, and write it if --csv is given."""
+    """Print a table of the scores in many scenes; write a line for each scene with --csv."""
     from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
     from domino_env import SceneDistribution
 
@@ -123,11 +126,12 @@ def describe(rollout: Rollout) -> str:
     from optimize.experiments.best_known import best_known
 
     scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
-    text = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
+    unit = f" {scene.unit}" if scene.unit else ""
+    text = f"{scene.name}: score {score:.6f}{unit} ({rollout.wave.outcome.name})"
     if rollout.gain is not None:
         text += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
-    record = best_known().get(scene.name)
-    best: float | None = None if record is None else record.score
+    known = best_known().get(scene.name)
+    best: float | None = None if known is None else known.score
     reference = "the best known"
     if (number := len(evaluation_seeds(scene))) > 1:
         best, reference = None, f"the open-loop plan over the same {number} episodes"

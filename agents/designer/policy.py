@@ -3,7 +3,8 @@
 Good layouts end with a number of tight gaps, which depends on the scene. A first network ranks the
 candidates for this number. A second one computes gap and thickness of each domino from the features
 of the scene, this number, and the position in the chain; the state of the wave follows from these,
-so it is not observed. The layouts of all candidates are simulated in one batch, and the best is
+so it is not observed. The layouts of all candidates are simulated in one batch; with free thickness
+or a given length also the best of them with more and less variation of its gaps. The best is
 improved by a few exact-gradient steps. The networks need NumPy only.
 """
 
@@ -35,7 +36,7 @@ from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
 from agents.rollout import Rollout, average
 from domino_env import Layout, Scene, Wave, load_scene
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_type
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from domino_env.view.notebook import SceneResult
@@ -167,6 +168,7 @@ class Designer:
         ValueError
             If the scene is of another kind than those of the training.
         """
+        require_type("scene", scene, Scene, "a Scene, as load_scene returns")
         require_kind(scene)
         compile_simulations(scene)
         design, uniform = self.design(scene), scene.uniform()
@@ -192,6 +194,8 @@ class Designer:
         ValueError
             If names or shapes of arrays differ from those of these networks, or if values are not
             finite.
+        OSError
+            If the file cannot be read.
         """
         path = folder / POLICY
         return cls(
@@ -271,7 +275,8 @@ def design(scene: str | Path | Scene, *, tries: int = TRIES, steps: int | None =
     """Design a layout for a scene in milliseconds: a proposal and a few exact-gradient steps.
 
     The networks propose a layout for each of up to 13 numbers of tight gaps at the end. The
-    proposals are simulated in one batch, and the best is improved.
+    proposals are simulated in one batch, with free thickness or a given length also the best of
+    them with more and less variation of its gaps. The best is improved.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ SEED = ("seed", WHOLE, "N", 0, "seed of all randomness")
 
 
 def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:
-    """Read the coefficient of friction of a floor; 'free' is 1."""
+    """Read the coefficient of friction of a floor; 'free', a free-standing chain, means 1."""
     return 1.0 if text == "free" else read(text)
 
 
@@ -175,7 +175,7 @@ class ChosenPhysics:
     physics
         Physics of the scene, or the defaults, with the values of the options.
     changed
-        Names of the given options, of friction, gravity and push.
+        Names of those of the options friction, gravity and push that were given.
     origin
         Source of the physics, as text.
     """

@@ -27,7 +27,7 @@ COMMENTS = {
     "floor_friction": "Coulomb coefficient between dominoes and floor",
     "gravity": "[m/s²]",
     "push": "[rad/s] angular velocity of the first domino",
-    "fixed": "[m]; for free thicknesses write min and max, or values = [...]",
+    "fixed": "[m]; for free values write min and max, or values = [...]",
     "deviation": "[m] standard deviation of the error of each gap",
     "quantile": "fraction of the draws that may be slower than the score",
     "draws": "number of draws that are simulated for each score",
@@ -40,7 +40,7 @@ DRAWS, FLOOR_DRAWS = 256, 8  # draws for each score, with fixed pivots and on a 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino scene`."""
-    # the bounds of count and slope are those of `MAX_DOMINOES` and `MAX_SLOPE`, which import NumPy
+    # bounds as `scenes.rules.MAX_DOMINOES` and `physics.ground.MAX_SLOPE`, whose modules need NumPy
     for name, read, text in (
         ("count", options.number(whole=True, low=2, high=100_000), "number of dominoes"),
         ("thickness", options.SIZE, "size of a domino along the chain [mm]"),
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     gaps = "smallest and largest free gap [mm] (2, and 0.8 times the height)"
     parser.add_argument("--gaps", type=options.SIZE, nargs=2, metavar=("MIN", "MAX"), help=gaps)
-    read, text = options.output(".toml"), "write to a .toml file (print)"
+    read, text = options.output(".toml"), "write to a .toml file (standard output)"
     parser.add_argument("-o", "--out", type=read, metavar="FILE", help=text)
 
 
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
     require("--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="height")
-    require("--gaps", high, below=arguments.height, unit="mm", hint="height")
+    require("--gaps", high, low, below=arguments.height, unit="mm", hint="MIN, then MAX < height")
     objective, settings = "mean_speed", None
     if arguments.deviation is not None:
         options.require_deviation(arguments.deviation, high)

@@ -1,9 +1,10 @@
 """Verify layouts with simulators in which closed contacts may open.
 
 The reference simulator simulates each layout with fixed pivots and free-standing on floors, in
-about a second. If the extra 'verify' (pymunk) is installed, a third-party rigid-body engine
-simulates it too, in seconds to minutes: it repeats the simulation with more solver iterations and
-smaller steps until the arrival times converge or its limits are reached.
+about a second, and with a scene also its uniform baseline on each floor, in some seconds. If the
+extra 'verify' (pymunk) is installed, a third-party rigid-body engine simulates it too, in seconds
+to minutes: it repeats the simulation with more solver iterations and smaller steps until the
+arrival times converge or its limits are reached.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
     """Add --floor and --engine; `engine` is the default of --engine, `note` ends its help."""
-    floors = "coefficients of friction of the floors; 'free' is 1"
+    floors = "coefficients of friction of the floors; 'free' means 1"
     options.add_options(parser, ("floor", read_floors, "FRICTION,...", "0.3,0.5,1", floors))
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,

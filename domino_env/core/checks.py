@@ -49,7 +49,7 @@ def require(
     above, below
         Exclusive bounds, in place of `low` and `high`.
     whole
-        If True, only whole numbers are accepted.
+        If True, only integers are accepted.
     optional
         If True, None is accepted.
     array

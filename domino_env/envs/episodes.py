@@ -108,7 +108,10 @@ class EpisodeResults:
 
     @cached_property
     def returns(self) -> Floats:
-        """Gains over the uniform baseline, (E,) [%]; cached, so `simulate` has to come first."""
+        """Gains over the uniform baseline, (E,) [%]; cached, so `simulate` has to come first.
+
+        A score of 0 or less, or such a baseline, counts as it is, see `DominoChain`.
+        """
         relative = np.where(self.score > 0.0, self.score / self.unit, self.score)
         return 100.0 * (relative - np.where(self.baseline > 0.0, 1.0, self.baseline))
 

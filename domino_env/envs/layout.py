@@ -41,13 +41,13 @@ class DominoLayout(DominoEnv):
 
     ## Rewards
     100 times the gain, as the return of `DominoChain-v1`. On a floor (`floor_friction`) the layout
-    is simulated free-standing, which takes some 130 ms of one core with forty dominoes (`table`).
+    is simulated free-standing, which takes some 130 ms of one core in `table`, with forty dominoes.
 
     ## Starting state
     Only the first domino is placed.
 
     ## Episode end
-    Terminated after one step. Never truncated.
+    An episode terminates after one step and is never truncated.
 
     ## Info
     Empty after a reset. After the step it has `score`, `gain`, `outcome`, `layout` and `wave`, as
@@ -108,7 +108,7 @@ class DominoLayoutVector(DominoVectorEnv):
     Raises
     ------
     ValueError
-        As for `DominoLayout`, and for another number of environments or autoreset mode.
+        As for `DominoLayout`, for less than one environment, and for an unknown autoreset mode.
     """
 
     def __init__(

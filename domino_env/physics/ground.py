@@ -27,6 +27,7 @@ MAX_DEVIATION = 1e-4  # of the ground under a base from its chord [m]
 MAX_SLOPE = 45.0  # [°]
 MAX_SPAN = 100.0  # of a profile that is probably given in metres [m]
 MAX_POINTS = 10_000
+MAX_SIZE = 1e6  # of a gap or a thickness [m]; powers of larger ones overflow
 
 Angle = Annotated[float, Meta(ge=-MAX_SLOPE, le=MAX_SLOPE)]
 Point = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=2)]
@@ -173,14 +174,16 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Raises
         ------
         ValueError
-            For sizes of other shapes or not finite, and for ground that deviates by more than
+            For sizes of other shapes or out of range, and for ground that deviates by more than
             0.1 mm from the chord under a base.
         """
         gaps = np.atleast_1d(numbers("spacing", spacing))
+        if gaps.ndim > 2:
+            raise ValueError(f"spacing has shape {gaps.shape}: give (N-1,) or (B, N-1)")
         shape = (*gaps.shape[:-1], gaps.shape[-1] + 1)
         thicknesses = numbers("thickness", thickness, True, shape, "one more than gaps")
-        require("spacing", gaps, unit="m", array=True)
-        require("thickness", thicknesses, unit="m", array=True)
+        for name, sizes in (("spacing", gaps), ("thickness", thicknesses)):
+            require(name, sizes, above=0.0, high=MAX_SIZE, unit="m", array=True)
         if self.slope is not None:
             slope = math.radians(self.slope)
             rise = -math.sin(slope) * (gaps + thicknesses[..., 1:])

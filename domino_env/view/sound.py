@@ -133,9 +133,9 @@ def _scale_samples(raw: NDArray[np.generic]) -> Floats:
 
 
 def _require_samples(number: int, subject: str) -> None:
-    """Raise ValueError for too many samples; subject: first words of the message."""
-    if number > MAX_SAMPLES:
-        raise ValueError(f"{subject} {number:,} samples: give at most {MAX_SAMPLES:,}")
+    """Raise ValueError for no or too many samples; subject: first words of the message."""
+    if not 0 < number <= MAX_SAMPLES:
+        raise ValueError(f"{subject} {number:,} samples: give 1 to {MAX_SAMPLES:,}")
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,11 @@ from typing import Any
 import msgspec
 
 from domino_env.core.checks import as_path, require_extra
-from domino_env.core.files import as_text, require_writable, write_bytes
+from domino_env.core.files import as_text, one_line, require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
 
+STUDY_NAME = re.compile(r"(?!\.+$)[^/\\]{1,200}")  # it may name a folder
 LOCK_TIMEOUT = 60.0  # [s] that a process waits for others to finish writing
 TABLES = (
     "CREATE TABLE IF NOT EXISTS studies (number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, "
@@ -130,7 +131,7 @@ class Store:
             If the study of that name has another kind or other settings, if the name is invalid or
             a number in the settings is not finite, or if the store cannot be written.
         """
-        if not re.fullmatch(r"(?!\.+$)[^/\\]{1,200}", name) or not name.isprintable():
+        if not isinstance(name, str) or not name.isprintable() or not STUDY_NAME.fullmatch(name):
             expected = "give 1 to 200 printable characters without / and \\"
             raise ValueError(f"study name = {as_text(name)}: {expected}")
         text = json.dumps(dict(settings), allow_nan=False)
@@ -141,10 +142,12 @@ class Store:
                 (name, kind, text, begun),
             )
         study = self.study(name)
-        if (study.kind, study.settings) != (kind, json.loads(text)):
+        own, given = study.settings, json.loads(text)
+        if (study.kind, own) != (kind, given):
+            differing = {key: value for key, value in own.items() if value != given.get(key)}
             raise ValueError(
-                f"study '{name}' in {self.path} was begun as {study.kind} with {study.settings}, "
-                "not with the settings given: give the same, or name another study"
+                f"study '{name}' in {self.path} was begun as {study.kind} with "
+                f"{one_line(str(differing), 200)}: give the same, or name another study or folder"
             )
         return study
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.checks import require_extra
+from domino_env.core.checks import require, require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
@@ -52,6 +52,7 @@ class Studio:
     """
 
     def __init__(self, design: Design, port: int = 0) -> None:
+        require("port", port, 0, 65535, whole=True)
         self.design, self.url = design, ""
         self._port, self._first_step = port, design.first_step
 

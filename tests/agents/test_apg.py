@@ -99,6 +99,8 @@ def test_a_score_of_tensors_has_the_exact_gradient(scene):
     layouts = [scene.layout(*(size[b].detach().numpy() for size in sizes)) for b in range(2)]
     assert scores.tolist() == pytest.approx([scene.score(layout) for layout in layouts], rel=1e-6)
     assert torch.autograd.gradcheck(score, sizes, eps=1e-6, atol=1e-3, rtol=1e-3)
+    with pytest.raises(ValueError, match=r"spacing has shape \(2, 10\): give \(B, 11\)"):
+        score(gaps[:, 1:], *sizes[1:])
     single = score(gaps.detach().float().requires_grad_(), *sizes[1:])
     single.sum().backward()
     assert single.dtype == torch.float32

@@ -38,6 +38,12 @@ def test_a_shipped_policy_has_its_reported_score(name):
     assert rollout.gain > 0.03
     assert rollout.scene.violations(rollout.layout) == []
     assert f"| {rollout.score:.5f} |" in (POLICIES / name / "README.md").read_text("utf-8")
+    policy = load_policy(name)
+    for wrong in (np.zeros(3), np.full(policy.size, np.nan), "x"):
+        with pytest.raises(ValueError, match="observation"):
+            policy.predict(wrong)
+    with pytest.raises(TypeError, match="scene = 'sprint': give a Scene"):
+        policy.build("sprint")
 
 
 @pytest.mark.parametrize("name", [*policy_names(), DESIGNER])

@@ -280,6 +280,8 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: CURVED.rise_and_tilt([0.01] * 5, [0.0075] * 2),
      "thickness has shape (2,): give (6,), one more than gaps"),
     (lambda: CURVED.rise_and_tilt([math.nan], [0.0075] * 2), "spacing[0] = nan m: give a finite"),
+    (lambda: CURVED.rise_and_tilt([-0.02], [0.0075] * 2), "spacing[0] = -0.02 m: give a finite"),
+    (lambda: CURVED.rise_and_tilt(np.ones((1, 1, 1)), 0.1), "spacing has shape (1, 1, 1): give"),
     (lambda: de.Layout(np.ma.array([0.01, 0.03], mask=[0, 1]), 0.0075), "spacing = "),
     (lambda: de.simulate_batch([[0.02]], 0.0075).pullback([[0.0, math.nan]]), "arrival_bar[0, 1]"),
     (lambda: de.simulate_batch([[0.02]], 0.0075)["a"], "b = 'a': give the index of a wave"),

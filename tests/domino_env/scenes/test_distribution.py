@@ -105,7 +105,11 @@ def test_a_scene_has_the_numbers_it_was_made_from():
         ("min = 0.5,", "min = 0.0,", 'give more than 0 for spread = "log"'),
         ("min_ratio = 2", "min_ratio = 5", "spacing.max = 0.9: give at least min_ratio = 5"),
         ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
-        ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': allowed"),
+        (
+            "min = 1.6,",
+            'of = "height", min = 1.6,',
+            "physics.gravity.of = 'height': only for",
+        ),
         ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
         ("0.012}", '0.012, min_ratio = 1, of = "height"}', "give `of` in both min and max"),
     ],

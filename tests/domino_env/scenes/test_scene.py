@@ -76,8 +76,8 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
 
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: SMALL.score(SMALL.layout(0.035)), "scene 'small': spacing[0] = 0.035 m"),
-    (lambda: SMALL.replace(thickness=(0.005, 0.01)).layout(0.016), "thickness is missing: scene"),
-    (lambda: de.load_scene("magnify").layout(0.02), "height is missing: scene 'magnify' leaves it"),
+    (lambda: SMALL.replace(thickness=(0.005, 0.01)).layout(0.016), "thickness is missing: give"),
+    (lambda: de.load_scene("magnify").layout(0.02), "height is missing: give it, as heights grow"),
     (lambda: SMALL.replace(spacing=0.02), "scene 'small': spacing has shape (): give (2,), a pair"),
     (lambda: SMALL.replace(spacing=(0.01, 0.02, 0.03)), "spacing has shape (3,): give (2,), a"),
     (lambda: SMALL.replace(growth=3), "growth has shape (): give (2,), a pair of"),

@@ -249,7 +249,7 @@ def test_the_gradient_of_lateness_matches_finite_differences():
         rise = problem.lateness(x + step)[1] - problem.lateness(x - step)[1]
         assert gradient[:, i] == pytest.approx(rise / 2e-6, abs=1e-6)
     assert lateness.shape == (6,)
-    with pytest.raises(ValueError, match="has no schedule"):
+    with pytest.raises(ValueError, match="is not scored by a schedule"):
         Problem(RULED["smooth"]).lateness(np.full(8, 0.5))
 
 
