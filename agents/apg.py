@@ -171,10 +171,10 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     ) -> torch.Tensor:
         sizes = {"spacing": spacing, "thickness": thickness, "height": height}
         for name, size in sizes.items():
-            shape = (len(spacing), target.count - 1)
-            require_type(name, size, torch.Tensor | None, f"a tensor (B, {shape[1]})")
-            if size is not None and size.shape != shape:
-                raise ValueError(f"{name} has shape {tuple(size.shape)}: give (B, {shape[1]})")
+            shape = f"(B, {target.count - 1})"
+            require_type(name, size, torch.Tensor | None, f"a tensor {shape}")
+            if size is not None and size.shape != (len(spacing), target.count - 1):
+                raise ValueError(f"{name} has shape {tuple(size.shape)}: give {shape}")
         scores: torch.Tensor = _Score.apply(target, rtol, *sizes.values())[0]  # type: ignore[no-untyped-call]
         return scores
 

@@ -45,6 +45,6 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
         assert returns["uniform"][i] == pytest.approx(0.0, abs=1e-2)
         assert returns["noisy"][i] != pytest.approx(gain, abs=1e-3)
     assert main(words) != 0  # an existing dataset is not overwritten
-    assert "README.md already" in capsys.readouterr().err
+    assert "finished: name another folder" in capsys.readouterr().err
     with pytest.raises(ValueError, match=r"test_dataset\.py is a file: name a folder"):
         dataset.make_dataset(__file__)

@@ -39,7 +39,7 @@ def test_options_in_millimetres_and_degrees_define_a_scene(capsys, tmp_path):
     ("--deviation 0.001", "--deviation = 0.001 mm: give a finite number from 0.01"),
     ("--out x.csv", "x.csv: name a .toml file"),
     ("--slope 20", "the ground slopes by 20°"),
-    ("--gaps 30 5", "spacing.min = 0.03 is more than max = 0.005: give"),
+    ("--gaps 30 5", "--gaps = 5.0 mm: give a finite number, at least 30, less than 48"),
 ])  # fmt: skip
 def test_impossible_scenes_are_rejected(capsys, words, message):
     assert main(["scene", "--count", "40", "--thickness", "7.5", *words.split()]) == 2
