@@ -183,7 +183,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         shape = (*gaps.shape[:-1], gaps.shape[-1] + 1)
         thicknesses = numbers("thickness", thickness, True, shape, "one more than gaps")
         for name, sizes in (("spacing", gaps), ("thickness", thicknesses)):
-            require(name, sizes, above=0.0, high=MAX_SIZE, unit="m", array=True)
+            # these comparisons take less time than `require`, which makes the message
+            if sizes.size and not 0.0 < sizes.min() <= sizes.max() <= MAX_SIZE:
+                require(name, sizes, above=0.0, high=MAX_SIZE, unit="m", array=True)
         if self.slope is not None:
             slope = math.radians(self.slope)
             rise = -math.sin(slope) * (gaps + thicknesses[..., 1:])
