@@ -83,6 +83,8 @@ def make_dataset(
     ValueError
         If numbers are out of range, if the folder holds a finished dataset or the results of other
         settings, if a search fails, or for the reasons of `load_distribution`.
+    TypeError
+        If the folder is not a path.
     KeyboardInterrupt
         If the searches were interrupted.
     ImportError
@@ -96,7 +98,7 @@ def make_dataset(
     root, source = as_path("folder", folder), load_distribution(distribution)
     require_writable(root)
     if (root / CARD).exists() or (root / EPISODES).exists():
-        raise ValueError(f"{root} holds a data set that is finished: name another folder")
+        raise ValueError(f"{root} holds a dataset that is finished: name another folder")
     root.mkdir(parents=True, exist_ok=True)
     sampled_scenes = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)

@@ -55,7 +55,7 @@ class CountedChain(DominoChain):
 def load_fit(name: str) -> Fit | None:
     """Import a learning algorithm; return None if the name is not that of one.
 
-    A function of three arguments is a learning algorithm, one of two a search method.
+    A learning algorithm has three arguments, a search method has two.
 
     Raises
     ------

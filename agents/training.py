@@ -158,7 +158,7 @@ def train(
     algorithm
         "apg", "ppo", "ars", "sac", "td3" or "tqc"; None for "ppo".
     steps
-        Total number of dominoes to place; None for that of the hyperparameters.
+        Least number of dominoes to place; None for that of the hyperparameters.
     seed
         Seed of all randomness; None for 0. Weights are bitwise reproducible on the same machine,
         except after a resumed training.
@@ -187,6 +187,8 @@ def train(
         If the algorithm or the scene is unknown, if a number is out of range, if `num_scenes` is
         given with a single scene, or if the folder holds another training or, with `resume`, none
         or one with other arguments.
+    TypeError
+        If the folder or the hyperparameters have another type.
     OSError
         If the folder cannot be written.
 
@@ -283,7 +285,7 @@ class Training:
         else:
             self.learner = self._make_learner(self.seed)
             if not resume and (self.folder / CONFIG).exists():
-                raise ValueError(f"{self.folder}: another training began in it: name another one")
+                raise ValueError(f"another training began in {self.folder}: name another folder")
             write_text(self.folder / SCENE, self.target.to_toml())
             self._write_json(
                 CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,

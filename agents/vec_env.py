@@ -122,7 +122,7 @@ class DominoVecEnv(VecEnv):
         return [result] * self._count(indices)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return True for `Monitor`, as episodes are reported as it does; False otherwise."""
+        """Return True for `Monitor`, whose `episode` info is provided; False otherwise."""
         return [issubclass(wrapper_class, Monitor)] * self._count(indices)
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

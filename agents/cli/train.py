@@ -22,7 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser,
         ("algorithm", str, "NAME", None, "apg, ppo, ars, sac, td3 or tqc (ppo)"),
-        ("steps", NATURAL, "N", None, "dominoes placed at least (default of each algorithm)"),
+        (
+            "steps",
+            NATURAL,
+            "N",
+            None,
+            "least number of dominoes placed (that of the algorithm)",
+        ),
         ("seed", WHOLE, "N", None, "seed of all randomness (0)"),
         ("num-scenes", NATURAL, "N", None, number),
         ("save-zip", output(".zip"), "FILE", None, archive),
@@ -41,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         resume=arguments.resume, progress=None, num_scenes=arguments.num_scenes,
     )  # fmt: skip
     if result.rollout is None:
-        print(f"median gain over uniform in training scenes: {result.curve[-1][3]:+z.2%}")
+        print(f"median gain in training scenes: {result.curve[-1][3]:+z.2%}")
     else:
         print(describe(result.rollout))
     print(

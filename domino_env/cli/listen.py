@@ -33,5 +33,5 @@ def run(arguments: argparse.Namespace) -> int:
             line += f", {hits.frequency * metres:.4f} ± {hits.uncertainty * metres:.4f} m/s"
         print(f"{line} (autocorrelation {hits.clarity:.2f}, {hits.seconds:.2f} s evaluated)")
         if hits.clarity < 0.3:  # autocorrelations of periodic hits are larger
-            print("  the hits are not periodic: the gaps are unequal, or the recording is noisy")
+            print("  the hits are not periodic: record a chain with equal gaps, without noise")
     return 0

@@ -162,7 +162,7 @@ class SceneSource:
         numbers = self.distribution.numbers(scene)
         if scene.count > self.longest:
             raise ValueError(
-                f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
+                f"scene '{scene.name}' has {scene.count} dominoes: use at most {self.longest}, "
                 f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
         self._store(self.pool_size + env, scene, self.distribution.scale(numbers))

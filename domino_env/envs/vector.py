@@ -180,7 +180,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         mask
-            (B,) True for the environments.
+            (B,) mask of the environments.
         observations
             (B, O) array to which their first observations are written.
         generators
@@ -231,6 +231,11 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         others
             Names that are accepted besides the options of the class.
 
+        Returns
+        -------
+        dict
+            Copy of the options; empty for None.
+
         Raises
         ------
         ValueError
@@ -243,7 +248,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         for key in options or {}:
             if key not in known:
                 allowed = ", ".join(known) or "none"
-                raise ValueError(f"unknown reset option '{key}': choose from {allowed}")
+                raise ValueError(f"unknown reset option '{key}'; accepted: {allowed}")
         return {**(options or {})}
 
     def _check_mask(self, mask: ArrayLike | None) -> Bools:

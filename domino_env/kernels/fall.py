@@ -14,7 +14,7 @@ SHALLOW = 3  # number of first leaders, whose stacks are short and whose P and Q
 DEEP = 6  # last leader that may use panels with the finest rule only; later ones with any rule
 LEAST_DECAY = 0.35  # of the logarithm of Legendre coefficients per order: the least that is assumed
 LONGER = 4.0  # times the last interval: the decay there predicts little of one that is longer
-MOST_INTERVALS = 4000  # of a fall; a few are used, some hundred near a paradox
+MOST_INTERVALS = 4000  # of a fall; a few are used, some hundred near M = 0
 REMAINDER = 1e-3  # of an interval: a shorter rest of the fall is added to it
 GROWTH = 3.0  # factor from an interval to the largest length of the next, after one was halved
 # Lengths of an interval over the angle of the fall: below the first, errors are accepted; below the

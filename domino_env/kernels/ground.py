@@ -59,26 +59,26 @@ def next_place(curve, x, k, gap, thickness, tilt):
     tilt: first guess of α, such as that of the domino before.
     """
     height, _ = height_and_slope(curve, x, k)
-    reach, up = gap + thickness, 0.0  # up: q
+    pitch, up = gap + thickness, 0.0  # up: q
     for _ in range(MOST_STEPS):
         s, c = math.sin(tilt), math.cos(tilt)
-        back, front = x + gap * c + up * s, x + reach * c + up * s
+        back, front = x + gap * c + up * s, x + pitch * c + up * s
         k = piece_at(curve, back, k)
         ground_b, slope_b = height_and_slope(curve, back, k)
         k = piece_at(curve, front, k)
         ground_f, slope_f = height_and_slope(curve, front, k)
         # heights of the ground over the two edges
         over_b = ground_b - (height - gap * s + up * c)
-        over_f = ground_f - (height - reach * s + up * c)
+        over_f = ground_f - (height - pitch * s + up * c)
         # derivatives of both by α and q
         by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
-        by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
+        by_tilt_f = slope_f * (up * c - pitch * s) + pitch * c + up * s
         by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
         determinant = by_tilt_b * by_up_f - by_tilt_f * by_up_b
         turn = (by_up_b * over_f - by_up_f * over_b) / determinant
         lift = (by_tilt_f * over_b - by_tilt_b * over_f) / determinant
         tilt, up = tilt + turn, up + lift
-        if abs(turn) <= CLOSE and abs(lift) <= CLOSE * reach:
+        if abs(turn) <= CLOSE and abs(lift) <= CLOSE * pitch:
             return tilt, up
     return math.nan, math.nan
 
@@ -102,7 +102,7 @@ def place_on_ground(first, last, curve, spacing, thickness, rise, tilt):
 def place_on_ground_vjp(
     first, last, curve, spacing, thickness, rise, tilt, rise_bar, tilt_bar, gap_bar, thickness_bar
 ):
-    """Add to gap_bar and thickness_bar the derivatives through rise and tilt, which depend on them.
+    """Add the derivatives through rise and tilt to gap_bar and thickness_bar.
 
     rise_bar, tilt_bar: derivatives by rise (B, N-1) and tilt (B, N).
     """
@@ -111,13 +111,13 @@ def place_on_ground_vjp(
     for b in range(first, last):
         places[0] = 0.0
         for i in range(pairs):
-            reach, alpha = spacing[b, i] + thickness[b, i + 1], tilt[b, i + 1]
-            along = (reach + rise[b, i] * math.sin(alpha)) / math.cos(alpha)
+            pitch, alpha = spacing[b, i] + thickness[b, i + 1], tilt[b, i + 1]
+            along = (pitch + rise[b, i] * math.sin(alpha)) / math.cos(alpha)
             places[i + 1] = places[i] + along
         k = piece_at(curve, places[pairs], 0)
         place_bar = 0.0  # of x of pivot i + 1
         for i in range(pairs - 1, -1, -1):
-            gap, reach = spacing[b, i], spacing[b, i] + thickness[b, i + 1]
+            gap, pitch = spacing[b, i], spacing[b, i] + thickness[b, i + 1]
             s, c = math.sin(tilt[b, i + 1]), math.cos(tilt[b, i + 1])
             front, along = places[i + 1], places[i + 1] - places[i]
             k = piece_at(curve, front, k)
@@ -129,7 +129,7 @@ def place_on_ground_vjp(
             _, slope = height_and_slope(curve, places[i], k)
             up = along * s + rise[b, i] * c
             by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
-            by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
+            by_tilt_f = slope_f * (up * c - pitch * s) + pitch * c + up * s
             by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
             determinant = by_tilt_b * by_up_f - by_tilt_f * by_up_b
             # derivatives by α and q, and from them by the heights of the two edges

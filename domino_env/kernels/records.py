@@ -13,7 +13,7 @@ from domino_env.kernels.jit import always_inline, internal
 
 @internal
 def clear_arrivals(arrivals, push):
-    """Reset all arrivals but that of the first domino."""
+    """Reset all arrivals and set that of domino 0."""
     for i in range(len(arrivals)):
         arrival = arrivals[i]
         arrival.time = np.inf

@@ -18,12 +18,12 @@ from optimize.experiments.task import describe_labels, read_scene
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
-MAX_LINES = 200  # of a table or list of a page; the CSV file has all runs
+MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
 TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
 PAGE = """# {title}
 
 {runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
-*shortfall* from the best score known; *to 1 %* and *to 0.1 %* are the {clock} until a run came \
+*shortfall* from the best known score; *to 1 %* and *to 0.1 %* are the {clock} until a run came \
 this close to it.
 
 ![{title}]({picture})
@@ -92,6 +92,11 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
         Title of the page.
     picture
         Name of the picture's file.
+
+    Returns
+    -------
+    str
+        The page.
     """
     sections = ["", *table(experiment, experiment.problems)] if experiment.keys else []
     for problem in () if experiment.keys else experiment.problems:
@@ -135,7 +140,7 @@ def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
             ))  # fmt: skip
-    note = ["", f"{len(lines) - MAX_LINES} more lines are in the CSV file."]
+    note = ["", f"{len(lines) - MAX_LINES} more: the CSV file has all results."]
     return markdown_table(names, lines[:MAX_LINES]) + (note if len(lines) > MAX_LINES else [])
 
 

@@ -67,7 +67,7 @@ def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
 @pytest.mark.parametrize("name", ["layout.csv", "summary.json", JOURNAL])
 def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
     (tmp_path / name).write_text("text")
-    with pytest.raises(ValueError, match=f"holds {name} already: continue with --resume, or name"):
+    with pytest.raises(ValueError, match=f"holds {name} already: resume it, or name"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     assert files(tmp_path) == {name: b"text"}
 

@@ -305,7 +305,7 @@ def test_invalid_calls_are_rejected(kind):
     size = env.action_space.shape[0]
     with pytest.raises(ResetNeeded, match=r"call reset\(\) before"):
         env.step(np.zeros(size))
-    with pytest.raises(ValueError, match="unknown reset option 'spacing': choose from "):
+    with pytest.raises(ValueError, match="unknown reset option 'spacing'; accepted: "):
         env.reset(options={"spacing": [0.01]})
     with pytest.raises(TypeError, match="options = 3: give a dictionary of options, or None"):
         env.reset(options=3)

@@ -124,7 +124,7 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         with pytest.raises(ValueError, match=words):
             env.reset(options={"scene": other})
     assert env.reset(options={"scene": scene.replace(count=18)})[0] in env.observation_space
-    with pytest.raises(ValueError, match="unknown reset option 'scene': choose from layout"):
+    with pytest.raises(ValueError, match="unknown reset option 'scene'; accepted: layout"):
         DominoChain("sprint").reset(options={"scene": scene})
     with pytest.raises(ValueError, match="give one Scene for all, or a list with one for each of"):
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
