@@ -118,7 +118,7 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
     for other, words in (
         (de.load_scene("sprint"), "differs from those of 'small' in more than friction, push"),
         (scene.replace(first_thickness=0.008), "differs from those of 'small'"),
-        (long, "has 19 dominoes: at most 18"),
+        (long, "has 19 dominoes: use at most 18"),
         ("sprint", "scene = 'sprint': give one Scene for all, or a list with one for each of"),
     ):
         with pytest.raises(ValueError, match=words):
