@@ -26,6 +26,7 @@ from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.envs import register
 from domino_env.scenes.distribution import load_distribution
+from optimize.executors import require_executor
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import export_study, open_store
 from optimize.experiments.task import Task, TaskResult
@@ -84,7 +85,7 @@ def make_dataset(
         If numbers are out of range, if the folder holds a finished dataset or the results of other
         settings, if a search fails, or for the reasons of `load_distribution`.
     TypeError
-        If the folder is not a path.
+        If the folder is not a path, or `executor` no executor.
     KeyboardInterrupt
         If the searches were interrupted.
     ImportError
@@ -95,6 +96,7 @@ def make_dataset(
     require("seed", seed, 0, whole=True)
     require("noise", noise, 0.0, 1.0)
     require_extra("a dataset", "minari", "pyarrow", "minari")
+    require_executor(executor)
     root, source = as_path("folder", folder), load_distribution(distribution)
     require_writable(root)
     if (root / CARD).exists() or (root / EPISODES).exists():

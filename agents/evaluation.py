@@ -19,7 +19,7 @@ from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_n
 from agents.rollout import Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
-from domino_env.core.checks import require, require_choice
+from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.progress import progress_bar
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.core.types import Floats
@@ -225,7 +225,8 @@ class ScenesEvaluation:
             best_known = self.gains("search")
             has_gain = best_known > LEAST_GAIN  # nan compares as False
             quotients = self.gains(name)[has_gain] / best_known[has_gain]
-            normalised = [f"{np.quantile(quotients, q):.1%}" for q in (0.5, 0.1)]
+            if has_gain.any():
+                normalised = [f"{np.quantile(quotients, q):.1%}" for q in (0.5, 0.1)]
         if name in self.seconds:
             seconds = 1e3 * self.seconds[name]
             times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
@@ -301,7 +302,8 @@ def evaluate_scenes(
         The designer, a policy trained on sampled scenes, or a scripted policy; None for the shipped
         designer.
     search_scores
-        (S,) scores of searches for comparison; None if there are none.
+        (S,) scores of searches for comparison, nan for a scene without one; None if there are
+        none.
     progress
         If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
 
@@ -313,9 +315,19 @@ def evaluate_scenes(
     Raises
     ------
     ValueError
-        If no scenes are given, or if the policy cannot build a layout for one of them.
+        If no scenes are given, if `search_scores` has another shape, or if the policy cannot build
+        a layout for one of the scenes.
+    TypeError
+        If an argument is of another type.
     """
+    require_type("scenes", scenes, Sequence, "a list of Scenes, as choose_scenes returns")
+    for scene in scenes:
+        require_type("scenes", scene, Scene, "a list of Scenes")
+    kinds = ScenePolicy | Designer | ScriptedPolicy | None
+    require_type("policy", policy, kinds, "a policy, as load_policy returns, or None")
     require("number of scenes", len(scenes), 1)
+    if search_scores is not None:
+        search_scores = numbers("search_scores", search_scores, shape=(len(scenes),))
     builder = policy or shipped_designer()
     scorers: dict[str, Callable[[Scene], float]]
     scorers = {"policy": lambda scene: builder.build(scene).score}
@@ -333,7 +345,7 @@ def evaluate_scenes(
             start = time.process_time()
             scores[name][i] = score(scene)
             seconds[name][i] = time.process_time() - start
-    if search_scores is not None:
+    if search_scores is not None and np.isfinite(search_scores).any():
         scores["search"] = search_scores
     uniform = np.array([scene.uniform().score for scene in scenes])
     return ScenesEvaluation(scenes, uniform, scores, seconds)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from domino_env.core.files import amount
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.rigid.simulation import StoppedError
-from optimize.executors import loss_as_error
+from optimize.executors import loss_as_error, require_executor
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
@@ -26,6 +27,7 @@ CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms by two c
 MAX_CHUNK = 256  # layouts of a chunk, of which only the best one can become a finalist
 EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
+TOLERANCE_HINT = "a relative gain"
 TOLERANCE = 1e-4  # a search without a limit ends if its second half gains relatively less
 # The size of a problem is the mean of its numbers of dominoes and variables, clipped to LEAST_SIZE
 # and LARGEST_SIZE. A search with a tolerance has an effort of at least LEAST_EFFORT / size (some
@@ -97,7 +99,7 @@ class Evaluator:
     ValueError
         If a limit is out of its range.
     TypeError
-        If `problem` is no `Problem`.
+        If an argument is of another type.
     """
 
     def __init__(
@@ -115,6 +117,10 @@ class Evaluator:
         require_type("problem", problem, Problem, "a Problem, such as Problem('sprint')")
         require("max_evaluations", max_evaluations, 1, whole=True, optional=True)
         require("max_seconds", max_seconds, above=0.0, unit="s", optional=True)
+        require("tolerance", tolerance, above=0.0, below=1.0, hint=TOLERANCE_HINT, optional=True)
+        require_functions(callback, clock)
+        require_executor(executor)
+        require_type("journal", journal, Journal | None, "a Journal, or None")
         self.problem, self.tolerance = problem, tolerance
         self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
         self.evaluations = self.falls = self.effort = 0
@@ -244,12 +250,17 @@ class Evaluator:
         ------
         ValueError
             If there are more layouts than remaining evaluations.
+        TypeError
+            If an argument is of another type.
         """
         require_type("scores", scores, Scores, "Scores, as Problem.evaluate returns")
+        require_type("design", design, Callable, "a function that returns design vector i")
+        numbers("score", scores.score, None, ("B",), "of B layouts")
         hint = "see `remaining`"
         require("layouts to record", len(scores.score), 0, self.remaining, hint=hint, whole=True)
         self._count(scores)
-        self._update_best(scores, design)
+        if len(scores.score):
+            self._update_best(scores, design)
 
     # evaluation ---------------------------------------------------------------------------------
 
@@ -360,7 +371,13 @@ class Evaluator:
         ------
         BudgetSpent
             At the end, if the first evaluator has reached a limit.
+        ValueError
+            If `evaluations` is less than 1.
+        TypeError
+            If `problem` is no `Problem`.
         """
+        require_type("problem", problem, Problem, "the Problem of shorter layouts")
+        require("evaluations", evaluations, 1, whole=True)
         cost = problem.dominoes / self.problem.dominoes  # of a shorter layout, in evaluations
         if self.max_evaluations is not None:
             evaluations = max(1, min(evaluations, int(0.5 * self.remaining / cost)))
@@ -430,6 +447,13 @@ class Evaluator:
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
             self.finalists.append((score, best))
         self._callback(self)
+
+
+def require_functions(callback: object, clock: object) -> None:
+    """Raise an error unless these are functions, and the clock returns a number."""
+    require_type("callback", callback, Callable, "a function of the Evaluator")
+    require_type("clock", clock, Callable, "a function that returns seconds")
+    require("clock()", cast("Callable[[], float]", clock)(), unit="s")
 
 
 def _pack(scores: Scores) -> list[Floats]:

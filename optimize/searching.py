@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.core.checks import as_path, require, require_type
+from domino_env.core.checks import as_path, require
 from domino_env.core.progress import notice, progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
@@ -23,7 +23,14 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
 from domino_env.scenes.waves import Waves
-from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
+from optimize.evaluator import (
+    GRADIENT_COST,
+    TOLERANCE,
+    TOLERANCE_HINT,
+    BudgetSpent,
+    Evaluator,
+    require_functions,
+)
 from optimize.executors import require_executor
 from optimize.journal import Journal
 from optimize.methods import registry
@@ -143,10 +150,9 @@ def search(
     require("seed", seed, 0, whole=True)
     require("budget", budget, 1, whole=True, optional=True)
     require("seconds", seconds, above=0.0, unit="s", optional=True)
-    require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain", optional=True)
+    require("tolerance", tolerance, above=0.0, below=1.0, hint=TOLERANCE_HINT, optional=True)
     require_executor(executor)
-    require_type("callback", callback, Callable, "a function of the Evaluator")
-    require_type("clock", clock, Callable, "a function that returns seconds")
+    require_functions(callback, clock)
     require("seconds_before", seconds_before, 0.0, unit="s")
     if resume and folder is None:
         raise ValueError("resume = True without a folder: give the folder of the search")

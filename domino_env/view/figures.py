@@ -22,7 +22,8 @@ from domino_env.core.plot_style import HEAD, LEGEND, add_headings, label_plainly
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
-from domino_env.physics.wave import Wave
+from domino_env.physics.physics import require_layout
+from domino_env.physics.wave import Wave, require_wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
 
@@ -158,8 +159,9 @@ def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -
     Raises
     ------
     TypeError
-        For `ax` that are not Matplotlib axes.
+        For `ax` that are not Matplotlib axes, or a layout of another type.
     """
+    require_layout(layout)
     # such as "Layout(12 dominoes over 0.3 m: gaps 4 to 30 mm, 4 to 12 mm thick, 48 mm high)"
     headline, _, subtitle = repr(layout)[len("Layout(") : -1].partition(": ")
     layouts = [DrawnLayout(layout, None, "the layout")]
@@ -186,8 +188,9 @@ def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figu
     Raises
     ------
     TypeError
-        For `ax` that are not Matplotlib axes.
+        For `ax` that are not Matplotlib axes, or a wave of another type.
     """
+    require_wave("wave", wave)
     physics = wave.physics
     layouts = [DrawnLayout(wave.layout, wave, "the layout")]
     headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else wave.outcome.label

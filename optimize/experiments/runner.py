@@ -69,6 +69,7 @@ def run_experiment(
     """
     require_executor(executor)
     require_type("study", study, Study | None, "a Study, as open_store(path).begin() returns")
+    require_type("tasks", tasks, Sequence, "a list of Tasks")
     require_type("known_score", known_score, Callable, "a function of a result")
     for task in tasks:
         require_type("task", task, Task, "a Task")

@@ -19,6 +19,7 @@ from optimize.experiments.compare import as_list, plan_tasks, require_distinct
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import Label, Task, describe_labels
+from optimize.methods import registry
 from optimize.problem import Problem
 
 Value = Label | list[Any]
@@ -26,6 +27,7 @@ Point = dict[str, Value]
 
 DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
 MAX_POINTS = 100_000  # each is a scene that is checked before the first search
+MAX_WHOLE = 1e15  # larger numbers are rejected as floats, not shown with hundreds of digits
 WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
@@ -88,7 +90,8 @@ def _parse_value(key: str, text: str) -> Label:
         number = float(text)
     except ValueError:
         return text.strip()
-    return int(number) if key in WHOLE_KEYS and number.is_integer() else number
+    is_whole = key in WHOLE_KEYS and number.is_integer() and abs(number) < MAX_WHOLE
+    return int(number) if is_whole else number
 
 
 def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
@@ -229,6 +232,8 @@ def plan_sweep(
         raise ValueError(f"no key is varied: add --set; {SYNTAX}")
     require_distinct(keys=[key for key, _ in axis_values])
     require("seeds", seeds, 1, whole=True)
+    for method in as_list(methods):  # before thousands of scenes are made
+        registry.load(method)
     points = grid(dict(axis_values))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET

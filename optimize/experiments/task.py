@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from domino_env.core.checks import require_type
 from domino_env.core.files import amount
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
@@ -113,6 +114,11 @@ class Task:
         See `optimize.search`; under a limit of seconds the result is not bitwise reproducible.
     labels
         Settings of a point of a sweep, such as {"physics.friction": 0.1}; empty otherwise.
+
+    Raises
+    ------
+    TypeError
+        If `labels` is no dictionary.
     """
 
     scene: str
@@ -121,6 +127,9 @@ class Task:
     budget: int | None = None
     seconds: float | None = None
     labels: dict[str, Label] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_type("labels", self.labels, Mapping, "a dictionary of settings")
 
     @property
     def key(self) -> str:

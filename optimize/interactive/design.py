@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.checks import require, require_choice
+from domino_env.core.checks import require, require_choice, require_type
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
@@ -54,6 +54,8 @@ class Design:
     ValueError
         If the scene has no free values or too many dominoes to draw, or if the layout breaks its
         rules.
+    TypeError
+        If `scene` is no Scene or `layout` no Layout.
     """
 
     scene: Scene
@@ -72,6 +74,7 @@ class Design:
 
     def open(self, scene: Scene, layout: Layout | None = None) -> None:
         """Replace scene and layout as one step of the history; see the class for arguments."""
+        require_type("scene", scene, Scene, "a Scene, as load_scene returns")
         require_drawable(f"scene '{scene.name}'", scene.count)
         _design_space(scene)  # raises for a scene without free values
         layout = layout if layout is not None else _approximate_uniform(scene)
@@ -118,7 +121,13 @@ class Design:
         ----------
         steps
             Distance from the present step: -1 for the one before, 1 for the one after.
+
+        Raises
+        ------
+        ValueError
+            If it is not a whole number.
         """
+        require("steps", steps, whole=True)
         if self.can_move(steps):
             self._position += steps
             scene, layout = self._steps[self._position]

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import parse_qs, urlsplit
 
+from domino_env.core.checks import as_path
 from domino_env.core.files import errors_with_path, one_line, write_text
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -48,6 +49,8 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
     ValueError
         For a file, a name or a link that cannot be read, a layout that breaks the rules of its own
         scene, and a scene without free values.
+    TypeError
+        For a source of another type.
     """
     if isinstance(source, Scene):
         return Design(source)
@@ -55,7 +58,7 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
         return Design(_scene_for(source, default), source)
     if str(source).startswith(("http://", "https://")):
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
-    path = Path(source)
+    path = as_path("source", source)
     if path.is_dir():
         path = path / "layout.csv"
     if path.suffix.lower() not in (".csv", ".json"):

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.checks import require, require_extra
+from domino_env.core.checks import require, require_extra, require_type
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
@@ -74,20 +74,27 @@ class Studio:
         Raises
         ------
         OSError
-            If the port is in use.
+            If the port is in use; the message has it.
+        TypeError
+            If `callback` is no function.
         """
         from panel.io.server import get_server
         from tornado.ioloop import PeriodicCallback
 
+        require_type("callback", callback, Callable, "a function of the address")
+        asyncio.set_event_loop(asyncio.new_event_loop())  # only the main thread has one already
+        try:
+            server: Any = get_server(
+                self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
+                location=False, websocket_max_message_size=2 * MAX_UPLOAD,
+                check_unused_sessions_milliseconds=CHECK_INTERVAL,
+                unused_session_lifetime_milliseconds=CONNECTION_TIMEOUT,
+            )  # fmt: skip
+        except OSError as error:
+            hint = "give another port, or 0 for any free one (--port)"
+            raise OSError(f"port {self._port}: {error.strerror}: {hint}") from None
         # the compilation in a first search would block the page
         compile_simulations(self._first_step[0], gradients=True)
-        asyncio.set_event_loop(asyncio.new_event_loop())  # only the main thread has one already
-        server: Any = get_server(
-            self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
-            location=False, websocket_max_message_size=2 * MAX_UPLOAD,
-            check_unused_sessions_milliseconds=CHECK_INTERVAL,
-            unused_session_lifetime_milliseconds=CONNECTION_TIMEOUT,
-        )  # fmt: skip
         checks_left = 0  # checks without a tab until the end; negative before the first tab
 
         def end_without_tabs() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from optimize import Evaluator, Problem, best_known, open_store, run_experiment
 from optimize.evaluator import BudgetSpent
+from optimize.experiments.task import Task
 
 PROBLEM = Problem("sprint")
 
@@ -16,11 +17,20 @@ PROBLEM = Problem("sprint")
     (lambda: Evaluator("sprint"), "problem = 'sprint': give a Problem, such as Problem"),
     (lambda: Evaluator(PROBLEM, 0), "max_evaluations = 0: give a whole number, at least 1"),
     (lambda: Evaluator(PROBLEM, max_seconds="1"), "max_seconds = '1' s: give a finite number"),
+    (lambda: Evaluator(PROBLEM, tolerance=-1), "tolerance = -1: give a finite number, more than 0"),
+    (lambda: Evaluator(PROBLEM, callback=5), "callback = 5: give a function of the Evaluator"),
+    (lambda: Evaluator(PROBLEM, clock=lambda: "x"), "clock() = 'x' s: give a finite number"),
+    (lambda: Evaluator(PROBLEM, journal=5), "journal = 5: give a Journal, or None"),
+    (lambda: Evaluator(PROBLEM).record(PROBLEM.evaluate(np.ones(39)), max), "score has shape (): "),
+    (lambda: Evaluator(PROBLEM).borrow(5, 9).__enter__(), "problem = 5: give the Problem of shor"),
     (lambda: Evaluator(PROBLEM).evaluate(0.5), "design has shape (1,): give (39,)"),
     (lambda: PROBLEM.evaluate(np.ones(39), rtol=0), "rtol = 0: give a finite number from 1e-13"),
     (lambda: best_known("sprint"), "path = 'sprint': give a pathlib.Path, or None; best_known()["),
     (lambda: open_store(3), "path = 3: give a path"),
+    (lambda: open_store(":memory:").begin("a", "b", None), "settings = None: give a dictionary"),
     (lambda: PROBLEM.design("x"), "layout = 'x': give a Layout"),
+    (lambda: Task("", "auto", 0, labels=5), "labels = 5: give a dictionary of settings"),
+    (lambda: run_experiment(3), "tasks = 3: give a list of Tasks"),
     (lambda: run_experiment([3]), "task = 3: give a Task"),
     (lambda: run_experiment([], known_score=3), "known_score = 3: give a function of a result"),
     (lambda: run_experiment([], 3), "executor = 3: give a concurrent.futures.Executor"),

@@ -206,6 +206,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": "cmaes"}, "method = 'cmaes': did you"),
     (["row.count=2:9:1000", "physics.push=4:8:1000"], {}, "points = 1000000: give a whole"),
+    ("row.count=1e300", {}, r"row.count = 1e\+300: give a whole"),
     (3, {}, "--set 3: a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("physics.push=4,8", {"seeds": 0.5}, "seeds = 0.5: give a whole number, at least 1"),
     ("physics.push=4,8", {"seeds": 10**7}, "searches = 20000000: give a"),
