@@ -74,3 +74,18 @@ def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
         return output.out
 
     return run
+
+
+@pytest.fixture
+def error_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """A function that runs a command which is rejected and returns its message of one line."""
+
+    def run(*words: object) -> str:
+        assert main([str(word) for word in words]) == 2
+        output = capsys.readouterr()
+        assert output.out.count("\n") <= 1  # the scene or its physics
+        assert output.err.startswith("domino: ")
+        assert output.err.removesuffix("\n").isprintable()
+        return output.err
+
+    return run

@@ -167,7 +167,6 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     ("--algorithms nobody", "nobody"),
     ("--page", "no run has a result yet"),
 ])  # fmt: skip
-def test_invalid_options_are_rejected(given, message, tmp_path, monkeypatch, capsys):
+def test_invalid_options_are_rejected(given, message, tmp_path, monkeypatch, error_of):
     monkeypatch.chdir(tmp_path)
-    assert main(["benchmark", "sprint", *given.split()]) == 2
-    assert message in capsys.readouterr().err
+    assert message in error_of("benchmark", "sprint", *given.split())

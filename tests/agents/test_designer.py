@@ -12,7 +12,6 @@ from agents import design, evaluate
 from agents.designer.decoding import decode
 from agents.designer.features import tight_candidates
 from agents.evaluation import choose_scenes, evaluate_scenes
-from domino_env.cli.main import main
 
 SETS = ("varied", "varied-thickness", "varied-course")
 
@@ -100,20 +99,15 @@ def test_tries_do_not_lower_and_gradient_steps_raise_the_score(sprint):
 # commands -----------------------------------------------------------------------------------------
 
 
-def test_the_designer_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
+def test_the_designer_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, output_of):
     assert evaluate("designer", "sprint").score == design("sprint").score
     with pytest.raises(ValueError, match="policy 'designer' has no scene of its own: give one"):
         evaluate("designer")
     file = tmp_path / "scenes.csv"
-    words = ["evaluate", "designer", "--scenes", "3", "--seed", "5", "--csv", str(file)]
-    assert main([*words, "--distribution", "varied-course"]) == 0
-    table = capsys.readouterr().out
-    assert "| proposal | " in table
+    words = "evaluate", "designer", "--scenes", 3, "--seed", 5, "--csv", file
+    assert "| proposal | " in output_of(*words, "--distribution", "varied-course")
     with file.open(newline="") as lines:
         scenes = list(csv.DictReader(lines))
     assert len(scenes) == 3
     assert all(float(scene["policy"]) > 0.0 < float(scene["uniform"]) for scene in scenes)
-    assert main(["evaluate", "uniform", "--scenes", "3"]) == 0
-    assert "0.0% of 3" in capsys.readouterr().out
-    assert main(["evaluate", "designer", "--scenes", "201"]) != 0
-    assert "at most 200 (the test set of varied" in capsys.readouterr().err
+    assert "0.0% of 3" in output_of("evaluate", "uniform", "--scenes", 3)

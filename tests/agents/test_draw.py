@@ -10,7 +10,6 @@ from agents.draw import open_loop, rule, shipped_references
 from agents.rollout import EVALUATION_SEEDS, SEEDS_PER_TRAINING, SELECTION_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain
-from domino_env.cli.main import main
 
 DRAW = de.load_scene("draw")
 SMALL = DRAW.replace(count=8, stock=de.Stock((0.005, 0.0075, 0.010), (2, 3, 3), 2))
@@ -73,12 +72,12 @@ def test_fitted_references_are_better_than_equal_gaps_on_the_planning_orders(ref
     assert episode_scores(plan, SMALL, SELECTION_SEEDS).mean() > uniform
 
 
-def test_shipped_references_are_ranked_on_evaluation_seeds(capsys):
+def test_shipped_references_are_ranked_on_evaluation_seeds(output_of):
     scores = [ScriptedPolicy(name).build(DRAW).score for name in ("uniform", "plan", "rule")]
     assert scores == sorted(scores)
     assert scores[-1] < shipped_references()["hindsight"]
-    assert main(["evaluate", "rule", "--scene", "draw"]) == 0
-    assert "over the open-loop plan over the same 200 episodes" in capsys.readouterr().out
+    output = output_of("evaluate", "rule", "--scene", "draw")
+    assert "over the open-loop plan over the same 200 episodes" in output
     with pytest.raises(ValueError, match='40 dominoes of scene "draw"; use the policy rule'):
         ScriptedPolicy("plan").build(SMALL)
     with pytest.raises(ValueError, match="draws no pieces in random order"):

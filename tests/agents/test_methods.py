@@ -12,7 +12,6 @@ pytest.importorskip("stable_baselines3")
 import domino_env as de
 from agents import evaluate
 from agents.policy import POLICIES
-from domino_env.cli.main import main
 from optimize import METHODS, search
 from optimize.methods.registry import installed_methods, load
 
@@ -69,11 +68,11 @@ def test_unknown_methods_are_rejected(tmp_path):
     assert not set(LEARNED) & set(METHODS)
 
 
-def test_the_error_of_a_missing_extra_names_the_command_that_installs_it(monkeypatch, capsys):
+def test_the_error_of_a_missing_extra_names_the_command_that_installs_it(monkeypatch, error_of):
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "agents.methods", raising=False)  # checked when it is imported
     load("agent:sprint")
     with pytest.raises(ImportError, match=r'pip install "domino-chains\[rl\]"'):
         load("ppo")
-    assert main(["benchmark", "sprint", "--out", "runs/no"]) == 2  # before any task
-    assert 'pip install "domino-chains[rl]"' in capsys.readouterr().err
+    error = error_of("benchmark", "sprint", "--out", "runs/no")  # before any task
+    assert 'pip install "domino-chains[rl]"' in error

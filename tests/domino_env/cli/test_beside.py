@@ -1,7 +1,6 @@
 """A layout beside a scene.toml, as in a run folder, is simulated with the physics of that scene."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,9 +14,8 @@ GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # has 
 @pytest.fixture
 def mars(tmp_path: Path) -> Path:
     """A layout in the folder of a run on Mars, of dominoes 40 mm wide."""
-    sprint = de.load_scene("sprint")
-    physics = sprint.physics.replace(gravity=3.71)
-    scene = replace(sprint, name="mars", physics=physics, count=5, width=0.04)
+    physics = de.Physics(gravity=3.71)
+    scene = de.load_scene("sprint").replace(name="mars", physics=physics, count=5, width=0.04)
     folder = tmp_path / "mars"
     folder.mkdir()
     (folder / "scene.toml").write_text(scene.to_toml())
@@ -25,10 +23,9 @@ def mars(tmp_path: Path) -> Path:
     return folder / "layout.csv"
 
 
-def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars):
-    def answer(*words: str) -> dict[str, object]:
-        assert main(["simulate", str(mars), "--json", *words]) == 0
-        return json.loads(capsys.readouterr().out)
+def test_simulate_takes_the_scene_beside_the_layout_by_default(output_of, mars):
+    def answer(*words: object) -> dict[str, object]:
+        return json.loads(output_of("simulate", mars, "--json", *words))
 
     def speed(physics: de.Physics) -> float:
         return de.simulate(de.Layout.read(mars), physics).mean_speed
@@ -38,27 +35,26 @@ def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars):
     assert there["scene"] == "mars"
     assert there["violations"] == []  # the width is the scene's, though the file lacks it
     assert there["physics_from"] == "of scene 'mars' beside the layout"
-    pushed = answer("--push", "12")
+    pushed = answer("--push", 12)
     assert pushed["mean_speed"] == speed(de.Physics(gravity=3.71, push=12.0))
     assert pushed["physics_from"] == "of scene 'mars' beside the layout, but for --push"
     assert answer("--scene", "gentle")["mean_speed"] == speed(de.load_scene("gentle").physics)
 
 
 @pytest.mark.parametrize("command", ["best-known gentle --layout", "evaluate ramp --layout"])
-def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command):
+def test_an_exported_layout_keeps_its_scene_and_score(output_of, tmp_path, command):
     (tmp_path / "scene.toml").write_text(de.load_scene("ideal").to_toml())  # of another run
     file = tmp_path / "row.csv"
-    assert main([*command.split(), str(file)]) == 0
-    assert f"the scene to {tmp_path / 'row.scene.toml'}" in capsys.readouterr().out
-    assert main(["simulate", str(file), "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    exported = output_of(*command.split(), file)
+    assert f"the scene to {tmp_path / 'row.scene.toml'}" in exported
+    result = json.loads(output_of("simulate", file, "--json"))
     name = "gentle" if "gentle" in command else "sprint"
     assert result["violations"] == []
     layout = de.Layout.read(file)
     assert result["score"] == pytest.approx(de.load_scene(name).score(layout), rel=1e-7)
     assert result["physics_from"] == f"of scene '{name}' beside the layout"
-    assert main(["simulate", str(file), "--json", "--scene", "ideal"]) == 0
-    assert json.loads(capsys.readouterr().out)["scene"] == "ideal"
+    result = json.loads(output_of("simulate", file, "--json", "--scene", "ideal"))
+    assert result["scene"] == "ideal"
 
 
 @pytest.mark.parametrize("command", [
@@ -80,7 +76,7 @@ def test_a_template_has_the_width_of_the_scene_beside_the_layout(mars, monkeypat
     assert drawn[0].width == 0.04
 
 
-def test_layouts_that_are_drawn_together_share_a_scene(capsys, mars, tmp_path):
+def test_layouts_that_are_drawn_together_share_a_scene(capsys, error_of, mars, tmp_path):
     row = tmp_path / "row.csv"
     row.write_text(GAPS)
     both = [str(mars), str(row)]
@@ -88,5 +84,5 @@ def test_layouts_that_are_drawn_together_share_a_scene(capsys, mars, tmp_path):
     notice = "row.csv: no scene beside it: shown in scene 'mars' of the other layouts"
     assert capsys.readouterr().err.count(notice) == 1
     (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
-    assert main(["render", *both, "--gif", str(tmp_path / "race.gif")]) == 2
-    assert "different scenes ('mars' and 'gentle')" in capsys.readouterr().err
+    error = error_of("render", *both, "--gif", tmp_path / "race.gif")
+    assert "different scenes ('mars' and 'gentle')" in error

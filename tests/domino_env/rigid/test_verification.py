@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from domino_env.rigid import engine
 from domino_env.rigid.simulation import largest_difference, simulate_standing
 from domino_env.rigid.verification import Verification, as_document, verification_table, verify
@@ -103,16 +102,12 @@ def test_removing_dominoes_far_behind_changes_no_arrival_time():
 SHORT = de.load_scene("sprint").replace(count=12)
 
 
-def test_the_command_verifies_without_the_engine(tmp_path, capsys):
+def test_the_command_verifies_without_the_engine(tmp_path, output_of):
     SHORT.uniform().layout.to_csv(tmp_path / "layout.csv")
     (tmp_path / "scene.toml").write_text(SHORT.to_toml())
-    line = ["verify", str(tmp_path / "layout.csv"), "--floor", "free"]
-    assert main([*line, "--no-engine"]) == 0
-    printed = capsys.readouterr().out
+    printed = output_of("verify", tmp_path / "layout.csv", "--floor", "free", "--no-engine")
     assert "AGREES" in printed
     assert "floor 1:" in printed  # the name free means a friction of 1
-    assert main([*line[:-1], "rough"]) == 2
-    assert "--floor: 'rough': give a number" in capsys.readouterr().err
 
 
 def test_the_best_uniform_layout_on_a_floor_beats_its_neighbours():

@@ -97,7 +97,7 @@ def test_impossible_comparisons_are_rejected(scene_list, methods, seeds, budget,
         compare(scene_list, methods, seeds, budget)
 
 
-def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys):
+def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys, error_of, output_of):
     words = ["compare", "small.toml", "--methods", "random, uniform", "--seeds", "2"]
     words += ["--budget", "20"]
     calls = []
@@ -113,9 +113,9 @@ def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys):
     assert "2 of 4 runs are complete; " in capsys.readouterr().err
     first = read_csv(folder / "runs/compare-spacing/runs.csv")
     assert len(first) == 2
-    assert main([*words, "--out", "runs/compare-spacing"]) == 2  # which holds results
-    assert "runs/compare-spacing holds comparison.md already" in capsys.readouterr().err
-    assert main([*words, "--resume"]) == 0
+    error = error_of(*words, "--out", "runs/compare-spacing")  # which holds results
+    assert "runs/compare-spacing holds comparison.md already" in error
+    output_of(*words, "--resume")
     assert len(calls) == 5  # the third once more, and the fourth
     lines = read_csv(folder / "runs/compare-spacing/runs.csv")
     names = [r["method"] + r["seed"] for r in lines]
@@ -279,24 +279,18 @@ WORDS = ["sweep", "small.toml", "--set", "physics.push=6,8", "--methods", "rando
 WORDS += ["--budget", "20"]
 
 
-def test_studies_are_named_and_resumed(folder, capsys, monkeypatch):
-    def error_of(*words: str) -> str:
-        assert main([*WORDS, *words]) == 2
-        return capsys.readouterr().err
-
-    assert main([*WORDS, "--resume"]) == 0  # nothing is there yet: it starts
-    assert "study 'sweep-spacing' in runs/studies.sqlite: 2 searches" in capsys.readouterr().out
-    assert main(WORDS) == 0
-    assert "study 'sweep-spacing-2'" in capsys.readouterr().out
-    assert main([*WORDS, "--seeds", "2", "--resume"]) == 0  # other tasks: a study of their own
-    assert "study 'sweep-spacing-3'" in capsys.readouterr().out
-    assert "'sweep-spacing' with 2 results already: " in error_of("--name", "sweep-spacing")
-    assert main([*WORDS, "--name", "other", "--resume"]) == 0
-    other_tasks = error_of("--seeds", "2", "--name", "sweep-spacing", "--resume")
-    assert "was begun as sweep with" in other_tasks
+def test_studies_are_named_and_resumed(folder, output_of, error_of, monkeypatch):
+    begun = output_of(*WORDS, "--resume")  # nothing is there yet: it starts
+    assert "study 'sweep-spacing' in runs/studies.sqlite: 2 searches" in begun
+    assert "study 'sweep-spacing-2'" in output_of(*WORDS)
+    other_tasks = "--seeds", 2, "--resume"  # a study of their own
+    assert "study 'sweep-spacing-3'" in output_of(*WORDS, *other_tasks)
+    named = *WORDS, "--name", "sweep-spacing"
+    assert "'sweep-spacing' with 2 results already: " in error_of(*named)
+    output_of(*WORDS, "--name", "other", "--resume")
+    assert "was begun as sweep with" in error_of(*named, *other_tasks)
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
-    assert main([*WORDS, "--resume"]) == 0
-    assert "2 of them done before" in capsys.readouterr().out.splitlines()[-2]
+    assert "2 of them done before" in output_of(*WORDS, "--resume").splitlines()[-2]
 
 
 # progress ---------------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from optimize.experiments.store import open_store
 from optimize.experiments.task import Task, TaskResult
 
@@ -217,20 +216,19 @@ def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
     assert int(first["label.score"]) == 3
 
 
-def test_the_best_layout_of_a_scene_is_exported(output_of, capsys, path, scenes, result):
+def test_the_best_layout_of_a_scene_is_exported(output_of, error_of, path, scenes, result):
     study = open_store(path).begin("one", "sweep", {})
     better = Task(scenes["both"].to_toml(), "l-bfgs", 0, budget=200).run()
     study.add(result)
     study.add(better)
     assert better.score > result.score
-    words = ["studies", "export", "one", "--store", str(path)]
-    output_of(*words, "--best", "both", "--to", path.with_name("b.json"))
+    words = "studies", "export", "one", "--store", path, "--best", "both", "--to"
+    output_of(*words, path.with_name("b.json"))
     layout = de.Layout.read(path.with_name("b.json"))
     assert scenes["both"].score(layout) == better.score
     assert de.load_scene(path.with_name("b.scene.toml")) == scenes["both"]
     study.add(numbered(result, 1, scene="another"))
-    assert main([*words, "--best", "both", "--to", "d.csv"]) == 2
-    assert "has 2 scenes called 'both'" in capsys.readouterr().err
+    assert "has 2 scenes called 'both'" in error_of(*words, "d.csv")
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -240,12 +238,8 @@ def test_the_best_layout_of_a_scene_is_exported(output_of, capsys, path, scenes,
     (["export", "one", "--best", "both", "--to", "x.txt"], "name a .csv or .json file"),
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scenes called 'nobody': name"),
 ])  # fmt: skip
-def test_errors_are_one_line(capsys, monkeypatch, tmp_path, good, words, message):
+def test_errors_are_one_line(error_of, monkeypatch, tmp_path, good, words, message):
     monkeypatch.chdir(tmp_path)
     Path("a.sqlite").write_bytes(good)
-    assert main(["studies", *words, "--store", "a.sqlite"]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("domino: ")
-    assert message in error
-    assert error.count("\n") == 1
+    assert message in error_of("studies", *words, "--store", "a.sqlite")
     assert [f.name for f in tmp_path.iterdir()] == ["a.sqlite"]

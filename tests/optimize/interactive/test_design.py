@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from optimize.interactive.design import SPACING, THICKNESS, Design
 from optimize.interactive.jobs import improvement_method, run_search
 
@@ -113,15 +112,14 @@ def test_an_impossible_scene_changes_nothing() -> None:
         design.open(SPRINT.replace(count=20), design.layout)
 
 
-def test_displayed_numbers_agree_with_the_command(capsys, tmp_path) -> None:
+def test_displayed_numbers_agree_with_the_command(output_of, tmp_path) -> None:
     design = Design(SPRINT)
     design.drag(SPACING, 3, 0.012)
     design.uniform = SPRINT.uniform()
     numbers = design.numbers()
     path = tmp_path / "row.csv"
     design.layout.to_csv(path)
-    assert main(["simulate", str(path), "--scene", "sprint"]) == 0
-    printed = capsys.readouterr().out
+    printed = output_of("simulate", path, "--scene", "sprint")
     speed, last = numbers["mean speed"], numbers["last domino hit after"].partition(" ±")[0]
     assert f"mean speed {speed} over" in printed
     assert f"last domino hit after {last}\n" in printed

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from optimize import Studio, studio
 from optimize.interactive.design import Design
 from optimize.interactive.exchange import open_design
@@ -192,7 +191,7 @@ def test_a_stopped_search_shows_its_best_layout(tab: Tab) -> None:
 
 
 def test_a_race_plays_and_the_export_scores_the_same(
-    tab: Tab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tab: Tab, tmp_path: Path, output_of: Callable[..., str]
 ) -> None:
     tab.window.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
@@ -211,8 +210,8 @@ def test_a_race_plays_and_the_export_scores_the_same(
     tab.send("button", Keys.ENTER, "Scene (TOML)")
     names = {"sprint.csv", "sprint.scene.toml"}
     tab.wait(lambda: {path.name for path in tmp_path.iterdir()} >= names)
-    assert main(["simulate", str(tmp_path / "sprint.csv")]) == 0
-    assert f"score {tab.speed:.6f} on 'sprint'" in capsys.readouterr().out
+    printed = output_of("simulate", tmp_path / "sprint.csv")
+    assert f"score {tab.speed:.6f} on 'sprint'" in printed
 
 
 def test_an_invalid_file_shows_its_error_and_a_link_its_layout(tab: Tab, tmp_path: Path) -> None:
@@ -267,7 +266,7 @@ def test_closing_the_last_tab_ends_the_server(opened: Tab, served: Studio) -> No
 
 
 def test_the_command_opens_its_address_and_ends_by_ctrl_c(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, output_of: Callable[..., str]
 ) -> None:
     pages, this = list[bytes](), threading.get_ident()
 
@@ -278,9 +277,8 @@ def test_the_command_opens_its_address_and_ends_by_ctrl_c(
     monkeypatch.setattr(
         webbrowser, "open", lambda url: threading.Thread(target=visit, args=(url,)).start()
     )
-    assert main(["studio", "sprint"]) == 0
+    assert "http://localhost:" in output_of("studio", "sprint")
     assert b"Domino studio" in pages[0]
-    assert "http://localhost:" in capsys.readouterr().out
 
 
 def test_a_notebook_shows_the_page_in_a_frame() -> None:
