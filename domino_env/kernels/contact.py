@@ -14,31 +14,18 @@ import numba
 import numpy as np
 from numba.core import types
 
-from domino_env.kernels.arrays import (
-    CONTACT,
-    CORNER,
-    EPS,
-    SEPARATED,
-    TINY,
-    TIP,
-    UNEVEN_CONTACT,
-    Shape,
-    flush_rate_of,
-    is_uneven,
-    rise_of,
-    turn_s_of,
-    turn_v_of,
-)
+from domino_env.kernels import arrays
+from domino_env.kernels.arrays import Shape, flush_rate_of, is_uneven, rise_of, turn_s_of, turn_v_of
 from domino_env.kernels.jit import always_inline, internal, leaf
 
 NEVER = 3.0  # in place of a value of 1 - cos θ, which is at most 2
-_TYPES = {flat: numba.from_dtype(CONTACT if flat else UNEVEN_CONTACT) for flat in (True, False)}
+_FLAT, _UNEVEN = map(numba.from_dtype, (arrays.CONTACT, arrays.UNEVEN_CONTACT))
 
 
 @numba.extending.intrinsic
 def _contact_type(_, tilt):
     """Return the record type of the contacts of a layout, by the type of its tilt."""
-    kind = types.DType(_TYPES[isinstance(tilt, types.NoneType)])
+    kind = types.DType(_FLAT if isinstance(tilt, types.NoneType) else _UNEVEN)
     return kind(tilt), lambda context, *_: context.get_dummy_value()
 
 
@@ -71,7 +58,7 @@ def place_domino(ring, mask, i, layout, j):
     factor = c + tan_phi * s
     domino.half_weight = 0.5 * mass * height * factor  # times gravity where it is used
     domino.tan_phi = (tan_phi * c - s) / factor
-    domino.kind = TIP
+    domino.kind = arrays.TIP
     domino.on_tape = 0
     domino.tail = domino.inertia
     domino.end_weight = 0.0
@@ -122,7 +109,7 @@ def contact_rise(layout, j, ahead):
     along = (layout.spacing[j] + layout.thickness[ahead]) * math.tan(tilt)
     up = at_or_zero(layout.rise, j) / math.cos(tilt)
     step = along + up
-    return 0.0 if abs(step) <= 8.0 * EPS * (abs(along) + abs(up)) else step
+    return 0.0 if abs(step) <= 8.0 * arrays.EPS * (abs(along) + abs(up)) else step
 
 
 @internal
@@ -164,13 +151,13 @@ def past_flush(contact, dv):
 @always_inline
 def can_flush(contact):
     """Return True if the next change of a contact is from tip to corner, False if it separates."""
-    return contact.kind == TIP and contact.v_flush < contact.v_separation
+    return contact.kind == arrays.TIP and contact.v_flush < contact.v_separation
 
 
 @always_inline
 def flush(contact, state):
     """Move a contact from tip to corner: face contact."""
-    contact.kind = CORNER
+    contact.kind = arrays.CORNER
     contact.v_switch = contact.v_separation
     state.flushes += 1
 
@@ -178,7 +165,7 @@ def flush(contact, state):
 @internal
 def separate(contact, i, state):
     """Separate domino i from i+1, so that it and all behind it leave the stack."""
-    contact.kind = SEPARATED
+    contact.kind = arrays.SEPARATED
     state.back = i + 1
     state.releases += 1
 
@@ -222,7 +209,7 @@ def tip(s, v, shape, mu):
     lost = p_l * v + e * s
     sd = s_l - lost  # sin Δ, eq. 1; on uneven ground Δ is the lean in the frame of i+1
     cd2 = (1.0 + sd) * (rest + lost)
-    cd = math.sqrt(cd2 if cd2 > TINY else TINY)
+    cd = math.sqrt(cd2 if cd2 > arrays.TINY else arrays.TINY)
     arm = cd + mu * sd
     vd = sd * sd / (1.0 + cd)  # 1 - cos Δ, accurate for a small Δ, as near face contact
     r = 1.0 / (cd * arm)
@@ -271,6 +258,6 @@ def corner(s, v, shape, mu):
 @internal
 def contact_at(contact, s, v, mu):
     """Return the results of `tip` or `corner` for a contact, at a single angle."""
-    if contact.kind == TIP:
+    if contact.kind == arrays.TIP:
         return tip(s, v, shape_of(contact), mu)
     return corner(s, v, shape_of(contact), mu)

@@ -8,36 +8,10 @@ solver is involved.
 import math
 from typing import NamedTuple
 
-from domino_env.kernels.arrays import (
-    COEF,
-    EPS,
-    EXPO,
-    INTERVAL_SHARE,
-    MAP_E,
-    MAP_U,
-    RATE,
-    SLOWNESS,
-    SPEED2,
-    STALLED,
-    SUM_D,
-    SUM_G,
-    SUM_M,
-    TINY,
-)
+from domino_env.kernels import arrays, quadrature
+from domino_env.kernels.arrays import COEF, EXPO, MAP_E, MAP_U, RATE, SLOWNESS, SPEED2
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
-from domino_env.kernels.quadrature import (
-    HIGH,
-    ORDERS,
-    RUNNING,
-    TO_END,
-    TO_START,
-    TOP,
-    WEIGHTS,
-    first_zero,
-    lowest_point,
-    series,
-    slow_time,
-)
+from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
 
 ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
 NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
@@ -91,22 +65,22 @@ def affine_map(lanes, k, h, mu, gravity):
     m = ORDERS[k]
     end = m + 1
     for j in range(m + 2):
-        if not lanes[SUM_M + j] > 0.0:
+        if not lanes[arrays.SUM_M + j] > 0.0:
             return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
     if mu == 0.0:  # M u is twice the kinetic energy: no quadrature is needed
-        m0 = lanes[SUM_M]
+        m0 = lanes[arrays.SUM_M]
         scale = 2.0 * gravity / m0
         for j in range(1, m + 2):
-            lanes[MAP_E + j] = m0 / lanes[SUM_M + j]
-            lanes[MAP_U + j] = -scale * lanes[SUM_G + j]
+            lanes[MAP_E + j] = m0 / lanes[arrays.SUM_M + j]
+            lanes[MAP_U + j] = -scale * lanes[arrays.SUM_G + j]
         return True, MapError(0.0, 0.0, 0.0, 0.0)
     g2 = 2.0 * gravity * h
     for j in range(m + 2):
-        inv = 1.0 / lanes[SUM_M + j]
-        lanes[EXPO + j] = -2.0 * h * lanes[SUM_D + j] * inv  # 2 Q h
-        lanes[RATE + j] = g2 * lanes[SUM_G + j] * inv  # 2 P h, then 2 P h / E
+        inv = 1.0 / lanes[arrays.SUM_M + j]
+        lanes[EXPO + j] = -2.0 * h * lanes[arrays.SUM_D + j] * inv  # 2 Q h
+        lanes[RATE + j] = g2 * lanes[arrays.SUM_G + j] * inv  # 2 P h, then 2 P h / E
     q_end, q_lo, q_hi, q_size = integrate(lanes, EXPO, k)
     for j in range(m):
         e = math.exp(lanes[COEF + j])
@@ -122,7 +96,8 @@ def affine_map(lanes, k, h, mu, gravity):
     # the error of a Gauss rule is the square of the mismatch
     q = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
     r = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
-    return True, MapError(q * q / max(q_size, TINY), r * r / max(r_size, TINY) + r * q, q, r)
+    error_q, error_r = q * q / max(q_size, arrays.TINY), r * r / max(r_size, arrays.TINY)
+    return True, MapError(error_q, error_r + r * q, q, r)
 
 
 @always_inline
@@ -132,7 +107,7 @@ def end_interval(lanes, k, h, mismatch, tail, state):
     state.log_rho = math.log(1.0 / decay) / ORDERS[k]
     state.last_h = h
     state.tail_bound = tail
-    state.m_end = lanes[SUM_M + ORDERS[k] + 1]
+    state.m_end = lanes[arrays.SUM_M + ORDERS[k] + 1]
 
 
 @noinline
@@ -146,7 +121,7 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     and the state is unchanged. STALLED: u reaches zero, at state.angle.
     """
     lanes = borrow(lanes)
-    tol = INTERVAL_SHARE * state.rtol
+    tol = arrays.INTERVAL_SHARE * state.rtol
     last_resort = effort == LAST_RESORT
     last = ORDERS[k] + 1
     u0 = state.u
@@ -163,13 +138,13 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     is_located = state.exact_minimum or u_low < DEEP_MINIMUM * size
     x_low = 0.0
     if is_located:
-        series(lanes, SPEED2, k)
-        x_low, u_low = lowest_point(lanes, SPEED2, k)
+        quadrature.series(lanes, SPEED2, k)
+        x_low, u_low = quadrature.lowest_point(lanes, SPEED2, k)
     if u_low <= 0.0:
         if local > max(tol * size, SURE_STALL * abs(u_low)) and not last_resort:
             return UNRESOLVED
-        state.angle = a + h * first_zero(lanes, SPEED2, k, x_low)
-        return STALLED
+        state.angle = a + h * quadrature.first_zero(lanes, SPEED2, k, x_low)
+        return arrays.STALLED
     for j in range(last + 1):
         lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
     # by the nodes: time over h and minus its derivative by u at the start; 1/√u at both ends, and
@@ -193,11 +168,11 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         mismatch = max(mismatch, high * root, top * math.sqrt(math.sqrt(top)))
     # of 1/√u at the nodes, with a margin of mismatch^(-1/8)
-    node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, TINY))))
+    node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, arrays.TINY))))
     if k == 3 and mismatch > SHARP:
         # the coefficients of a small narrow peak decay slowly from a low level: use their decay
         node_error = max(
-            node_error, t * min(mismatch / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2)
+            node_error, t * min(mismatch / max(high, top, arrays.TINY), 1.0) ** (ORDERS[k] // 2)
         )
     t_error = 2.0 * mismatch * (node_error + map_error * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
@@ -207,13 +182,13 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         if effort == NORMAL:
             return UNRESOLVED
         if not is_located:
-            series(lanes, SPEED2, k)
-            x_low, u_low = lowest_point(lanes, SPEED2, k)
+            quadrature.series(lanes, SPEED2, k)
+            x_low, u_low = quadrature.lowest_point(lanes, SPEED2, k)
         # error of u by the polynomial: its last coefficients, and the error of the map
         u_error = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1])
         u_error += map_error / ORDERS[k]
-        t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
-        is_rounding = u_error <= LANE_ROUNDING * EPS * size + LANE_NOISE * state.noise
+        t_slow, sens_slow = quadrature.slow_time(lanes, last + 1, x_low, lanes[:0])
+        is_rounding = u_error <= LANE_ROUNDING * arrays.EPS * size + LANE_NOISE * state.noise
         if not (u_error * sens_slow <= tol * t_slow or is_rounding or last_resort):
             return UNRESOLVED
         t, sens, t_error = t_slow, sens_slow, u_error * sens_slow + PANEL_ROUNDING * t_slow
@@ -225,10 +200,10 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         # smaller than the last two
         decay = mismatch / (mismatch + max(high, top))
         t_error = max(t_error, t * min(max(high, top) * decay ** ORDERS[k], tol))
-    noise = U_ROUNDING * EPS * size + state.noise
+    noise = U_ROUNDING * arrays.EPS * size + state.noise
     neglected = tail * u0
     state.time_error += h * (sens * (state.u_error + local + neglected + noise) + t_error)
-    state.time_round += h * (sens * (state.u_round + noise) + EPS * t)
+    state.time_round += h * (sens * (state.u_round + noise) + arrays.EPS * t)
     state.u_error = e_end * (state.u_error + local + neglected) + noise * max(e_end, 1.0)
     state.u_round = e_end * state.u_round + noise * max(e_end, 1.0)
     state.u = u_end
@@ -244,19 +219,19 @@ def compose(lanes, k, h, error, tail, state):
 
     Returns ACCEPTED, or UNRESOLVED with the state unchanged.
     """
-    tol = INTERVAL_SHARE * state.rtol
+    tol = arrays.INTERVAL_SHARE * state.rtol
     last = ORDERS[k] + 1
-    size = TINY
+    size = arrays.TINY
     for j in range(1, last + 1):
         size = max(size, abs(lanes[MAP_U + j]))
-    series(lanes, MAP_U, k)
+    quadrature.series(lanes, MAP_U, k)
     mismatch = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1])
     mismatch += (error.r + error.q * size) / ORDERS[k]
     mismatch -= LANE_NOISE * state.noise  # rounding does not count
     if not (error.log_e <= tol and error.u <= tol * size and mismatch <= tol * size):
         return UNRESOLVED
-    _, u_low = lowest_point(lanes, MAP_U, k)
-    gain = max(state.gain, TINY)
+    _, u_low = quadrature.lowest_point(lanes, MAP_U, k)
+    gain = max(state.gain, arrays.TINY)
     state.least_start = max(state.least_start, -(state.offset + u_low) / gain)
     state.offset = lanes[MAP_E + last] * (state.offset + lanes[MAP_U + last])
     state.gain *= lanes[MAP_E + last]

@@ -6,24 +6,8 @@ angle of the leader at which faces meet or a contact separates.
 
 import math
 
-from domino_env.kernels.arrays import (
-    DRV,
-    EXPO,
-    IMPACT_TOLERANCE,
-    INTERVAL_SHARE,
-    JAC,
-    ONE_FOR_ALL,
-    SEPARATED,
-    SIN,
-    SUM_D,
-    SUM_G,
-    SUM_M,
-    TAIL_SHARE,
-    TINY,
-    TIP,
-    VER,
-    WGT,
-)
+from domino_env.kernels import arrays
+from domino_env.kernels.arrays import DRV, EXPO, JAC, SIN, SUM_D, SUM_G, SUM_M, VER, WGT
 from domino_env.kernels.contact import (
     can_flush,
     catch_up,
@@ -147,12 +131,12 @@ def add_without_friction(lanes, count, contact, kind):
 def add_domino(lanes, count, contact, mu):
     """Advance all lanes over a contact and add the domino behind it to the sums."""
     if mu > 0.0:
-        if contact.kind == TIP:
+        if contact.kind == arrays.TIP:
             add_with_friction(lanes, count, contact, mu, tip)
         else:
             add_with_friction(lanes, count, contact, mu, corner)
         return
-    if contact.kind == TIP:
+    if contact.kind == arrays.TIP:
         add_without_friction(lanes, count, contact, tip)
     else:
         add_without_friction(lanes, count, contact, corner)
@@ -188,7 +172,7 @@ def tail_bound(lanes, count, mu, force, h, tail):
             largest = x
         if lanes[SUM_M + j] < lightest:
             lightest = lanes[SUM_M + j]
-    return largest * tail / max(lightest, TINY)
+    return largest * tail / max(lightest, arrays.TINY)
 
 
 @noinline
@@ -201,12 +185,12 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
     changes at the very end of the interval, n if none does.
     """
     lanes, ring = borrow((lanes, ring))
-    mask, mu, tol = state.mask, state.mu, TAIL_SHARE * (INTERVAL_SHARE * state.rtol)
+    mask, mu, tol = state.mask, state.mu, arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], mu)
     back = state.back
     first_check = max(4, state.depth - 2)  # near the cut of the last interval
-    oldest = back if mask == ONE_FOR_ALL else max(back, n - mask)
+    oldest = back if mask == arrays.ONE_FOR_ALL else max(back, n - mask)
     state.last_due = n
     i = n
     while i > oldest:
@@ -215,15 +199,15 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
         if lanes[VER + end] >= contact.v_switch * (1.0 - DUE_MARGIN) and detect != IGNORE_SWITCHES:
             if lanes[VER] > contact.v_switch * (1.0 + MISSED_MARGIN):
                 catch_up(contact, i, lanes[VER], state)
-                if contact.kind == SEPARATED:
+                if contact.kind == arrays.SEPARATED:
                     return i + 1, 0.0, False
             dv = lanes[VER + end] - contact.v_switch
             if detect == END_AT_HIT and dv + HIT_LAG * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
             if detect == END_AT_SWITCH:
-                if past_flush(contact, dv) >= EARLY_SHARE * IMPACT_TOLERANCE:
+                if past_flush(contact, dv) >= EARLY_SHARE * arrays.IMPACT_TOLERANCE:
                     return i, 0.0, True
-                if past_flush(contact, dv) >= -IMPACT_TOLERANCE:
+                if past_flush(contact, dv) >= -arrays.IMPACT_TOLERANCE:
                     state.last_due = i  # it changes with the contact that ends the interval
         add_domino(lanes, count, contact, mu)
         contact.end_weight = lanes[weights(mu) + end]
@@ -249,7 +233,7 @@ def renew_tails(ring, mask, low, n):
         x2 = span2(previous)
         ratio = 0.5 * (1.0 - x2)
         weight, bound = abs(domino.end_weight), ratio_bound(previous)
-        if weight > TINY:
+        if weight > arrays.TINY:
             ratio = max(ratio, min(abs(previous.end_weight) / weight, bound))
         else:
             ratio = bound
@@ -269,7 +253,7 @@ def switch_guess(lanes, k, a, h, v_switch):
     v0, v1 = lanes[VER + j - 1], lanes[VER + j]
     rate0, rate1 = lanes[SIN + j - 1] * lanes[JAC + j - 1], lanes[SIN + j] * lanes[JAC + j]
     x0, x1 = POSITIONS[k, j - 1], POSITIONS[k, j]
-    if not (v0 < v_switch < v1 and rate0 * h > TINY and rate1 * h > TINY):
+    if not (v0 < v_switch < v1 and rate0 * h > arrays.TINY and rate1 * h > arrays.TINY):
         return a + h * x1
     t = (v_switch - v0) / (v1 - v0)
     m0, m1 = (v1 - v0) / (rate0 * h), (v1 - v0) / (rate1 * h)
@@ -295,7 +279,7 @@ def switch_angle(ring, state, n, i, a, b, guess):
             hi = x
         else:
             lo = x
-        new = x - dv / max(s * jac, TINY)
+        new = x - dv / max(s * jac, arrays.TINY)
         if abs(new - x) <= NEWTON_TOLERANCE * (b - a):
             return min(max(new, a), b)
         if not (lo < new < hi):
@@ -320,12 +304,12 @@ def count_toppled(ring, state, n, s, v):
         if i == back:
             return toppled + i
         i -= 1
-        if mask != ONE_FOR_ALL and n - i > mask:
+        if mask != arrays.ONE_FOR_ALL and n - i > mask:
             return toppled + i + 1
         contact = ring[i & mask]
-        if mask != ONE_FOR_ALL and v > contact.v_switch * (1.0 + MISSED_MARGIN):
+        if mask != arrays.ONE_FOR_ALL and v > contact.v_switch * (1.0 + MISSED_MARGIN):
             catch_up(contact, i, v, state)
-            if contact.kind == SEPARATED:
+            if contact.kind == arrays.SEPARATED:
                 return toppled + i + 1
         s, v, _, _, _ = contact_at(contact, s, v, mu)
 
@@ -354,7 +338,7 @@ def switch(ring, state, n, due_contact, low, angle):
         i -= 1
         contact = ring[i & mask]
         dv = v - contact.v_switch
-        is_due = past_flush(contact, dv) >= -IMPACT_TOLERANCE
+        is_due = past_flush(contact, dv) >= -arrays.IMPACT_TOLERANCE
         if not can_flush(contact) and dv >= -ANGLE_ERROR * contact.v_switch:
             s, v, _, _, _ = contact_at(contact, s, v, mu)
             count_toppled(ring, state, i, s, v)
@@ -378,7 +362,7 @@ def switch(ring, state, n, due_contact, low, angle):
             stop = low  # the common factor is not reliable
     if not has_flush or mu == 0.0:
         return 1.0
-    if i > low and ring[i & mask].kind != SEPARATED:
+    if i > low and ring[i & mask].kind != arrays.SEPARATED:
         m_before += (state.m_end - m_old) * (w_new / w_old)
     if m_after == 0.0:
         return 0.0

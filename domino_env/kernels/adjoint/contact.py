@@ -3,18 +3,8 @@
 import math
 from typing import Any, NamedTuple
 
-from domino_env.kernels.arrays import (
-    JAC,
-    SIN,
-    STRIDE,
-    TINY,
-    TIP,
-    VER,
-    WGT,
-    is_uneven,
-    record_type,
-    rise_of,
-)
+from domino_env.kernels import arrays
+from domino_env.kernels.arrays import JAC, SIN, STRIDE, VER, WGT, is_uneven, rise_of
 from domino_env.kernels.contact import contact_at, shape_of, sin_versine, tip
 from domino_env.kernels.jit import always_inline, internal, leaf
 
@@ -45,7 +35,7 @@ class ShapeBar(NamedTuple):
     turn: float
 
 
-PHYSICS_BAR = record_type(friction=float, gravity=float, push=float)
+PHYSICS_BAR = arrays.record_type(friction=float, gravity=float, push=float)
 
 FLUSHING = 3  # a contact in its face impact: tip contact before, corner contact after
 
@@ -70,7 +60,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     lost = p_l * v + e * s
     sd = s_l - lost
     cd2 = (1.0 + sd) * (rest + lost)
-    cd = math.sqrt(cd2 if cd2 > TINY else TINY)
+    cd = math.sqrt(cd2 if cd2 > arrays.TINY else arrays.TINY)
     arm = cd + mu * sd
     r = 1.0 / (cd * arm)
     inv_cd, inv_arm = r * arm, r * cd
@@ -188,7 +178,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 @internal
 def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """Return the seven values of `tip_back` for a contact of either kind, at a single angle."""
-    if contact.kind == TIP:
+    if contact.kind == arrays.TIP:
         return tip_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
     return corner_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
 
@@ -339,7 +329,7 @@ def switch_back(reverse, event, x_bar):
         saved[n - i, SIN], saved[n - i, VER] = s, v
         jac *= omega
     rate = s * jac
-    if abs(rate) < TINY:
+    if abs(rate) < arrays.TINY:
         return  # the contact does not move, so the angle of its change is not determined
     due_bar = x_bar / rate
     due_back(ring[due_contact], event.is_flush, due_bar, param_bars[due_contact])

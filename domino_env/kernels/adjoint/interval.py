@@ -5,38 +5,13 @@ All falls of a uniform layout share one stack, which ends at different depths.
 
 import math
 
+from domino_env.kernels import arrays, quadrature
+from domino_env.kernels.adjoint import stack
 from domino_env.kernels.adjoint.contact import B_MU, SEED_D, SEED_G, SEED_M
-from domino_env.kernels.adjoint.stack import (
-    angle_bar,
-    copy_sums,
-    retrace,
-    stack_back,
-    stack_back_from_table,
-    tabulate_stack,
-)
-from domino_env.kernels.arrays import (
-    COEF,
-    EXPO,
-    MAP_E,
-    MAP_U,
-    RATE,
-    SLOWNESS,
-    SPEED2,
-    STRIDE,
-    SUM_M,
-    record_type,
-)
+from domino_env.kernels.arrays import COEF, EXPO, MAP_E, MAP_U, RATE, SLOWNESS, SPEED2, SUM_M
 from domino_env.kernels.interval import affine_map
 from domino_env.kernels.jit import internal
-from domino_env.kernels.quadrature import (
-    CLOSED,
-    ORDERS,
-    POSITIONS,
-    RUNNING,
-    WEIGHTS,
-    series,
-    slow_time,
-)
+from domino_env.kernels.quadrature import CLOSED, ORDERS, POSITIONS, RUNNING, WEIGHTS
 from domino_env.kernels.stack import set_angles
 
 
@@ -56,10 +31,10 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
     # the time: bars of u at the lanes, in SLOWNESS
     time = 0.0
     if x_low >= 0.0:  # else time was not integrated in panels
-        series(lanes, SPEED2, k)
-        moments = bars[B_MU : B_MU + STRIDE]
+        quadrature.series(lanes, SPEED2, k)
+        moments = bars[B_MU : B_MU + arrays.STRIDE]
         moments[:] = 0.0
-        time, _ = slow_time(lanes, count, x_low, moments)
+        time, _ = quadrature.slow_time(lanes, count, x_low, moments)
         for j in range(count):
             f = 0.0
             for i in range(count):
@@ -122,9 +97,9 @@ def interval_stack_back(reverse, k, n, low, end_bar):
     """
     bars, first = reverse.bars, reverse.saved[0]
     count, first_bar = ORDERS[k] + 2, 0.0
-    stack_back(reverse, count, n, low)
+    stack.stack_back(reverse, count, n, low)
     for j in range(count):  # the angle of lane j is a + h x_j
-        x = angle_bar(bars, first, j)
+        x = stack.angle_bar(bars, first, j)
         first_bar += x
         end_bar += POSITIONS[k, j] * x
         if reverse.mu > 0.0:
@@ -141,14 +116,15 @@ def interval_back(reverse, event, u_bar, t_bar, m_bar):
     """
     n, k, low = event.leader, event.rule, event.low
     count = set_angles(reverse.lanes, k, event.angle, event.length)
-    retrace(reverse, count, n, low, False)
+    stack.retrace(reverse, count, n, low, False)
     affine_map(reverse.lanes, k, event.length, reverse.mu, reverse.gravity)
     u0_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)
     first_bar, end_bar = interval_stack_back(reverse, k, n, low, end_bar)
     return u0_bar, first_bar, end_bar
 
 
-SHARED_STACK = record_type(  # the stack in `saved`, in the lanes and in the table; -1 for none
+# the stack in `saved`, in the lanes and in the table; -1 for none
+SHARED_STACK = arrays.record_type(
     rule=int,
     depth=int,  # of the stack in `saved`, which contains all shorter ones
     mapped=int,  # depth of the stack whose map the lanes hold
@@ -170,18 +146,18 @@ def fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar):
     if k != shared.rule or depth > shared.depth:
         reset_shared(shared)
         set_angles(lanes, k, event.angle, event.length)
-        retrace(reverse, count, n, low, True)
+        stack.retrace(reverse, count, n, low, True)
         shared.rule, shared.depth = k, depth
     if depth != shared.mapped:
-        copy_sums(reverse.saved[depth], lanes, count)
+        stack.copy_sums(reverse.saved[depth], lanes, count)
         affine_map(lanes, k, event.length, reverse.mu, reverse.gravity)
         shared.mapped = depth
     if low > 0 and depth != shared.tabled:  # the stack of most falls ends at this depth
-        tabulate_stack(reverse, k, n, low, table)
+        stack.tabulate_stack(reverse, k, n, low, table)
         shared.tabled = depth
     u_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)
     if low > 0:
-        end_bar += stack_back_from_table(reverse, count, n, low, table)
+        end_bar += stack.stack_back_from_table(reverse, count, n, low, table)
     else:
         _, end_bar = interval_stack_back(reverse, k, n, low, end_bar)
     return u_bar, end_bar

@@ -1,5 +1,6 @@
 """Reverse mode of the stack: bars are propagated from its lowest domino to the leader."""
 
+from domino_env.kernels import arrays
 from domino_env.kernels.adjoint.contact import (
     B_DRV,
     B_GAP,
@@ -25,19 +26,7 @@ from domino_env.kernels.adjoint.contact import (
     corner_back,
     tip_back,
 )
-from domino_env.kernels.arrays import (
-    DRV,
-    JAC,
-    SIN,
-    STRIDE,
-    SUM_D,
-    SUM_G,
-    SUM_M,
-    TIP,
-    VER,
-    WGT,
-    is_uneven,
-)
+from domino_env.kernels.arrays import DRV, JAC, SIN, STRIDE, SUM_D, SUM_G, SUM_M, VER, WGT
 from domino_env.kernels.contact import shape_of, sin_versine
 from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
@@ -50,7 +39,7 @@ def keep_shape(bars, j, contact, shape_bar):
     bars[B_PITCH + j] = shape_bar.pitch
     bars[B_GAP + j] = shape_bar.gap
     bars[B_THICKNESS + j] = shape_bar.thickness
-    if is_uneven(contact):
+    if arrays.is_uneven(contact):
         bars[B_RISE + j] = shape_bar.rise
         bars[B_TURN + j] = shape_bar.turn
 
@@ -124,7 +113,7 @@ def gather(bars, count, domino, param_bars):
         param_bars[3 * k] += a
         param_bars[3 * k + 1] += b
         param_bars[3 * k + 2] += c
-    if is_uneven(domino):
+    if arrays.is_uneven(domino):
         e, turn = 0.0, 0.0
         for j in range(count):
             e += bars[B_RISE + j]
@@ -172,11 +161,11 @@ def copy_sums(source, target, count):
 def contact_back(bars, above, here, count, contact, mu):
     """Propagate all bars over one contact of either kind."""
     if mu > 0.0:
-        if contact.kind == TIP:
+        if contact.kind == arrays.TIP:
             friction_back(bars, above, here, count, contact, mu, tip_back)
         else:
             friction_back(bars, above, here, count, contact, mu, corner_back)
-    elif contact.kind == TIP:
+    elif contact.kind == arrays.TIP:
         frictionless_back(bars, above, here, count, contact, tip_back)
     else:
         frictionless_back(bars, above, here, count, contact, corner_back)
@@ -250,7 +239,7 @@ def tabulate_stack(reverse, k, n, low, table):
             else:
                 add_leader_back(bars, saved[0], count, ring[n], mu)
             for j in range(count):
-                for c in range(PARAMS if is_uneven(ring[i]) else PARAMS - 2):
+                for c in range(PARAMS if arrays.is_uneven(ring[i]) else PARAMS - 2):
                     table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * STRIDE + j]
         for j in range(count):
             x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS
