@@ -33,11 +33,16 @@ def read_json(path: Path) -> Any:
     """Return the document of a JSON file; raise a ValueError with the path for other text."""
     with errors_with_path(path):
         try:
-            return json.loads(decode(read_bytes(path)))
+            return json.loads(read_text(path))
         except RecursionError:
             raise ValueError("not JSON: nested too deeply; use fewer levels") from None
         except json.JSONDecodeError as error:
             raise ValueError(f"not JSON: {error}") from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file, decoded by `decode`."""
+    return decode(read_bytes(path))
 
 
 def decode(data: bytes) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import decode, one_line, read_bytes, read_json, write_text
+from domino_env.core.files import one_line, read_json, read_text, write_text
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
 from domino_env.physics.standard import DENSITY, HEIGHT
 
@@ -121,15 +121,15 @@ def read_arguments(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise ValueError("there is no such file: name a .csv or .json file of a layout")
     if suffix == ".csv":
-        return _parse_table(path, read_bytes(path))
+        return _parse_table(path, read_text(path))
     if suffix == ".json":
         return read_model(LayoutTable, read_json(path)).arguments()
     raise ValueError("it is not a layout: name a .csv or .json file")
 
 
-def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
-    """Return the arguments of a `Layout` from the bytes of a table."""
-    separator, lines = _split_table(path, data)
+def _parse_table(path: Path, text: str) -> dict[str, Any]:
+    """Return the arguments of a `Layout` from the text of a table."""
+    separator, lines = _split_table(path, text)
     head, first = next(lines, (0, []))
     if not first:
         raise ValueError("the file is empty: give a line of names, such as spacing_mm,thickness_mm")
@@ -212,9 +212,9 @@ def _number(kind: str, cell: str, per_unit: float, separator: str) -> float:
     return value
 
 
-def _split_table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
+def _split_table(path: Path, text: str) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
-    lines = decode(data).splitlines(keepends=True)
+    lines = text.splitlines(keepends=True)
     first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
     declared = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)

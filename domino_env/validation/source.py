@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.checks import numbers
-from domino_env.core.files import decode, errors_with_path, read_bytes
+from domino_env.core.files import errors_with_path, read_text
 from domino_env.core.models import Number, Size, Table, read_model
 from domino_env.physics.standard import HEIGHT, WIDTH
 
@@ -262,8 +262,7 @@ def read_source(path: Path) -> Source:
         If the file cannot be read.
     """
     with errors_with_path(path):
-        document = tomllib.loads(decode(read_bytes(path)))
-        return read_model(Source, {**document, "name": path.stem})
+        return read_model(Source, {**tomllib.loads(read_text(path)), "name": path.stem})
 
 
 def shipped_sources() -> dict[str, Source]:

@@ -18,14 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import (
-    decode,
-    errors_with_path,
-    one_line,
-    read_bytes,
-    read_json,
-    write_text,
-)
+from domino_env.core.files import errors_with_path, one_line, read_json, read_text, write_text
 from domino_env.core.models import Document, Number, read_model
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
@@ -180,8 +173,7 @@ def _curve(
         return None
     path = folder / name
     with errors_with_path(path):
-        text = io.StringIO(decode(read_bytes(path)))
-        table = np.genfromtxt(text, delimiter=",", names=True, ndmin=1)
+        table = np.genfromtxt(io.StringIO(read_text(path)), delimiter=",", names=True, ndmin=1)
         for column in (x_column, y_column):
             for line, value in enumerate(table[column], 2):  # line 1 has the names
                 if not np.isfinite(value):
