@@ -17,15 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import require, require_choice, require_type
 from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs import rendering
 from domino_env.envs.episodes import EpisodeResults, object_array, placed_layout
-from domino_env.envs.rendering import (
-    FRAMES_PER_SECOND,
-    MODES,
-    OFFERED_MODES,
-    VECTOR_MODES,
-    Renderer,
-    Snapshot,
-)
 from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import ObservationLayout, check_actions, closeness
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
@@ -81,13 +74,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     ) -> None:
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
-        self._renderer = Renderer(render_mode, VECTOR_MODES)
+        self._renderer = rendering.Renderer(render_mode, rendering.VECTOR_MODES)
         modes = [mode.value for mode in AutoresetMode]
         require_choice("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), modes)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
-            "render_modes": list(VECTOR_MODES),
-            "render_fps": FRAMES_PER_SECOND,
+            "render_modes": list(rendering.VECTOR_MODES),
+            "render_fps": rendering.FRAMES_PER_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
         self.source = source
@@ -410,14 +403,14 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     # rendering ------------------------------------------------------------------------------------
 
-    def snapshot(self, env: int) -> Snapshot:
+    def snapshot(self, env: int) -> rendering.Snapshot:
         """Return the chain of an environment, by its index, at its latest hit."""
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
         height = batch.height[env % len(batch.height)]
         sizes = batch.spacing[env], batch.thickness[env], height
         hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int))  # empty without a hand
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
-        return Snapshot(
+        return rendering.Snapshot(
             layout=placed_layout(self._scene(env), placed, *sizes),
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
@@ -460,13 +453,13 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
-        "render_modes": list(OFFERED_MODES),
-        "render_fps": FRAMES_PER_SECOND,
+        "render_modes": list(rendering.OFFERED_MODES),
+        "render_fps": rendering.FRAMES_PER_SECOND,
     }
 
     def __init__(self, vector: DominoVectorEnv, render_mode: str | None) -> None:
         self.render_mode = render_mode
-        self._renderer = Renderer(render_mode, MODES)
+        self._renderer = rendering.Renderer(render_mode, rendering.MODES)
         self._vector = vector
         self._all = np.ones(1, np.bool_)
         self._begun = self._over = False
@@ -560,7 +553,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         info = {key: values.item(0) for key, values in infos.items()}
         return observations[0], float(rewards[0]), self._over, False, info
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> rendering.Snapshot:
         """Return the chain at its latest hit."""
         return self._vector.snapshot(0)
 
@@ -569,7 +562,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         if self.render_mode is None:
             gymnasium.logger.warn(
                 'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
-                f"takes one of {', '.join(MODES)}"
+                f"takes one of {', '.join(rendering.MODES)}"
             )
             return None
         return self._renderer.frame(self.snapshot(), self.scene)

@@ -10,14 +10,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
+from domino_env.core import files
 from domino_env.core.checks import require_type
-from domino_env.core.files import (
-    errors_with_path,
-    one_line,
-    raise_with_path,
-    read_bytes,
-    write_text,
-)
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
@@ -40,8 +34,8 @@ def distribution_names() -> list[str]:
 
 
 def _names_in(folder: Traversable) -> list[str]:
-    files = folder.iterdir()
-    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+    names = [file.name for file in folder.iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def load_scene(name: str | Path) -> Scene:
@@ -102,23 +96,25 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
         file = f"{name}.toml"
         return parse_document((known[text] / file).read_text("utf-8"), file), text, file
     if path.suffix.lower() in (".csv", ".json"):
-        raise_with_path(path, "a scene is a .toml file or a name; domino simulate reads layouts")
+        files.raise_with_path(
+            path, "a scene is a .toml file or a name; domino simulate reads layouts"
+        )
     if path.is_dir() and not (path / SCENE).is_file():
-        raise_with_path(path, f"a folder without a {SCENE}: name the file of a scene")
+        files.raise_with_path(path, f"a folder without a {SCENE}: name the file of a scene")
     if path.suffix != ".toml" and not path.is_file():
         near = difflib.get_close_matches(text[:300], known, n=1)
         near += [str(path / SCENE)] * (path / SCENE).is_file()
         hint = f"did you mean '{near[-1]}'? " if near else ""
         raise ValueError(
-            f"there is no scene '{one_line(text, 100)}': {hint}shipped scenes: "
+            f"there is no scene '{files.one_line(text, 100)}': {hint}shipped scenes: "
             f"{', '.join(known)}; or give the path of a .toml file"
         )
     if not path.is_file():
-        raise_with_path(path, "there is no such file: name a scene or a .toml file")
+        files.raise_with_path(path, "there is no such file: name a scene or a .toml file")
     try:
-        content = read_bytes(path).decode("utf-8-sig")
+        content = files.read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise_with_path(path, "not UTF-8 text: save the file as UTF-8")
+        files.raise_with_path(path, "not UTF-8 text: save the file as UTF-8")
     return parse_document(content, str(path)), path.stem, str(path)
 
 
@@ -152,7 +148,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
 def parse_document(text: str, file: str) -> dict[str, Any]:
     """Return the document of a TOML text; raise a ValueError with the file for other text."""
-    with errors_with_path(file):
+    with files.errors_with_path(file):
         try:
             return tomllib.loads(text)
         except RecursionError:
@@ -163,7 +159,7 @@ def parse_document(text: str, file: str) -> dict[str, Any]:
 
 def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """Return the scene of a document read by `tomllib`; arguments as for `parse_scene`."""
-    with errors_with_path(file):
+    with files.errors_with_path(file):
         if has_ranges(document):
             raise ValueError("it has ranges: load it by load_distribution, and sample scenes")
         scene = Scene.from_document({"name": name} | document)
@@ -191,10 +187,10 @@ def scene_beside(path: str | Path) -> Scene | None:
         As for `load_scene`.
     """
     path = Path(path)
-    files = [path / SCENE]
-    if not path.is_dir():
-        files = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
-    return next((load_scene(file) for file in files if file.is_file()), None)
+    places = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
+    if path.is_dir():
+        places = [path / SCENE]
+    return next((load_scene(place) for place in places if place.is_file()), None)
 
 
 def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
@@ -227,7 +223,7 @@ def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
     if write is None:
         raise ValueError(f"{path}: name a .csv or .json file for the layout")
     write(path)
-    write_text(beside, scene.to_toml())
+    files.write_text(beside, scene.to_toml())
     return beside
 
 
@@ -257,12 +253,12 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
         return None
     if others := ", ".join(path for path, scene in scenes.items() if scene is None):
         reason = f"no scene beside it: shown in scene '{common.name}' of the other layouts"
-        notice(f"{one_line(others)}: {reason}")
+        notice(f"{files.one_line(others)}: {reason}")
     for path, scene in scenes.items():
         if scene is not None and scene != common:
-            files = [one_line(file, 160, keep_end=True) for file in (first, path)]
+            both = [files.one_line(name, 160, keep_end=True) for name in (first, path)]
             raise ValueError(
-                f"{' and '.join(files)} are of different scenes ('{common.name}' and "
+                f"{' and '.join(both)} are of different scenes ('{common.name}' and "
                 f"'{scene.name}'): show layouts of one scene, or name one by --scene"
             )
     return common
@@ -292,5 +288,5 @@ def read_layout(path: str | Path, scene: Scene | None) -> Layout:
     if scene is None or scene.ground is None or not layout.is_flat:
         return layout
     names = "spacing", "thickness", "height", "width", "density"
-    with errors_with_path(path):
+    with files.errors_with_path(path):
         return scene.ground.layout(*(getattr(layout, name) for name in names))
