@@ -25,6 +25,7 @@ from domino_env.core.files import one_line
 from domino_env.core.progress import Advice, WrongUnit
 
 GROUP = "domino.commands"
+INTERRUPTED = "interrupted before the end: run the command again"
 MAX_MESSAGE = 1000  # [characters]
 PURPOSES = {
     "simulate": "simulate",
@@ -118,16 +119,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as error:
-        print(f"domino: {str(error) or 'interrupted'}", file=sys.stderr)
+        print(f"domino: {str(error) or INTERRUPTED}", file=sys.stderr)
         return interruption.code
     except (ValueError, OSError, ImportError, WrongUnit) as error:
         # a library raised this for the interruption
         if interruption.signal and (isinstance(error, ImportError) or not str(error)):
-            print("domino: interrupted", file=sys.stderr)
+            print(f"domino: {INTERRUPTED}", file=sys.stderr)
             return interruption.code
         message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
-        if isinstance(error, OSError) and error.filename is not None:
-            message = f"{error.filename}: {error.strerror}: name another file or folder"
+        if isinstance(error, OSError) and error.strerror:
+            place = error.filename or "the output"  # errors of writing have no name of a file
+            message = f"{place}: {error.strerror}: name another file or folder"
         print(f"domino: {one_line(message, MAX_MESSAGE)}", file=sys.stderr)
         return 2
     except Exception as error:

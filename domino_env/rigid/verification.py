@@ -206,7 +206,8 @@ def verification_table(verification: Verification) -> list[str]:
         for i in sorted({*range(10, count, 10), min(5, count - 1), count - 1})
     ]
     cells.append(["uncertainty", "", *(f"{rigid.error_estimate:.3%}" for rigid in waves)])
-    cells.append(["not toppled", "", *(str(rigid.staying_up) for rigid in waves)])
+    staying_up = str(count - verification.wave.toppled)
+    cells.append(["not toppled", staying_up, *(str(rigid.staying_up) for rigid in waves)])
     lines = text_table(names, cells, right=names[1:])
     lines += [
         f"{floor_name(rigid.floor_friction)}: {rigid.simulator} has not converged within its "

@@ -11,7 +11,7 @@ from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.rules import Bounds
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds
 from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
@@ -196,6 +196,7 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
     fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1
+    most = min(most, MAX_DOMINOES)
     if hint is None and tables.stock is None and 2 <= fewest <= most:
         counts = f"{fewest} to {most}" if fewest < most else f"{most}"
         hint = f"row.count = {counts} would fit"

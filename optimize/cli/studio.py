@@ -7,6 +7,7 @@ of the page. The page is served on this machine only, until its last tab is clos
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 
 from domino_env.cli.options import add_flags, add_options, number
 
@@ -35,5 +36,6 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.no_browser:
             webbrowser.open(url)
 
-    studio(arguments.source, arguments.port).serve(open_page)
+    with suppress(KeyboardInterrupt):
+        studio(arguments.source, arguments.port).serve(open_page)
     return 0
