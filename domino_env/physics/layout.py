@@ -93,11 +93,7 @@ class Layout:
             "height": full_array("height", height, count),
             "density": full_array("density", density, count),
         }
-        for name, array in arrays.items():
-            # these comparisons take less time than `require`, which makes the message
-            if len(array) and not 0.0 < array.min() <= array.max() < np.inf:
-                unit = "kg/m³" if name == "density" else "m"
-                require(name, array, above=0.0, unit=unit, array=True)
+        require_sizes(arrays)
         require("width", width, above=0.0, unit="m")
         arrays["rise"] = full_array("rise", rise, count - 1)
         arrays["tilt"] = full_array("tilt", tilt, count)
@@ -199,9 +195,8 @@ class Layout:
             spacing = pitch - thickness
         require("spacing", spacing, above=0.0, unit="m")
         gap = float(spacing)  # type: ignore[arg-type]
-        rise = -(gap + thickness) * np.sin(slope)
-        gaps, sizes = np.full(count - 1, gap), (np.full(count, thickness), height, width)
-        return cls(gaps, *sizes, density, rise, slope)
+        gaps, rise = np.full(count - 1, gap), -(gap + thickness) * np.sin(slope)
+        return cls(gaps, np.full(count, thickness), height, width, density, rise, slope)
 
     @property
     def count(self) -> int:
@@ -338,6 +333,15 @@ def _span(values: Floats, factor: float = 1e3) -> str:
     """Format values times a factor, by default from m to mm: one number, or the range."""
     low, high = (f"{factor * value:.4g}" for value in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
+
+
+def require_sizes(sizes: dict[str, Floats]) -> None:
+    """Raise a ValueError for sizes [m] or densities [kg/m³] that are not finite and positive."""
+    for name, values in sizes.items():
+        # these comparisons take less time than `require`, which makes the message
+        if values.size and not 0.0 < values.min() <= values.max() < np.inf:
+            unit = "kg/m³" if name == "density" else "m"
+            require(name, values, above=0.0, unit=unit, array=True)
 
 
 def full_array(name: str, values: ArrayLike, count: int) -> Floats:

@@ -19,7 +19,7 @@ from domino_env.core.types import Floats
 from domino_env.kernels.arrays import FALL, RING_SIZE, Arrays
 from domino_env.kernels.chain import compose_falls, period_falls
 from domino_env.physics.gradient import arrays_from
-from domino_env.physics.layout import Layout
+from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
 from domino_env.physics.wave import MAX_RTOL, Outcome
@@ -216,9 +216,7 @@ def _check_chains(
     require("slope", slope, -0.5 * math.pi, 0.5 * math.pi, "rad")
     names = ("pitch", "thickness", "height", "density")
     sizes = tuple(map(numbers, names, chain))
-    for name, values in zip(names, sizes, strict=True):
-        unit = "kg/m³" if name == "density" else "m"
-        require(name, values, above=0.0, unit=unit, array=True)
+    require_sizes(dict(zip(names, sizes, strict=True)))
     if 0 in (shape := np.broadcast(*sizes).shape):
         raise ValueError(f"the sizes have shape {shape}: give one chain or more")
     return sizes

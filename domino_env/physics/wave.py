@@ -26,7 +26,7 @@ from domino_env.physics.gradient import (
     batch_arrays_from,
     with_length_gradient,
 )
-from domino_env.physics.layout import Layout
+from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
 
@@ -559,9 +559,8 @@ def _pullback_batch(
 ) -> Gradient:
     """Simulate layouts, write their summaries, and return the gradient of arrival times."""
     bars, physics_bars = _empty_bars(arrays), np.empty(len(summaries), PHYSICS_BAR)
-    size = arrays.thickness.shape
-    results = summaries, bars, physics_bars
-    share_pieces(vjp_batch, *size, arrays, *setting, arrival_bar, *results)
+    inputs = *arrays.thickness.shape, arrays, *setting
+    share_pieces(vjp_batch, *inputs, arrival_bar, summaries, bars, physics_bars)
     friction, gravity, push = (physics_bars[name] for name in ("friction", "gravity", "push"))
     return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
@@ -637,9 +636,7 @@ def _check_batch(
     thicknesses = np.broadcast_to(full("thickness", thickness, count), (number, count))
     heights, densities = full("height", height, count), full("density", density, count)
     parts = [gaps, thicknesses, heights, densities]
-    for name, values in zip(("spacing", "thickness", "height", "density"), parts, strict=True):
-        unit = "kg/m³" if name == "density" else "m"
-        require(name, values, above=0.0, unit=unit, array=True)
+    require_sizes(dict(zip(("spacing", "thickness", "height", "density"), parts, strict=True)))
     rise, tilt = numbers("rise", rise, None), numbers("tilt", tilt, None)
     if rise.any() or tilt.any():
         parts.append(np.broadcast_to(full("rise", rise, count - 1), gaps.shape))
