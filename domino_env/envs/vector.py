@@ -320,20 +320,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         observations, rewards, ended, last_infos = self.advance(values)
         infos = self._spread({}, last_infos, ended)
         if over.any():
-            first_infos = self.begin(over, observations, self._generator)
-            infos = self._spread(infos, first_infos, over)
+            infos = self._spread(infos, self.begin(over, observations, self._generator), over)
         self._over = ended
         if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
-            final = np.full(self.num_envs, None, object)
-            final[ended] = object_array(observations[ended])
-            infos = {
-                "final_obs": final,
-                "_final_obs": ended.copy(),
-                "final_info": infos,
-                "_final_info": ended.copy(),
-            }
-            first_infos = self.begin(ended, observations, self._generator)
-            infos = self._spread(infos, first_infos, ended)
+            final = self._spread({}, {"final_obs": object_array(observations[ended])}, ended)
+            infos = final | {"final_info": infos, "_final_info": ended.copy()}
+            infos = self._spread(infos, self.begin(ended, observations, self._generator), ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
@@ -406,8 +398,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def snapshot(self, env: int) -> rendering.Snapshot:
         """Return the chain of an environment, by its index, at its latest hit."""
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
-        height = batch.height[env % len(batch.height)]
-        sizes = batch.spacing[env], batch.thickness[env], height
+        sizes = batch.spacing[env], batch.thickness[env], batch.height[env % len(batch.height)]
         hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int))  # empty without a hand
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
         return rendering.Snapshot(
