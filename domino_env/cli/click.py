@@ -29,8 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_physics(arguments, source)
     wave = simulate(chosen.read(source), chosen.physics)
     if wave.hit < 2:
-        too_short = "a chain needs two dominoes or more"
-        reason = too_short if wave.layout.count < 2 else wave.explanation
+        reason = wave.explanation if wave.layout.count > 1 else "a chain needs two dominoes or more"
         raise ValueError(f"{source}: no domino hits another, so there is no sound: {reason}")
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)

@@ -15,8 +15,7 @@ SUMMARY = "write a page that compares layouts in an animation"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino report`."""
-    paths = "run folder, or layout file"
-    parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help=paths)
+    parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help="run folder, or layout file")
     options.add_physics_options(parser, uniform=True)
     page = "output file (report.html, in RUN if that comes first)"
     options.add_options(parser, ("html", options.output(".html"), "FILE", None, page))

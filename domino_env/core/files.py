@@ -131,8 +131,7 @@ def layout_name(path: Path) -> str:
 
     Long names are shortened to 100 characters.
     """
-    in_run_folder = path.stem == "layout"
-    return one_line(path.resolve().parent.name if in_run_folder else path.stem, 100)
+    return one_line(path.resolve().parent.name if path.stem == "layout" else path.stem, 100)
 
 
 def one_line(text: str, max_length: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:

@@ -42,8 +42,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     points = np.arange(number)
     step = (total - sums[points, k]) / np.maximum(free[points, k], 1.0)
     shift = np.clip(breakpoints[points, k] + step, breakpoints[:, 0], breakpoints[:, -1])
-    shifted = np.clip(values + shift[:, None], low, high)
-    return correct_sum(shifted, low, high, total)
+    return correct_sum(np.clip(values + shift[:, None], low, high), low, high, total)
 
 
 def correct_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:

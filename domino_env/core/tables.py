@@ -98,8 +98,7 @@ def fill_tables(page: str, tables: dict[str, list[str]]) -> str:
     ValueError
         If the page does not have both comments for a table.
     """
-    names = {match[2] for match in _PLACE.finditer(page)}
-    if missing := set(tables) - names:
+    if missing := set(tables) - {match[2] for match in _PLACE.finditer(page)}:
         raise ValueError(f"no comment <!-- {min(missing)} --> or no <!-- end --> after it: add it")
 
     def fill(match: re.Match[str]) -> str:

@@ -217,10 +217,9 @@ def _sampled_indices(size: int, num_scenes: int | None, first_scene: int) -> ran
     """Return the indices of the scenes that resets sample, in a pool of `size` scenes."""
     hint = f"scenes are numbered from 0 to {size - 1}" if size > 1 else "the scene is fixed"
     require("first_scene", first_scene, 0, size - 1, whole=True, hint=hint)
-    if num_scenes is None:
-        return range(first_scene, size)
-    require("num_scenes", num_scenes, 1, size - first_scene, whole=True, hint=hint)
-    return range(first_scene, first_scene + num_scenes)
+    most = size - first_scene
+    require("num_scenes", num_scenes, 1, most, whole=True, hint=hint, optional=True)
+    return range(size)[first_scene:][:num_scenes]
 
 
 def typical_speed(scene: Scene) -> float:

@@ -69,8 +69,7 @@ class Diagnosis:
         """Indices i of contacts with i+1 that would separate but that the model keeps closed."""
         impulse = np.fmin(self.least_hit_impulse, self.least_flush_impulse)
         least = np.fmin(self.least_contact_force, impulse)
-        scale = np.nanmax(np.abs(least), initial=0.0)
-        return np.flatnonzero(least < -ROUNDING * scale)
+        return np.flatnonzero(least < -ROUNDING * np.nanmax(np.abs(least), initial=0.0))
 
     @property
     def lifting_dominoes(self) -> NDArray[np.int64]:

@@ -294,8 +294,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             arrays = [_batch(array) for array in (*geometry, gradient.rise, gradient.tilt)]
             # views, to which the kernel adds the derivatives through rise and tilt
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
-            size = arrays[1].shape
-            share_pieces(place_on_ground_vjp, *size, self.curve, *arrays, *written)
+            share_pieces(place_on_ground_vjp, *arrays[1].shape, self.curve, *arrays, *written)
         return replace(gradient, spacing=spacing, thickness=thickness, rise=None, tilt=None)
 
     @cached_property

@@ -105,12 +105,9 @@ class StoredVerification:
 
 def digest(layout: Layout, physics: Physics) -> str:
     """Return 16 hexadecimal digits that identify a layout with its physics."""
-    parts = (
-        layout.spacing, layout.thickness, layout.height, layout.density,
-        (physics.friction, physics.gravity, physics.push),
-    )  # fmt: skip
-    ground = () if layout.is_flat else (layout.rise, layout.tilt)
-    data = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in (*parts, *ground))
+    sizes = layout.spacing, layout.thickness, layout.height, layout.density
+    parts = *sizes, (physics.friction, physics.gravity, physics.push), *layout.rise_and_tilt
+    data = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
     return hashlib.sha256(data).hexdigest()[:16]
 
 

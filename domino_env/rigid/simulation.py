@@ -99,8 +99,7 @@ class RigidWave:
     @property
     def topples(self) -> Bools:
         """Mask of dominoes that passed their tipping angle (N,)."""
-        tipping = np.arctan2(self.layout.thickness, self.layout.height)
-        return np.asarray(self.lean > tipping)
+        return np.asarray(self.lean > np.arctan2(self.layout.thickness, self.layout.height))
 
     @property
     def toppled(self) -> int:
@@ -315,8 +314,7 @@ def _run(
         longest_wait(layout, physics),
     )  # fmt: skip
     arrival_times = np.append(0.0, np.full(count - 1, np.inf))
-    lengths = count, count, count - 1, count - 1
-    record = dynamics.Record(arrival_times, *map(np.zeros, lengths))
+    record = dynamics.Record(arrival_times, *map(np.zeros, (count, count, count - 1, count - 1)))
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
     first: tuple[float, int] | None = None  # time and dominoes hit after the first call

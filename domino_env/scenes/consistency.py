@@ -191,8 +191,7 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     low, high = _pitches(tables)
     if pairs * low - 1e-12 <= length <= pairs * high + 1e-12:
         return
-    bounds = tables.spacing.domain()[0], tables.thickness_domain()[0]
-    hint = unit_hint(tables.row.height, *bounds)
+    hint = unit_hint(tables.row.height, tables.spacing.domain()[0], tables.thickness_domain()[0])
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
     fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1

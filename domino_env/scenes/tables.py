@@ -106,8 +106,7 @@ class RangeTable(Table):
         """
         low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
         if values is None:
-            given = {"fixed": low} if low == high else {"min": low, "max": high}
-            return {**given, **entries}
+            return ({"fixed": low} if low == high else {"min": low, "max": high}) | entries
         if low == high:
             raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
         listed = numbers(f"{name}.values", values).ravel().tolist()

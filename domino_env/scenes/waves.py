@@ -239,9 +239,8 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
     def simulate(first: int, last: int) -> None:
         for b in range(first, last):
-            layout = batch.layout(b)
             waves[b] = simulate_standing(
-                layout, batch.physics, floor_friction, FREE_STANDING_RTOL, stop=batch.stop
+                batch.layout(b), batch.physics, floor_friction, FREE_STANDING_RTOL, stop=batch.stop
             )
 
     share_pieces(simulate, len(batch), FREE_STANDING_COST * batch.count)

@@ -181,8 +181,7 @@ def first_call_times(cache: str) -> dict[str, float]:
     command = [sys.executable, "-m", "domino_env.validation.bench", "first-calls"]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    seconds: dict[str, float] = json.loads(process.stdout)
-    return seconds
+    return dict(json.loads(process.stdout))
 
 
 def main() -> None:

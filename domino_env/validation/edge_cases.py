@@ -121,7 +121,7 @@ def short_cases() -> Iterator[EdgeCase]:
                 outcome = COMPLETES if sign > 0 else STALLS
                 yield EdgeCase("smallest push", name, tight, physics, (outcome,))
         high = Layout([0.02, 0.012, 0.02], D, rise=[0.0199, 0.0119, -0.0035])
-        extremes = {
+        for name, (layout, push) in {
             "nearly stairs": (high, 20.0),
             "nearly touching": (Layout([1e-6 * H, 0.015], D), 30.0),
             "nearly out of reach": (Layout([H * (1.0 - 1e-6), 0.015], D), 30.0),
@@ -130,8 +130,7 @@ def short_cases() -> Iterator[EdgeCase]:
             "contacts open": (Layout([0.044, 0.042, 0.02], 0.01), 10.0),
             "stalls in a tight gap": (Layout.uniform(3, spacing=0.002), 2.9),
             "out of reach": (Layout([0.02, 0.05], D), 8.0),
-        }
-        for name, (layout, push) in extremes.items():
+        }.items():
             yield EdgeCase("short", f"μ = {mu:g}, {name}", layout, Physics(mu, push=push))
     jam = Physics(7.0, push=50.0)
     yield EdgeCase("short", "jams", Layout.uniform(3, spacing=0.012), jam, (JAMS,))
@@ -157,8 +156,7 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
         yield group, f"one gap 1e-{power} of the height", Layout(gaps, D), 30.0
         yield group, f"d/L = 0.001, all gaps 1e-{power} of the height", thin, 1e3
         yield group, f"all gaps 1e-{power} of the height", thick, 1e4
-    downhill = Layout.uniform(20, spacing=1e-4 * H, slope=0.1)
-    yield group, "gaps of 1e-4 downhill", downhill, 20.0
+    yield group, "gaps of 1e-4 downhill", Layout.uniform(20, spacing=1e-4 * H, slope=0.1), 20.0
     # gaps that the top edge barely bridges or does not
     gaps, group = np.full(11, 0.015), "out of reach"
     for power in (2, 4, 6, 8, 10, 12):
@@ -180,8 +178,7 @@ def _layouts() -> Iterator[tuple[str, str, Layout, float]]:
         thin_first, thick_first = D / 100.0 * factors, D * ratio / 100.0 / factors
         yield group, f"1 : {ratio:g} in thickness, thin first", Layout(gaps, thin_first), 200.0
         yield group, f"1 : {ratio:g} in thickness, thick first", Layout(gaps, thick_first), 200.0
-        heavy = Layout(gaps, D, density=1040.0 * factors)
-        yield group, f"1 : {ratio:g} in density", heavy, 50.0
+        yield group, f"1 : {ratio:g} in density", Layout(gaps, D, density=1040.0 * factors), 50.0
     # ground that is nearly too steep, too curved or too stepped
     steepest, tilt = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
     rise = -0.0275 * np.sin(0.5 * (tilt[1:] + tilt[:-1]))

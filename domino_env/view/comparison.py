@@ -173,9 +173,8 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     fraction = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
     times = ends[:-1, None] + fraction * np.maximum(np.diff(ends), 0.0)[:, None]
     leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
-    is_leader = leader == np.arange(wave.hit)[:, None]
     # a domino that jams when it is hit does not lead: it stays at rest
-    falls = np.where(is_leader, angle, layout.tilt[: wave.hit, None])
+    falls = np.where(leader == np.arange(wave.hit)[:, None], angle, layout.tilt[: wave.hit, None])
     energy = energies(motion)
     return {
         "name": entry.name,

@@ -47,9 +47,8 @@ def ground_line(
     if ground is not None:
         x = front[-1, 0] + ahead * np.linspace(0.0, 1.0, PIECES_AHEAD + 1)[1:]
         last = np.stack([x, ground.height(x) - ground.height(0.0)], axis=-1)
-    curves = _ground_curves(layout)
-    inner = np.concatenate([rear[:-1, None], curves[:, :-1]], axis=1).reshape(-1, 2)
-    return np.concatenate([first[None], inner, rear[-1:], front[-1:], last])
+    inner = np.concatenate([rear[:-1, None], _ground_curves(layout)[:, :-1]], axis=1)
+    return np.concatenate([first[None], inner.reshape(-1, 2), rear[-1:], front[-1:], last])
 
 
 def positions_along(layout: Layout) -> Floats:

@@ -34,8 +34,7 @@ class SceneResult:
         return f"{type(self).__name__}({self.scene.name}: {score})"
 
     def _repr_png_(self) -> bytes:
-        png: bytes = self.figure()._repr_png_()
-        return png
+        return bytes(self.figure()._repr_png_())
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the layout and the uniform baseline, their sizes and speeds, and a search, if any.

@@ -266,8 +266,7 @@ def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int) -> Non
     for x, neighbour, align in (left, strip.number - 1, "left"), (right, strip.number + 1, "right"):
         if 1 <= neighbour <= total:
             axes.vlines(x, middle - edge, middle + edge, color="black", lw=LINE, ls="--")
-            text = f"  joins strip {neighbour}  "
-            axes.text(x, y, text, ha=align, va="center", size=7)
+            axes.text(x, y, f"  joins strip {neighbour}  ", ha=align, va="center", size=7)
 
 
 def _draw_bar(axes: Axes) -> None:

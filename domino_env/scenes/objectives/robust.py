@@ -210,8 +210,7 @@ class Robust(Speed):
 @lru_cache(8)
 def draw_errors_by_seed(deviation: float, draws: int, pairs: int) -> Floats:
     """Return the errors (draws, pairs) of environments reset with seeds 0 … draws - 1 [m]."""
-    seeds = range(draws)
-    normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
+    normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in range(draws)]
     return deviation * np.array(normals)
 
 
