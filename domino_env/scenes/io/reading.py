@@ -187,9 +187,9 @@ def scene_beside(path: str | Path) -> Scene | None:
         As for `load_scene`.
     """
     path = Path(path)
-    places = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
-    if path.is_dir():
-        places = [path / SCENE]
+    places = [path / SCENE]
+    if not path.is_dir():
+        places = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
     return next((load_scene(place) for place in places if place.is_file()), None)
 
 
