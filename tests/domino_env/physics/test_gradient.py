@@ -240,16 +240,3 @@ def test_the_pullback_of_a_stopped_wave_covers_the_dominoes_reached():
         wave.pullback([0.0, 0.0, 1.0, 1.0, 0.0])
     with pytest.raises(ValueError, match="there is no time to differentiate: a gap is out of"):
         wave.gradient()
-
-
-@pytest.mark.parametrize(("count", "saved", "call", "words"), [
-    (5, False, Wave.gradient, r"simulate\(layout, physics, gradient=True\)"),
-    (5, True, lambda wave: wave.gradient("energy"), "quantity = 'energy': choose one of time"),
-    (5, True, lambda wave: wave.pullback(np.ones(4)), r"shape \(4,\): give \(5,\), a"),
-    (5, True, lambda wave: wave.pullback([0, 0, np.nan, 0, 0]), r"arrival_bar\[2\] = nan"),
-    (1, True, Wave.gradient, "a single domino has none"),
-])  # fmt: skip
-def test_invalid_gradient_requests_are_rejected(count, saved, call, words):
-    wave = simulate(Layout.uniform(count, spacing=0.0125), Physics(), gradient=saved)
-    with pytest.raises(ValueError, match=words):
-        call(wave)

@@ -101,18 +101,6 @@ def test_a_tip_above_the_next_top_is_rejected():
     Layout([0.05], 0.0075, [0.048, 0.01])  # the tip never arrives, so it cannot arrive too high
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    ({"count": 0, "pitch": 0.02}, "count = 0"),
-    ({"pitch": 0.02, "spacing": 0.01}, "give either pitch"),
-    ({"pitch": 0.0075}, "pitch = 0.0075 m: give a finite number, more than 0.0075 (the thickness)"),
-    ({"spacing": "wide"}, "spacing = 'wide' m: give a finite number, more than 0"),
-    ({"spacing": 0.01, "slope": "steep"}, "slope = 'steep' rad: give a finite number"),
-])  # fmt: skip
-def test_invalid_uniform_layouts_are_rejected(arguments, words):
-    with pytest.raises(ValueError, match=re.escape(words)):
-        Layout.uniform(**({"count": 3} | arguments))
-
-
 # files ------------------------------------------------------------------------------------------
 
 formats = pytest.mark.parametrize("ending", ["csv", "json"])
