@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 
-VARIED = de.load_distribution("varied")
+SPRINT, VARIED = de.load_scene("sprint"), de.load_distribution("varied")
 SMALL = de.Scene(
     name="small", count=8, spacing=(0.004, 0.03), thickness=(0.0075, 0.0075),
     physics=de.Physics(0.25, push=8.0),
@@ -96,6 +96,15 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: SMALL.replace(stock=de.Stock((0.0075,), (8,), 0)), "hand = 0: give a whole number"),
     (lambda: de.load_scene("draw").replace(floor_friction=0.5),
      "stock.hand and physics.floor_friction exclude"),
+    (lambda: SPRINT.replace(spacing=(0.04, 0.002)),
+     "scene 'sprint': spacing.min = 0.04 is more than max = 0.002: give"),
+    (lambda: SPRINT.replace(length=9.0), "scene 'sprint': row.length = 9 m cannot be met: 40 "
+     "dominoes within the bounds cover 0.3705 to 1.8525 m; row.count = 191 to 948 would fit"),
+    (lambda: SPRINT.replace(length=1200),
+     "cannot be met: 40 dominoes within the bounds cover 0.3705 to 1.8525 m; 1200 mm is row.le"),
+    (lambda: SPRINT.replace(length=300.0, height=48.0, spacing=(2.0, 40.0), thickness=(7.5, 7.5),
+     first_thickness=7.5), "cover 370.5 to 1852.5 m; the dominoes are 48 m tall: lengths"),
+    (lambda: SPRINT.replace(stock=de.Stock((0.005,), (3,))), "stock.count adds up to 3 dominoes"),
     (lambda: SMALL.replace(objective="men_speed"),
      "objective = 'men_speed': did you mean 'mean_speed'?"),
     (lambda: SMALL.score_placed(SMALL.layout(0.02), "a"), "give a whole number, at least 0"),
@@ -115,6 +124,14 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: VARIED.numbers(3), "scene = 3: give a Scene"),
     (lambda: VARIED.sample(1.5), "rng = 1.5: give a whole number, at least 0 (a seed; or a"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
+    (lambda: de.load_scene("varid"), "there is no scene 'varid': did you mean 'varied'"),
+    (lambda: de.load_scene("varied"), "it has ranges: load it by load_distribution"),
+    (lambda: de.load_distribution("varid"), "did you mean 'varied'"),
+    (lambda: de.load_distribution("sprint"), "it is one scene, without a range: load it by"),
+    (lambda: de.load_test_set("varied", beyond="frction"),
+     "beyond = 'frction': did you mean 'friction'"),
+    (lambda: de.load_test_set("varied-course", beyond="friction"),
+     "no test set beyond its ranges ships with it"),
 ])  # fmt: skip
 def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):

@@ -8,10 +8,10 @@ import jsonschema
 import pytest
 
 import domino_env as de
-from domino_env.scenes.io.reading import scene_from_document
+from domino_env.scenes.io.reading import DISTRIBUTIONS, scene_from_document
 from domino_env.scenes.shipping import SCHEMA, scene_schema
 
-SCENES = sorted(SCHEMA.parent.glob("*.toml"))
+SHIPPED = sorted([*SCHEMA.parent.glob("*.toml"), *DISTRIBUTIONS.glob("*.toml")])
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 
@@ -21,12 +21,14 @@ def test_the_shipped_schema_is_up_to_date():
     jsonschema.Draft202012Validator.check_schema(kept)
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_shipped_scenes_name_the_schema_and_are_valid(path):
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_files_name_the_schema_and_are_valid(path):
     text = path.read_text("utf-8")
-    assert text.startswith(f"#:schema ./{SCHEMA.name}\n")
+    folder = "./" if path.parent == SCHEMA.parent else "../shipped/"
+    assert text.startswith(f"#:schema {folder}{SCHEMA.name}\n")
     VALIDATOR.validate(tomllib.loads(text))
-    VALIDATOR.validate(de.load_scene(path).document())
+    if path.parent == SCHEMA.parent:
+        VALIDATOR.validate(de.load_scene(path).document())
 
 
 def sprint(**tables: Any) -> dict[str, Any]:
