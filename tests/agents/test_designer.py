@@ -1,4 +1,4 @@
-"""The designer: its layouts, and the scenes that it rejects."""
+"""The designer: its layouts, and its training range."""
 
 import csv
 from dataclasses import replace
@@ -32,18 +32,6 @@ def test_features_outside_the_training_are_reported(sprint):
     both = replace(de.load_scene("sprint-thickness"), length=0.8)
     assert design(both).range_violations == ("free thickness with a given length",)
     assert both.violations(design(both).layout) == []
-
-
-@pytest.mark.parametrize(("name", "reason"), [
-    ("tempo", "its objective is tempo"),
-    ("stock", "from a stock"),
-    ("magnify", "or grow"),
-    ("jitter", "its objective is robust"),
-    ("table", "dominoes stand on a floor"),
-])  # fmt: skip
-def test_unsupported_scenes_are_rejected(name, reason):
-    with pytest.raises(ValueError, match=f"{reason}.*domino optimize"):
-        design(name)
 
 
 # designing ----------------------------------------------------------------------------------------
@@ -91,9 +79,6 @@ def test_tries_do_not_lower_and_gradient_steps_raise_the_score(sprint):
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
     refined = [design("course", steps=k).score for k in (0, 6, 30)]
     assert refined[0] < refined[1] < refined[2]
-    for given in ({"tries": 0}, {"steps": -1}):
-        with pytest.raises(ValueError, match=r"(tries = 0|steps = -1): give a whole number"):
-            design(sprint, **given)
 
 
 # commands -----------------------------------------------------------------------------------------
@@ -101,8 +86,6 @@ def test_tries_do_not_lower_and_gradient_steps_raise_the_score(sprint):
 
 def test_the_designer_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, output_of):
     assert evaluate("designer", "sprint").score == design("sprint").score
-    with pytest.raises(ValueError, match="policy 'designer' has no scene of its own: give one"):
-        evaluate("designer")
     file = tmp_path / "scenes.csv"
     words = "evaluate", "designer", "--scenes", 3, "--seed", 5, "--csv", file
     assert "| proposal | " in output_of(*words, "--distribution", "varied-course")

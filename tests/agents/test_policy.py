@@ -92,15 +92,9 @@ def test_invalid_weights_are_rejected(tmp_path, name):
             load(folder)
 
 
-def test_a_policy_of_another_scene_is_rejected():
-    with pytest.raises(ValueError, match="choose a scene with the same free variables"):
-        evaluate("sprint", "sprint-thickness")
+def test_a_policy_is_evaluated_with_another_friction():
     rougher = replace(de.load_scene("sprint"), name="rougher", physics=de.Physics(0.3, push=8.0))
     assert evaluate("sprint", rougher).score > 0.0
-    with pytest.raises(ValueError, match=r"policy = 'sprnt': did you mean 'sprint'\? .*archive"):
-        evaluate("sprnt")
-    with pytest.raises(TypeError, match="run = 3: give the name of a policy, or a folder"):
-        evaluate(3)
 
 
 # archives of Stable-Baselines3 -------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Scripted policies."""
+"""Scripted policies, and calls that policies reject."""
 
 from dataclasses import replace
 
@@ -7,9 +7,9 @@ import pytest
 from env_scenes import SMALL
 
 import domino_env as de
-from agents import evaluate
+from agents import design, evaluate
 from agents.rollout import build, complete_layout
-from agents.scripted import SCRIPTED
+from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChain
 
 
@@ -23,6 +23,33 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
     else:
         assert name == "greedy"
         assert rollout.gain is None
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: evaluate("uniform"), "policy 'uniform' has no scene of its own: give one"),
+    (lambda: evaluate("designer"), "policy 'designer' has no scene of its own: give one"),
+    (lambda: evaluate("plan", SMALL), "no best known layout of scene 'small' is shipped"),
+    (lambda: evaluate("sprint", "sprint-thickness"), "choose a scene with the same free variables"),
+    (lambda: evaluate("sprnt"), r"policy = 'sprnt': did you mean 'sprint'\? .*archive"),
+    (lambda: evaluate(3), "run = 3: give the name of a policy, or a folder"),
+    (lambda: ScriptedPolicy("plan").build(de.load_scene("draw").replace(count=30)),
+     '40 dominoes of scene "draw"; use the policy rule'),
+    (lambda: ScriptedPolicy("rule").build(de.load_scene("stock")), "draws no pieces in random"),
+    (lambda: ScriptedPolicy("greedy").build(de.load_scene("draw")), "use another policy"),
+    (lambda: ScriptedPolicy("ramp").build(de.load_scene("draw")), "use another policy"),
+    (lambda: ScriptedPolicy("greedy").build(de.load_scene("tempo-noise")), "greedy tries each act"),
+    (lambda: ScriptedPolicy("controller").build(de.load_scene("sprint")), "keeps the sched"),
+    (lambda: design("tempo"), "its objective is tempo.*domino optimize"),
+    (lambda: design("stock"), "from a stock.*domino optimize"),
+    (lambda: design("magnify"), "or grow.*domino optimize"),
+    (lambda: design("jitter"), "its objective is robust.*domino optimize"),
+    (lambda: design("table"), "dominoes stand on a floor.*domino optimize"),
+    (lambda: design(SMALL, tries=0), "tries = 0: give a whole number"),
+    (lambda: design(SMALL, steps=-1), "steps = -1: give a whole number"),
+])  # fmt: skip
+def test_wrong_arguments_are_rejected(call, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        call()
 
 
 def test_a_ramp_beats_uniform_and_keeps_a_length():
@@ -57,10 +84,6 @@ def test_a_layout_whose_wave_stops_is_completed():
 
 def test_scripted_policies_are_evaluated_by_name(output_of):
     assert evaluate("uniform", SMALL).score == SMALL.uniform().score
-    with pytest.raises(ValueError, match="has no scene of its own: give one"):
-        evaluate("uniform")
-    with pytest.raises(ValueError, match="no best known layout of scene 'small' is shipped"):
-        evaluate("plan", SMALL)
     output = output_of("evaluate", "uniform", "--scene", "sprint")
     assert "score 0.802997" in output
     assert "level with the uniform baseline" in output

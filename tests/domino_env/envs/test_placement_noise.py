@@ -53,8 +53,6 @@ def test_layouts_are_compared_by_means_over_the_same_errors():
     assert scripted.gain == pytest.approx(0.0, abs=1e-12)
     mean = SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
     assert scripted.score == mean < exact.score(scripted.layout)
-    with pytest.raises(ValueError, match="greedy tries each action in a copy"):
-        ScriptedPolicy("greedy").build(SCENE)
 
 
 def test_a_controller_keeps_the_schedule_that_a_plan_misses():
@@ -70,5 +68,3 @@ def test_a_controller_keeps_the_schedule_that_a_plan_misses():
         first = Layout(gaps, controller.layout.thickness[: n + 2], scene.height)
         wave = scene.simulate(first)
         assert wave.arrival_times[-1] == pytest.approx(tempo.schedule(40)[n], abs=1e-6)
-    with pytest.raises(ValueError, match="keeps the schedule"):
-        ScriptedPolicy("controller").build(load_scene("sprint"))
