@@ -14,6 +14,7 @@ import pytest
 import domino_env as de
 from optimize import METHODS, Evaluator, search
 from optimize.journal import Journal
+from optimize.methods.search import long_layouts
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL
 
@@ -91,6 +92,17 @@ def test_a_larger_budget_continues_a_finished_search(bits, problems, monkeypatch
     further = search(problems["dying"], method, 300, seed=2, folder=tmp_path, resume=True)
     assert bits(further) == bits(whole)
     assert sum(numbers) < 300 - 123 + 130  # at most the batch that the first budget cut short again
+
+
+def test_a_search_of_long_layouts_resumes_bitwise_and_beats_uniform(bits, monkeypatch, tmp_path):
+    """It stretches shorter layouts, which count by their dominoes."""
+    monkeypatch.setattr(long_layouts, "SHORT_EVALUATIONS", 40)
+    scene = replace(de.load_scene("marathon"), count=512)
+    expected = search(scene, budget=36, seed=3)
+    assert expected.evaluations == 36
+    assert expected.gain > 0.02  # uniform layouts start slowly or are slow
+    search(scene, budget=28, seed=3, folder=tmp_path)
+    assert bits(search(scene, budget=36, seed=3, folder=tmp_path, resume=True)) == bits(expected)
 
 
 def test_a_killed_process_resumes_bitwise(bits, problems, tmp_path):

@@ -105,14 +105,9 @@ def test_more_dominoes_toppled_score_more():
     assert scores[-1] == 20.0
 
 
-def growing() -> tuple[de.Scene, np.ndarray, np.ndarray]:
-    """Return a scene, growing heights and those of the dominoes before."""
-    heights = 0.048 * 1.3 ** np.arange(12)
-    return de.load_scene("magnify"), heights[1:], heights[:-1]
-
-
-def test_magnify_scores_the_height_of_the_last_domino():
-    scene, tall, before = growing()
+def test_magnify_scores_the_height_of_the_last_domino_and_reports_violations():
+    scene, heights = de.load_scene("magnify"), 0.048 * 1.3 ** np.arange(12)
+    tall, before = heights[1:], heights[:-1]
     layout = scene.layout(0.6 * before, None, tall)
     assert scene.violations(layout) == []
     assert layout.thickness == pytest.approx(0.15 * layout.height)
@@ -120,9 +115,6 @@ def test_magnify_scores_the_height_of_the_last_domino():
     # gaps of a twentieth of the height do not carry such a growth
     assert -1.0 < scene.score(scene.layout(0.05 * before, None, tall)) < 0.0
 
-
-def test_violations_of_growth_are_reported():
-    scene, tall, before = growing()
     tall = np.append(tall[:4], 1.3 * tall[4:])
     words = scene.violations(scene.layout(0.91 * before, 0.15 * tall * 1.01, tall))
     assert [w.split(" ")[0] for w in words] == ["growth[5]", "spacing[0]", "thickness[1]"]
@@ -175,7 +167,7 @@ def test_a_broken_limit_scores_between_failures_and_successes():
 # stock and lists --------------------------------------------------------------------------------
 
 
-def test_violations_of_the_stock_are_reported():
+def test_violations_of_the_stock_are_reported_and_its_uniform_baseline_has_none():
     scene = de.load_scene("stock")
     left = scene.stock.without(0.0075)
     assert left.count == (16, 13, 10)
@@ -187,11 +179,7 @@ def test_violations_of_the_stock_are_reported():
     ]
     order[3] = 0.006
     assert scene.violations(scene.layout(0.015, order))[0].startswith("thickness[4] = 0.006 m")
-
-
-def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given():
-    scene = de.load_scene("stock")
-    baseline = scene.uniform()
+    baseline = scene.uniform()  # of one pitch
     assert np.ptp(baseline.layout.pitch) < 1e-12
     assert np.all(np.diff(baseline.layout.thickness[1:]) >= 0.0)  # as the file lists them
     assert scene.violations(baseline.layout) == []

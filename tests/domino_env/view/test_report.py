@@ -33,6 +33,9 @@ def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
     for one in (smooth, hardly, rough):
         spent = one.kinetic + one.hits + one.flushes + one.friction
         np.testing.assert_allclose(one.pushed + one.released, spent, rtol=1e-12)
+    if not layout.rise.any():  # the first hit of equal dominoes takes half the energy
+        at = int(np.argmax(smooth.hits > 0.0))
+        assert smooth.hits[at] == pytest.approx(smooth.kinetic[at - 1] / 2.0, rel=1e-3)
     given = smooth.released[-1]
     assert smooth.flushes[-1] > 0.02 * given  # face impacts take energy from this wave
     # with friction, this loss comes from the recorded face impacts instead
@@ -42,14 +45,7 @@ def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
     assert np.diff(rough.friction).min() > -1e-4 * given
 
 
-def test_first_hit_of_equal_dominoes_takes_half_the_energy():
-    wave = de.simulate(de.Layout.uniform(3, pitch=0.024), de.Physics(friction=0.0, push=8.0))
-    energy = energies(Motion(wave.layout, wave.physics))
-    at = int(np.argmax(energy.hits > 0.0))
-    assert energy.hits[at] == pytest.approx(energy.kinetic[at - 1] / 2.0, rel=1e-3)
-
-
-def test_headline_names_the_faster_layout_in_any_order():
+def test_headline_names_the_best_layout_in_any_order():
     fast = max(COMPARED, key=lambda one: one.wave.mean_speed)
     assert headline(COMPARED[::-1]) == headline(COMPARED)
     dead = ComparedLayout("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
@@ -57,10 +53,8 @@ def test_headline_names_the_faster_layout_in_any_order():
         words = headline(compared)["winner"]
         assert words.startswith(f"{fast.name.capitalize()} is the fastest")
     assert headline([dead])["winner"] == "No layout topples to its end"
-
-
-def test_headline_names_the_best_score_where_scores_are_not_speeds():
-    fast, slow = sorted(COMPARED, key=lambda one: -one.wave.mean_speed)
+    # the best score where scores are no speeds
+    (slow,) = (one for one in COMPARED if one is not fast)
     scored = [
         dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
         dataclasses.replace(slow, score=0.5, score_text="RMS error 1 ms", unit=""),

@@ -1,7 +1,5 @@
 """Designs without a page: drags within the rules, history, numbers, background work."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Designs as files and links: exports have the same score, and invalid files are rejected."""
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib

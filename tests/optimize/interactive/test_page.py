@@ -1,7 +1,5 @@
 """The page: in a real browser where there is one, with one server and a tab for each test."""
 
-from __future__ import annotations
-
 import re
 import signal
 import threading
