@@ -6,7 +6,9 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
+from domino_env.scenes.objectives.base import Evaluation
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.waves import LayoutBatch
 from optimize.result import SearchResult
 
 KINDS = {
@@ -33,6 +35,21 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """No drawing of results, which takes longer than searches in small scenes."""
     monkeypatch.setattr(SearchResult, "figure", lambda _: None)
     monkeypatch.setattr("domino_env.core.plot_style.png", lambda _: b"")
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[de.Layout, float]]:
+    """Every layout that is simulated during a search, with its score."""
+    layouts: list[tuple[de.Layout, float]] = []
+    original = Scene.evaluate
+
+    def evaluate(scene: Scene, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        result = original(scene, batch, gradient)
+        layouts.extend((batch.layout(b), score) for b, score in enumerate(result.score.tolist()))
+        return result
+
+    monkeypatch.setattr(Scene, "evaluate", evaluate)
+    return layouts
 
 
 @pytest.fixture(scope="session")

@@ -14,11 +14,10 @@ from domino_env.core.projection import nearest_with_sum
 from optimize import Problem
 
 FREE = ["spacing", "one-gap", "thickness", "both", "dying"]
-LENGTH = ["length", "length-both"]
 
 
-def designs_of(problem: Problem, count: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).random((count, problem.dimension))
+def designs_of(problem: Problem, count: int) -> np.ndarray:
+    return np.random.default_rng(0).random((count, problem.dimension))
 
 
 @pytest.mark.parametrize("name", FREE)
@@ -58,7 +57,7 @@ def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere)
     assert np.all(((values - nearest) * (y - nearest)).sum(axis=1) <= 1e-12)
 
 
-@pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
+@pytest.mark.parametrize("name", [*FREE, "length", "length-both", "dead"])
 def test_scores_are_those_of_the_scene(scenes, name):
     scene = scenes[name]
     problem = Problem(scene, rtol=1e-10)
@@ -66,30 +65,6 @@ def test_scores_are_those_of_the_scene(scenes, name):
     scores = problem.evaluate(designs).score
     assert scores.tolist() == [scene.score(problem.layout(x)) for x in designs]
     assert problem.evaluate(designs[0]).score == scores[0]
-
-
-@pytest.mark.parametrize("name", FREE + LENGTH)
-def test_gradients_match_finite_differences(scenes, name):
-    """Against Richardson's extrapolation of wider differences at a closer tolerance."""
-    problem = Problem(scenes[name])
-    exact = Problem(scenes[name], rtol=1e-13)
-    checked = 0
-    for x in 0.1 + 0.8 * designs_of(problem, 30, seed=5):
-        steps = []
-        for h in (1e-4, 2e-4, 4e-4):
-            step = h * np.eye(problem.dimension)
-            difference = exact.evaluate(x + step).score - exact.evaluate(x - step).score
-            steps.append(difference / (2.0 * h))
-        fine = (4.0 * steps[0] - steps[1]) / 3.0
-        coarse = (4.0 * steps[1] - steps[2]) / 3.0
-        size = np.abs(fine).max()
-        if np.abs(fine - coarse).max() > 1e-7 * size:
-            continue  # a kink within reach of the differences, where there is no gradient
-        scores = problem.evaluate(x, gradient=True)
-        assert scores.score == pytest.approx(exact.evaluate(x).score, rel=1e-9)
-        assert scores.gradient == pytest.approx(fine, abs=2e-7 * size)
-        checked += 1
-    assert checked >= 10
 
 
 def test_a_gradient_at_a_face_of_the_box_is_one_sided(scenes):

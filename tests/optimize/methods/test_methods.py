@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.scene import Scene
 from optimize import METHODS, Evaluator, search
 
 SCENES = ["spacing", "one-gap", "both", "length-both", "dying", "dead"]
@@ -16,21 +15,6 @@ ENDLESS = [name for name in METHODS if name != "uniform"]  # they go on until th
 
 every_method = pytest.mark.parametrize("method", METHODS)
 endless_method = pytest.mark.parametrize("method", ENDLESS)
-
-
-@pytest.fixture
-def simulated(monkeypatch) -> list[tuple[de.Layout, float]]:
-    """Every layout that is simulated during a search, with its score."""
-    layouts: list[tuple[de.Layout, float]] = []
-    original = Scene.evaluate
-
-    def evaluate(scene: Scene, batch, gradient=False):
-        result = original(scene, batch, gradient)
-        layouts.extend((batch.layout(b), score) for b, score in enumerate(result.score.tolist()))
-        return result
-
-    monkeypatch.setattr(Scene, "evaluate", evaluate)
-    return layouts
 
 
 @every_method
