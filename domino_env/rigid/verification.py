@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -169,16 +170,10 @@ def verify(
     require("floors", frictions, above=0.0, hint="coefficients of friction", array=True)
     require_choice("engine", engine, (False, True))
     places = (None, *frictions.tolist())  # None: fixed pivots
-    return Verification(
-        simulate(layout, physics),
-        tuple(
-            simulate_standing(layout, physics, floor, rtol, progress=progress) for floor in places
-        ),
-        tuple(
-            simulate_in_engine(layout, physics, place, progress)
-            for place in (places if engine else ())
-        ),
-    )
+    standing = partial(simulate_standing, layout, physics, rtol=rtol, progress=progress)
+    reference = tuple(map(standing, places))
+    engines = [simulate_in_engine(layout, physics, place, progress) for place in places if engine]
+    return Verification(simulate(layout, physics), reference, tuple(engines))
 
 
 def last_difference(wave: Wave, rigid: RigidWave) -> float:
@@ -241,19 +236,16 @@ def as_document(verification: Verification) -> dict[str, Any]:
             "uncertainty": rigid.error_estimate,
         }
 
-    result: dict[str, Any] = as_json(
-        {
-            "engine": verification.fixed.simulator,
-            "model": wave.arrival_times,
-            "difference": verification.difference,
-            "largest_difference": verification.largest_difference,
-            "toppled": verification.fixed.staying_up == 0,
-            "verdict": verification.verdict,
-            "floors": list(map(floor, verification.reference)),
-            "engine_floors": list(map(floor, verification.engine)),
-        }
-    )
-    return document(wave.physics, "friction gravity push") | result
+    result = document(wave.physics, "friction gravity push")
+    result |= document(verification, "difference largest_difference verdict")
+    result |= {
+        "engine": verification.fixed.simulator,
+        "model": wave.arrival_times,
+        "toppled": verification.fixed.staying_up == 0,
+        "floors": list(map(floor, verification.reference)),
+        "engine_floors": list(map(floor, verification.engine)),
+    }
+    return {name: as_json(value) for name, value in result.items()}
 
 
 def _percent(value: float, model: float) -> str:
