@@ -21,7 +21,8 @@ from domino_env.view.ground import ground_line
 STEPS = 32  # of time in an interval between hits; linear interpolation is within 1e-4 rad
 MARGIN = 1e-5  # fraction of an interval left out at each of its ends
 SIZES = "spacing", "thickness", "height", "positions"  # of a layout
-RUN_FIELDS = "trace", "learning", "verification", "score_text"  # of a compared layout
+WAVE_FIELDS = "hit", "mean_speed", "explanation", "flushes"  # of a wave
+RUN_FIELDS = "trace", "learning", "verification", "score_text", "unit"  # of a compared layout
 
 
 @dataclass(frozen=True)
@@ -182,23 +183,19 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
         "ground": _ground(layout),
         "arrivals": _round_values(wave.arrival_times),
         "speed": _round_values(wave.local_speed),
-        "hit": wave.hit,
         "falls": [_round_values(leans) for leans in falls],
         "end": float(motion.end),
-        "mean_speed": wave.mean_speed,
         "outcome": wave.outcome.label,
-        "explanation": wave.explanation,
         "error": wave.error_estimate,
         "friction": wave.physics.friction,
         "push": wave.physics.push,
-        "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
-        "unit": entry.unit,
         "kinetic": [_round_values(values) for values in _kinetic_of_falls(energy)],
         "energy": {  # every fourth sample, for a small page
             name: _round_values(getattr(energy, name).reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name in ("time", "released", "kinetic", "hits", "flushes", "friction")
         },
+        **{name: getattr(wave, name) for name in WAVE_FIELDS},
         **{name: getattr(entry, name) for name in RUN_FIELDS},
     }
 

@@ -83,10 +83,8 @@ class Evaluation:
     @classmethod
     def concatenate(cls, parts: Sequence[Evaluation]) -> Evaluation:
         """Concatenate evaluations of batches, all with a gradient or all without."""
-        score, reach, falls = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("score", "reach", "falls")
-        )
+        columns = zip(*((part.score, part.reach, part.falls) for part in parts), strict=True)
+        score, reach, falls = map(np.concatenate, columns)
         gradients = [part.gradient for part in parts if part.gradient is not None]
         arrays = map(np.concatenate, zip(*gradients, strict=True))
         return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
