@@ -68,13 +68,6 @@ def arrays_from(layout: Layout) -> Arrays:
     return Arrays(*sizes, *layout.rise_and_tilt)
 
 
-def batch_arrays_from(layout: Layout) -> Arrays:
-    """Return the arrays of a layout for the kernels, as a batch of one."""
-    ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
-    sizes = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
-    return Arrays(*sizes, *ground)
-
-
 def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:
     """Return a gradient plus `weight` times the gradient of the length.
 

@@ -20,12 +20,7 @@ from domino_env.kernels.adjoint.chain import vjp, vjp_batch
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
 from domino_env.kernels.chain import solve_batch
 from domino_env.physics import footing
-from domino_env.physics.gradient import (
-    Gradient,
-    arrays_from,
-    batch_arrays_from,
-    with_length_gradient,
-)
+from domino_env.physics.gradient import Gradient, arrays_from, with_length_gradient
 from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
@@ -463,7 +458,7 @@ def simulate(
     """
     began = time.perf_counter()
     require_arguments(layout, physics)
-    arrays, setting, count = batch_arrays_from(layout), kernel_setting(physics, rtol), layout.count
+    arrays, setting, count = _batch_of_one(layout), kernel_setting(physics, rtol), layout.count
     summaries = np.empty(1, kernel_arrays.SUMMARY)
     arrivals = np.empty((1, count), kernel_arrays.ARRIVAL)
     # usually long enough; otherwise the wave is simulated again with as many entries as events
@@ -477,6 +472,13 @@ def simulate(
     saved = tape[: summary.event_count].copy() if gradient else None
     run_time = time.perf_counter() - began
     return _wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
+
+
+def _batch_of_one(layout: Layout) -> kernel_arrays.Arrays:
+    """Return the arrays of a layout for the kernels, as a batch of one."""
+    ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
+    sizes = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
+    return kernel_arrays.Arrays(*sizes, *ground)
 
 
 def simulate_batch(
