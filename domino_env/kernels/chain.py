@@ -244,10 +244,8 @@ def solve_batch(
     fall.configure(state, ring, mu, gravity, rtol, exact_minimum)
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
-        outcome, leader, hit_count, toppled = solve(
-            layout_of(layouts, b), lanes, ring, state, push, arrivals_b, tape
-        )
-        records.summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
+        result = solve(layout_of(layouts, b), lanes, ring, state, push, arrivals_b, tape)
+        records.summarise(summaries[b], count, result, state)
     jit.keep_alive(own)
 
 
@@ -297,8 +295,7 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     fall.initialise(state, 1.0)
     state.u, state.composing = u, composing
     for j in range(period):
-        torque = fall.torque_bound(pattern.height[j], pattern.thickness[j])
-        state.kappa = max(state.kappa, torque)
+        state.kappa = max(state.kappa, fall.torque_bound(pattern.height[j], pattern.thickness[j]))
     base = period * (1 + 2 * ring_size // period)  # the ring holds no negative index
     outcome, leader, tail = arrays.PROPAGATED, period, 0.0
     for j in range(period):

@@ -70,8 +70,7 @@ def add_next_domino(layout, ring, state, n):
     if n + 1 < len(layout.thickness):
         place_domino(ring, mask, n + 1, layout, n + 1)
         place_contact(ring, mask, n, layout, n, n + 1)
-        torque = torque_bound(layout.height[n + 1], layout.thickness[n + 1])
-        state.kappa = max(state.kappa, torque)
+        state.kappa = max(state.kappa, torque_bound(layout.height[n + 1], layout.thickness[n + 1]))
     if n > 0:
         behind = ring[(n - 1) & mask]
         ring[n & mask].tail = ring[n & mask].inertia + ratio_bound(behind) * behind.tail

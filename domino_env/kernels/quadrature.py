@@ -19,8 +19,7 @@ def _tables() -> tuple[np.ndarray, ...]:
     """Compute the tables of all rules."""
     shape = (len(ORDERS), _MAX_LANES)
     nodes, weights, to_start, to_end, positions, high, top = (np.zeros(shape) for _ in range(7))
-    running = np.zeros((len(ORDERS), _MAX_LANES, _MAX_LANES))
-    closed = np.zeros((len(ORDERS), _MAX_LANES, _MAX_LANES))
+    running, closed = np.zeros((2, *shape, _MAX_LANES))
     for k, m in enumerate(ORDERS):
         x, w = legendre.leggauss(int(m))
         values = legendre.legvander(x, int(m))  # P_n(x_j), n = 0 … m

@@ -37,9 +37,10 @@ def record_fall(arrivals, n, outcome, state):
 
 
 @internal
-def summarise(summary, count, outcome, leader, hit_count, toppled, state):
-    """Write the summary of a chain of `count` dominoes, whose last leader is `leader`."""
-    summary.outcome, summary.hit, summary.toppled = outcome, hit_count, toppled
+def summarise(summary, count, result, state):
+    """Write the summary of a chain of `count` dominoes from the result of `solve`."""
+    outcome, leader, summary.hit, summary.toppled = result
+    summary.outcome = outcome
     summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.fraction) / count
     summary.total_time = state.time if outcome == PROPAGATED else np.inf
     summary.estimate = state.worst

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from domino_env.kernels import arrays
+from domino_env.kernels.adjoint import contact
 from domino_env.kernels.adjoint.contact import (
-    BARS,
-    FLUSHING,
     PARAM_GAP,
     PARAM_HALF,
     PARAM_INERTIA,
@@ -17,11 +16,6 @@ from domino_env.kernels.adjoint.contact import (
     PARAM_THICKNESS,
     PARAM_TURN,
     PARAMS,
-    Reverse,
-    flush_back,
-    hit_angle_back,
-    hit_back,
-    switch_back,
 )
 from domino_env.kernels.adjoint.interval import SHARED_STACK, fall_back, interval_back, reset_shared
 from domino_env.kernels.adjoint.stack import mass_back
@@ -63,7 +57,7 @@ def backward(tape, reverse, arrival_bar, table):
             b = fall_angle(ring[leader], True)
             x_bar = mass_back(reverse, leader, low, b, m_bar)
             cosine = math.cos(b + arrays.turn_of(ring[leader]))
-            hit_angle_back(cosine, x_bar, param_bars[leader])
+            contact.hit_angle_back(cosine, x_bar, param_bars[leader])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == arrays.FLIP:
             ring[n].kind = arrays.TIP
@@ -73,19 +67,19 @@ def backward(tape, reverse, arrival_bar, table):
             while counted > n + 1:  # the time of a fall is part of all later arrival times
                 counted -= 1
                 t_bar += arrival_bar[counted]
-            u_bar, m_bar = hit_back(reverse, event, u_bar)
+            u_bar, m_bar = contact.hit_back(reverse, event, u_bar)
             edge, edge_bar, edge_event = AT_HIT, 0.0, at
         elif kind == arrays.SWITCH:
             if event.is_flush and reverse.mu > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
-                    ring[tape[i].leader].kind = FLUSHING
-                u_bar, x_bar = flush_back(reverse, event, u_bar)
+                    ring[tape[i].leader].kind = contact.FLUSHING
+                u_bar, x_bar = contact.flush_back(reverse, event, u_bar)
                 edge_bar += x_bar
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = arrays.TIP
             edge, edge_event = AT_SWITCH, at
             if at == 0 or tape[at - 1].kind != arrays.INTERVAL or tape[at - 1].leader != n:
-                switch_back(reverse, event, edge_bar)
+                contact.switch_back(reverse, event, edge_bar)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
             if len(table) > 0 and edge == AT_HIT and event.angle == 0.0:
@@ -96,11 +90,11 @@ def backward(tape, reverse, arrival_bar, table):
                 u_bar, start_bar, end_bar = interval_back(reverse, event, u_bar, t_bar, m_bar)
             edge_bar += end_bar
             if edge == AT_HIT:
-                contact = ring[n]
-                cosine = math.sqrt(contact.rest * (1.0 + contact.s_l))
-                hit_angle_back(cosine, edge_bar, param_bars[n])
+                domino = ring[n]
+                cosine = math.sqrt(domino.rest * (1.0 + domino.s_l))
+                contact.hit_angle_back(cosine, edge_bar, param_bars[n])
             elif edge == AT_SWITCH:
-                switch_back(reverse, tape[edge_event], edge_bar)
+                contact.switch_back(reverse, tape[edge_event], edge_bar)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
     keep_alive(own_shared)
     return u_bar
@@ -159,15 +153,13 @@ def layout_back(layout, ring, param_bars, bar):
         )
         bar.density[i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:
-            contact = ring[i]
+            domino = ring[i]
             p_bar, s_bar = param_bars[i, PARAM_PITCH], param_bars[i, PARAM_GAP]
             d_bar = param_bars[i, PARAM_THICKNESS]
             bar.spacing[i] = (p_bar + s_bar) / length
             bar.thickness[i + 1] += (p_bar + d_bar) / length
-            bar.height[i] -= (
-                contact.p_l * p_bar + contact.s_l * s_bar + contact.d_l * d_bar
-            ) / length
-            if arrays.is_uneven(contact):
+            bar.height[i] -= (domino.p_l * p_bar + domino.s_l * s_bar + domino.d_l * d_bar) / length
+            if arrays.is_uneven(domino):
                 upright = at_or_zero(layout.rise, i) / math.cos(at_or_zero(layout.tilt, i + 1))
                 bar.height[i] -= upright * param_bars[i, PARAM_RISE] / (length * length)
 
@@ -202,9 +194,9 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
         # each domino of the stack, then those of the last angle and of friction
         table = np.empty((3 * max_lanes + 1, (depth + 2) * PARAMS))
     saved = np.empty((depth + 2, 8 * arrays.STRIDE))  # the lanes from SIN to SUM_D
-    own = np.zeros(arrays.LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
+    own = np.zeros(arrays.LANES), np.zeros(contact.BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)
-    reverse = Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
+    reverse = contact.Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
     physics_bar.push = 2.0 * push * backward(tape, reverse, arrival_bar, table)
     layout_back(layout, ring, param_bars, bar)
     keep_alive(own_ring)
@@ -216,8 +208,7 @@ def clear(bar, tilt):
     """Set all bars of a layout to 0."""
     bar.spacing[:] = bar.thickness[:] = bar.height[:] = bar.density[:] = 0.0
     if tilt is not None:
-        bar.rise[:] = 0.0
-        tilt[:] = 0.0
+        bar.rise[:] = tilt[:] = 0.0
 
 
 @entry_point
@@ -244,15 +235,13 @@ def vjp_batch(
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
-            outcome, leader, hit_count, toppled = solve(
-                layout, lanes, ring, state, push, unrecorded, tape
-            )
+            result = solve(layout, lanes, ring, state, push, unrecorded, tape)
             if state.event_count <= len(tape):
                 break
             # long enough for this layout, and probably for the later ones
             tape = np.empty(int(1.5 * state.event_count), arrays.EVENT)
-        summarise(summaries[b], count, outcome, leader, hit_count, toppled, state)
-        if outcome == arrays.PROPAGATED:
+        summarise(summaries[b], count, result, state)
+        if result[0] == arrays.PROPAGATED:
             arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]
             events = tape[: state.event_count]
             chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
