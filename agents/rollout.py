@@ -10,17 +10,9 @@ from typing import Any
 import numpy as np
 
 from agents.network import Policy
-from domino_env import (
-    DominoChain,
-    DominoChainVector,
-    Layout,
-    Scene,
-    SceneDistribution,
-    UniformBaseline,
-    Wave,
-)
+from domino_env import DominoChain, DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.types import Floats
-from domino_env.scenes.uniform import gain
+from domino_env.scenes.uniform import UniformBaseline, gain
 from domino_env.view.notebook import SceneResult
 from optimize.searching import compile_simulations
 
@@ -29,7 +21,7 @@ EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is
 SEEDS_PER_TRAINING = 10**6  # training with seed k uses those from (k + 1) times this number
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rollout(SceneResult):
     """A layout that a policy built, with its score and the uniform baseline.
 
@@ -52,10 +44,6 @@ class Rollout(SceneResult):
         Number of layouts that were simulated to build it.
     """
 
-    scene: Scene
-    layout: Layout
-    wave: Wave
-    score: float
     uniform: UniformBaseline
     seconds: float
     simulations: int = 1
@@ -64,8 +52,6 @@ class Rollout(SceneResult):
     def gain(self) -> float | None:
         """Score over that of the uniform baseline, minus 1; None if one of the waves stops."""
         return gain(self.score, self.uniform.score)
-
-    __repr__ = SceneResult.__repr__
 
 
 def build(

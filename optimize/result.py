@@ -11,9 +11,6 @@ import numpy as np
 from domino_env.core.files import amount
 from domino_env.core.results import document, versions
 from domino_env.core.types import Floats
-from domino_env.physics.layout import Layout
-from domino_env.physics.wave import Wave
-from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain
 from domino_env.view.notebook import SceneResult
 
@@ -28,16 +25,16 @@ class SearchResult(SceneResult):
     ----------
     scene
         The scene.
-    method
-        Name of the method.
-    seed
-        Seed of all randomness.
     layout
         The best layout.
     wave
         Wave of the layout, simulated at a relative error of 1e-10.
     score
         Score of the layout.
+    method
+        Name of the method.
+    seed
+        Seed of all randomness.
     uniform
         The uniform baseline: the best layout with equal gaps, its wave and score.
     trace
@@ -55,12 +52,8 @@ class SearchResult(SceneResult):
         Reason why the search ended, in words: the report of the method, or the limit reached.
     """
 
-    scene: Scene
     method: str
     seed: int
-    layout: Layout
-    wave: Wave
-    score: float
     uniform: UniformBaseline
     trace: Trace
     evaluations: int

@@ -35,7 +35,7 @@ from agents.designer.features import (
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
 from agents.rollout import Rollout, average
-from domino_env import Layout, Scene, Wave, load_scene
+from domino_env import Layout, Scene, load_scene
 from domino_env.core.checks import require, require_type
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
@@ -50,7 +50,7 @@ STEPPED_DOMINOES = 320  # dominoes times gradient steps, which take some 4 ms
 CURVATURE = 1.0  # minus (N-1) d² ln(score) / d ln(gap)²
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Design(SceneResult):
     """A layout designed for a scene.
 
@@ -72,15 +72,9 @@ class Design(SceneResult):
         One text for each feature of the scene that is outside the ranges of the training.
     """
 
-    scene: Scene
-    layout: Layout
-    wave: Wave
-    score: float
     tight_gaps: int
     seconds: float
     range_violations: tuple[str, ...]
-
-    __repr__ = SceneResult.__repr__
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from domino_env.physics.layout import Layout
@@ -9,8 +10,9 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class SceneResult:
-    """Mixin of results that are layouts of a scene: their text, and figures in notebooks.
+    """Base of results that are layouts of a scene: their text, and figures in notebooks.
 
     Attributes
     ----------
