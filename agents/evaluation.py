@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,10 +25,9 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
+from optimize.evaluator import Evaluator
+from optimize.methods.registry import Method
 from optimize.searching import compile_simulations
-
-if TYPE_CHECKING:
-    from optimize.evaluator import Evaluator
 
 SAME_GAIN = 1e-9  # a layout beats the uniform baseline if its gain is larger
 LEAST_GAIN = 1e-4  # smallest gain of a search from which normalised scores are computed
@@ -112,7 +110,7 @@ def load_policy(
     return ScenePolicy.load(folder)
 
 
-def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
+def agent(run: str) -> Method:
     """Return the search method `agent:RUN`, which evaluates the layout of a policy.
 
     The time of the training counts as time of the search.

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -34,12 +34,10 @@ from optimize.evaluator import (
 from optimize.executors import require_executor
 from optimize.journal import Journal
 from optimize.methods import registry
+from optimize.methods.registry import Method
 from optimize.problem import GRADIENT_RTOL, Problem, Scores
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL, begin_run, write_run
-
-if TYPE_CHECKING:
-    from optimize.methods.registry import Method
 
 Callback = Callable[[Evaluator], None]
 

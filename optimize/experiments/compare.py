@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,7 @@ from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import Label, Task, TaskResult, describe_labels, read_scene
 from optimize.methods import registry
-
-if TYPE_CHECKING:
-    from optimize.methods.registry import Method
+from optimize.methods.registry import Method
 
 MAX_TASKS = 1_000_000  # a longer list may not fit into memory
 

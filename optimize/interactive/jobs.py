@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +12,8 @@ from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import BudgetSpent, Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
+from optimize.methods.registry import Method
 from optimize.searching import search
-
-if TYPE_CHECKING:
-    from optimize.methods.registry import Method
 
 SHOW_INTERVAL = 0.05  # [s] between two layouts that are shown
 STEP_PAUSE = 0.01  # [s] between two steps along the gradient, so that a user sees them

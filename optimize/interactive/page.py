@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import panel as pn
@@ -28,9 +28,7 @@ from optimize.interactive.design import SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
 from optimize.interactive.jobs import improvement_method, run_search
-
-if TYPE_CHECKING:
-    from optimize.methods.registry import Method
+from optimize.methods.registry import Method
 
 FRAMES, INTERVAL = 150, 40  # frames of the animation, [ms] from one to the next
 MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an address

@@ -16,16 +16,14 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, cast
+from typing import cast
+
+import numpy as np
 
 from domino_env.core.checks import require_choice, require_extra, require_type
+from optimize.evaluator import Evaluator
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from optimize.evaluator import Evaluator
-
-    Method = Callable[[Evaluator, np.random.Generator], None]
+Method = Callable[[Evaluator, np.random.Generator], None]
 
 METHODS = {
     "auto": "search.race:run",

@@ -15,15 +15,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from domino_env.core.types import Bools, Floats
+from optimize.evaluator import Evaluator
 from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
-
-if TYPE_CHECKING:
-    from optimize.evaluator import Evaluator
 
 ARMIJO, WEAK_WOLFE = 1e-4, 0.5  # factors of the first slope in the Armijo and weak Wolfe conditions
 # least cosine between a step and the gradient, below which the curvature is reset

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from domino_env.core.types import Floats
-
-if TYPE_CHECKING:
-    from optimize.evaluator import Evaluator
+from optimize.evaluator import Evaluator
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import grid
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import CoarseToFine, run_local_searches
+from optimize.methods.registry import Method
 from optimize.methods.starts import interpolation
 from optimize.problem import Problem
 
@@ -47,8 +48,6 @@ GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))
 # places of each end with one variable each; then the distance from the end grows by the ratio
 END_PLACES, DISTANCE_RATIO = 60, 1.5
 
-Search = Callable[[Evaluator, np.random.Generator], None]
-
 
 def is_long(scene: Scene) -> bool:
     """Return True if a scene has many dominoes and its layouts resemble shorter ones.
@@ -62,7 +61,7 @@ def is_long(scene: Scene) -> bool:
 
 
 def search_stretched(
-    evaluator: Evaluator, rng: np.random.Generator, search: Search
+    evaluator: Evaluator, rng: np.random.Generator, search: Method
 ) -> tuple[float, Floats]:
     """Search a short layout of the scene, and stretch and refine it step by step.
 

@@ -24,7 +24,6 @@ the evidence of two samples. Biometrika 25, 285-294 (draws from the posterior).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -33,10 +32,9 @@ import numpy as np
 from domino_env.core.types import Floats
 from optimize.evaluator import BudgetSpent, Evaluator
 from optimize.methods.gradient.local_search import LocalSearch
+from optimize.methods.registry import Method
 from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.problem import Problem
-
-Method = Callable[[Evaluator, np.random.Generator], None]
 
 ANALYTIC_RUNS, ANALYTIC_EVALUATIONS = 2, 3000  # analytic searches, and evaluations of each
 BATCH = 8  # layouts that are simulated free-standing in one batch
