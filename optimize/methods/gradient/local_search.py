@@ -18,7 +18,7 @@ from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Floats
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 
@@ -113,7 +113,11 @@ class LocalSearch:
                 self._curvature.reset()
                 continue
             design, score, gradient = point
-            self._curvature.update(design - self.design, self.gradient - gradient)
+            step = design - self.design
+            change = np.where(step == 0.0, 0.0, self.gradient - gradient)  # of minus the gradient
+            product = float(step @ change)
+            if product > LEAST_CURVATURE * np.linalg.norm(step) * np.linalg.norm(change):
+                self._curvature.update(step, change, product)
             self.design, self.score, self.gradient = point
             self._history.append(score)
             if len(self._history) > WINDOW and score - self._history[0] <= LEAST_GAIN * abs(score):
@@ -130,8 +134,8 @@ class LocalSearch:
         gradient = self._inward_part(self.gradient)
         if not np.any(gradient):
             return None
-        step = self._curvature.multiply(gradient, gradient != 0.0)
-        if step is not None:
+        if not self._curvature.is_initial:
+            step = np.where(gradient != 0.0, self._curvature.multiply(gradient), 0.0)
             step = self._inward_part(step)
             if step @ gradient > LEAST_COSINE * np.linalg.norm(step) * np.linalg.norm(gradient):
                 return step
@@ -288,18 +292,12 @@ class _BFGS:
         self._inverse = self._first
         self.is_initial = True
 
-    def multiply(self, gradient: Floats, free: Bools) -> Floats | None:
-        """Return the step (n,) of the free variables; None before the first update."""
-        if self.is_initial:
-            return None
-        return np.where(free, self._inverse @ gradient, 0.0)
+    def multiply(self, gradient: Floats) -> Floats:
+        """Return the inverse curvature times the gradient (n,)."""
+        return self._inverse @ gradient
 
-    def update(self, s: Floats, y: Floats) -> None:
-        """Update with a step s (n,) and the change y (n,) of minus the gradient."""
-        y = np.where(s == 0.0, 0.0, y)
-        product = float(s @ y)
-        if product <= LEAST_CURVATURE * np.linalg.norm(s) * np.linalg.norm(y):
-            return
+    def update(self, s: Floats, y: Floats, product: float) -> None:
+        """Update with a step s (n,), the change y (n,) of minus the gradient, and s @ y."""
         if self.is_initial:
             self._inverse = self._inverse * (1.0 if self._has_guess else product / float(y @ y))
             self.is_initial = False
@@ -323,10 +321,8 @@ class _LBFGS:
         """Remove all pairs."""
         self._pairs.clear()
 
-    def multiply(self, gradient: Floats, free: Bools) -> Floats | None:
-        """Return the step (n,) of the free variables; None before the first update."""
-        if not self._pairs:
-            return None
+    def multiply(self, gradient: Floats) -> Floats:
+        """Return the inverse curvature times the gradient (n,), after the first update."""
         step, coefficients = gradient.copy(), []
         for s, y, product in reversed(self._pairs):
             coefficients.append(float(s @ step) / product)
@@ -335,11 +331,8 @@ class _LBFGS:
         step *= product / float(y @ y)
         for (s, y, product), first in zip(self._pairs, reversed(coefficients), strict=True):
             step += (first - float(y @ step) / product) * s
-        return np.where(free, step, 0.0)
+        return step
 
-    def update(self, s: Floats, y: Floats) -> None:
-        """Update with a step s (n,) and the change y (n,) of minus the gradient."""
-        y = np.where(s == 0.0, 0.0, y)
-        product = float(s @ y)
-        if product > LEAST_CURVATURE * np.linalg.norm(s) * np.linalg.norm(y):
-            self._pairs.append((s, y, product))
+    def update(self, s: Floats, y: Floats, product: float) -> None:
+        """Update with a step s (n,), the change y (n,) of minus the gradient, and s @ y."""
+        self._pairs.append((s, y, product))
