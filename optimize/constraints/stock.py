@@ -2,13 +2,14 @@
 
 `assign` solves it for any costs as a linear programme, whose vertices are whole numbers, or, if the
 number of changes is limited, as an integer programme, through cvxpy and HiGHS. `nearest_from_stock`
-solves the special case of squared distances by sorting: the thinnest target gets the thinnest
-chosen domino.
+solves the special case of squared distances by an assignment of SciPy and by sorting: the thinnest
+target gets the thinnest chosen domino.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from domino_env.core.types import Floats, Ints
 from domino_env.scenes.rules import Stock
@@ -71,39 +72,16 @@ def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
 
     Notes
     -----
-    The chosen thicknesses have the order of the targets, so only the dominoes that are left over
-    have to be selected, by a dynamic programme over the sorted stock.
+    The chosen thicknesses have the order of the targets. So an assignment is needed only to select
+    the dominoes that are left over.
     """
     dominoes = np.sort(stock.dominoes)
     order = np.argsort(targets, axis=1, kind="stable")
-    rising = np.take_along_axis(targets, order, axis=1)
-    spare = len(dominoes) - targets.shape[1]
-    choice = _best_subset(rising, dominoes) if spare else np.broadcast_to(dominoes, targets.shape)
-    nearest = np.empty_like(rising)
-    np.put_along_axis(nearest, order, choice, axis=1)
+    nearest = np.empty_like(targets)
+    for b, point in enumerate(targets):
+        chosen = dominoes
+        if len(dominoes) > len(point):
+            _, indices = linear_sum_assignment((point[:, None] - dominoes) ** 2)
+            chosen = np.sort(dominoes[indices])
+        nearest[b, order[b]] = chosen
     return nearest
-
-
-def _best_subset(rising: Floats, dominoes: Floats) -> Floats:
-    """Choose n of the m sorted dominoes (B, n), nearest to rising values (B, n)."""
-    batch, n = rising.shape
-    spare = len(dominoes) - n
-    # cost[b, k]: squared distance of the places so far, with k of the sorted dominoes omitted
-    cost = np.zeros((batch, spare + 1))
-    omissions = np.zeros((n, batch, spare + 1), dtype=np.int64)
-    for i in range(n):
-        # best[b, k]: number of dominoes, at most k, whose omission before this place costs least
-        best = np.zeros((batch, spare + 1), dtype=np.int64)
-        for omitted in range(1, spare + 1):
-            fewer = np.take_along_axis(cost, best[:, omitted - 1 : omitted], 1)[:, 0]
-            better = cost[:, omitted] < fewer
-            best[:, omitted] = np.where(better, omitted, best[:, omitted - 1])
-        omissions[i] = best
-        square = (dominoes[i : i + spare + 1] - rising[:, i : i + 1]) ** 2
-        cost = np.take_along_axis(cost, best, axis=1) + square
-    omitted = np.argmin(cost, axis=1)
-    choice = np.empty((batch, n))
-    for i in range(n - 1, -1, -1):
-        choice[:, i] = dominoes[i + omitted]
-        omitted = omissions[i, np.arange(batch), omitted]
-    return choice
