@@ -74,7 +74,7 @@ class LocalSearch:
         curvature: Floats | None = None,
     ) -> None:
         self._project = project
-        self.candidate = self._feasible(start)
+        self.candidate = _nearest_feasible(start, project)
         self.design = self.candidate
         self.score, self.gradient = -np.inf, np.zeros(len(start))
         self.evaluations = 0
@@ -92,11 +92,6 @@ class LocalSearch:
             self._steps.send((score, gradient))
         except StopIteration:
             self.done = True
-
-    def _feasible(self, design: Floats) -> Floats:
-        """Return the nearest design vector that keeps the rules."""
-        design = np.clip(design, 0.0, 1.0)
-        return design if self._project is None else self._project(design[None])[0]
 
     def _ascend(self) -> Generator[None, tuple[float, Floats], None]:
         """Step until the gain is too small; `yield` receives score and gradient of `candidate`."""
@@ -153,7 +148,7 @@ class LocalSearch:
         low, high = 0.0, np.inf
         best = None
         for _ in range(MAX_TRIES):
-            design = self._feasible(self.design + length * direction)
+            design = _nearest_feasible(self.design + length * direction, self._project)
             change = design - self.design
             if not np.any(change):
                 break
@@ -172,6 +167,12 @@ class LocalSearch:
             if best is not None and high - low < BRACKET_WIDTH * high:
                 return best
         return best
+
+
+def _nearest_feasible(design: Floats, project: Callable[[Floats], Floats] | None) -> Floats:
+    """Return the nearest design vector (n,) that keeps the rules, see `LocalSearch`."""
+    design = np.clip(design, 0.0, 1.0)
+    return design if project is None else project(design[None])[0]
 
 
 class CoarseToFine:
@@ -208,7 +209,7 @@ class CoarseToFine:
         if self._matrix is None:
             self._search = LocalSearch(design, self._project)
         else:
-            self._search = LocalSearch(np.clip(self._coarsen(self._matrix, design), 0.0, 1.0))
+            self._search = LocalSearch(self._coarsen(self._matrix, design))
 
     def _coarsen(self, matrix: Floats, design: Floats) -> Floats:
         """Return the values (m,) of the coarse layout nearest to a design vector (n,)."""
@@ -219,8 +220,7 @@ class CoarseToFine:
         """Design vector (n,) whose score and gradient are needed next."""
         if self._matrix is None:
             return self._search.candidate
-        design = np.clip(self._matrix @ self._search.candidate, 0.0, 1.0)
-        return design if self._project is None else self._project(design[None])[0]
+        return _nearest_feasible(self._matrix @ self._search.candidate, self._project)
 
     def update(self, score: float, gradient: Floats) -> None:
         """Continue with the score and gradient (n,) of `candidate`."""
@@ -229,11 +229,9 @@ class CoarseToFine:
             self.score, self.design = score, self.candidate
         by_values = gradient if self._matrix is None else self._matrix.T @ gradient
         self._search.update(score, by_values)
-        if self._search.done:
-            if self._matrix is None:
-                self.done = True
-            else:
-                self._begin(self.design)
+        self.done = self._search.done and self._matrix is None
+        if self._search.done and not self.done:
+            self._begin(self.design)
 
 
 Searches = Sequence[LocalSearch | CoarseToFine]
