@@ -149,8 +149,7 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
     if problem.equality is not None:
         coefficients, total = problem.equality
         size = np.abs(coefficients).max()
-        matrix, total = coefficients[None] / size, total / size
-        rules.append(optimize.LinearConstraint(matrix, total, total))
+        rules.append(optimize.LinearConstraint(coefficients / size, total / size, total / size))
     if problem.linear is not None:
         matrix, limit = problem.linear
         size = np.abs(matrix).max()
@@ -173,8 +172,6 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
     radius = 1.0
     while True:
         centre = reduced.nearest(evaluator.best)
-        if radius < SMALLEST_BOX:
-            radius = 1.0
         # The middle of a box is evaluated first. Random shifts make the middles different.
         shift = SHIFT * radius * rng.uniform(-1, 1, len(centre))
         centre = np.clip(centre + shift, 0.0, 1.0)
@@ -183,7 +180,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
             reduced.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * reduced.dimension,
             maxiter=DIRECT_ITERATIONS, locally_biased=True, vol_tol=0.0, len_tol=SMALLEST_BOX,
         )  # fmt: skip
-        radius *= 0.5
+        radius = 0.5 * radius if 0.5 * radius >= SMALLEST_BOX else 1.0
 
 
 def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
