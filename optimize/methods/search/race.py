@@ -229,11 +229,6 @@ class _Elite:
         joined = [np.where(is_start, best, migrant), np.where(is_start, migrant, best)]
         return np.concatenate(joined).reshape(2 * len(cuts), -1)
 
-    def update_weight(self, index: int, *, has_gained: bool) -> None:
-        """Increase the weight of a perturbation that has gained, or decrease it."""
-        weight = self.weights[index] * (REWARD if has_gained else PENALTY)
-        self.weights[index] = np.clip(weight, *WEIGHTS)
-
 
 @dataclass
 class _Search:
@@ -393,7 +388,8 @@ def _generation(
         elite.add(local.score, local.design)
         has_gained = local.score == best and best > best_score * (1.0 + SUCCESS)
         if indices:
-            elite.update_weight(indices[i], has_gained=has_gained)
+            weight = elite.weights[indices[i]] * (REWARD if has_gained else PENALTY)
+            elite.weights[indices[i]] = np.clip(weight, *WEIGHTS)
         if has_gained:
             yield from advance([local], BEST_GRADIENTS)
             elite.add(local.score, local.design)
