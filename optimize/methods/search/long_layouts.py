@@ -20,7 +20,7 @@ from itertools import product
 import numpy as np
 from scipy.sparse import csr_array
 
-from domino_env.core.types import Floats, Ints
+from domino_env.core.types import Floats, Ints, unique_points
 from domino_env.physics.steady import steady_wave
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import grid
@@ -93,7 +93,8 @@ def search_stretched(
         search(short_evaluator, rng)
     designs = [short_evaluator.best]
     _score_stretched(evaluator, short_evaluator.best)  # a result if a limit ends the search below
-    for count in _counts(scene.count):
+    count = RATIO * SHORT_COUNT
+    while LAST_RATIO * count < scene.count:
         shorter = Problem(_shorten(scene, count))
         gradients = max(MIN_GRADIENTS, MAX_GRADIENTS * RATIO * SHORT_COUNT // count)
         searches: list[StretchedSearch] = []  # remains empty if a limit ends the context at once
@@ -101,6 +102,7 @@ def search_stretched(
             searches = _stretch(short_evaluator, designs, plateau)
             run_local_searches(short_evaluator, searches, gradients)
         designs = [local.design for local in searches] or [short_evaluator.best]
+        count *= RATIO
     searches = _stretch(evaluator, designs, plateau)
     run_local_searches(evaluator, searches, MIN_GRADIENTS)
     best = max(searches, key=lambda local: local.score)
@@ -128,13 +130,8 @@ def fastest_steady(scene: Scene) -> tuple[float, float] | None:
     slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
     best, centre, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
     for sizes in GRIDS:
-        axes = [
-            np.unique(np.clip(middle + np.linspace(-half, half, number), least, largest))
-            for middle, half, number, least, largest in zip(
-                centre, room, sizes, low, high, strict=True
-            )
-        ]
-        points = grid(axes)
+        axes = [c + np.linspace(-r, r, n) for c, r, n in zip(centre, room, sizes, strict=True)]
+        points = unique_points(np.clip(grid(axes), low, high))
         gaps, thickness = points.T
         speeds = steady_wave(
             gaps + thickness, thickness, scene.height, scene.physics,
@@ -152,14 +149,6 @@ def _score_stretched(evaluator: Evaluator, short_design: Floats) -> None:
     pairs = problem.scene.count - 1
     longer = repeat_middle(short_design.reshape(problem.dimension // pairs, -1), pairs, 1)
     evaluator.evaluate(problem.project(longer.reshape(1, -1)))
-
-
-def _counts(count: int) -> list[int]:
-    """Return the numbers of dominoes of the stretched layouts that are shorter than `count`."""
-    counts = [RATIO * SHORT_COUNT]
-    while LAST_RATIO * counts[-1] < count:
-        counts.append(RATIO * counts[-1])
-    return counts[:-1]
 
 
 def _shorten(scene: Scene, count: int) -> Scene:
