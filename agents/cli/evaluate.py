@@ -39,9 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     seed = "sample the scenes (the first N of the test set)"
     add_flags(parser, trust="run the code in an archive if its policy needs it")
     add_options(
-        parser,
-        ("scene", str, "SCENE", None, scene),
-        ("layout", LAYOUT_FILE, "FILE", None, target),
+        parser, ("scene", str, "SCENE", None, scene), ("layout", LAYOUT_FILE, "FILE", None, target)
     )
     add_options(
         parser.add_argument_group("evaluation in many scenes"),

@@ -22,13 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser,
         ("algorithm", str, "NAME", None, "apg, ppo, ars, sac, td3 or tqc (ppo)"),
-        (
-            "steps",
-            NATURAL,
-            "N",
-            None,
-            "least number of dominoes placed (that of the algorithm)",
-        ),
+        ("steps", NATURAL, "N", None, "least number of dominoes placed (that of the algorithm)"),
         ("seed", WHOLE, "N", None, "seed of all randomness (0)"),
         ("num-scenes", NATURAL, "N", None, number),
         ("save-zip", output(".zip"), "FILE", None, archive),
