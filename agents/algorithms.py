@@ -34,12 +34,11 @@ from domino_env.scenes.io.ranges import COUNT
 OFF_POLICY = ("sac", "td3", "tqc")
 ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
 TYPICAL_EPISODE = 32  # assumed steps per episode if scenes differ in their number of dominoes
-PACKAGES = ("torch", "stable_baselines3", "sb3_contrib")
 
 
 def require_learning() -> None:
     """Raise ImportError with the command that installs it if a package for learning is missing."""
-    require_extra("learning", "rl", *PACKAGES)
+    require_extra("learning", "rl", "torch", "stable_baselines3", "sb3_contrib")
 
 
 PositiveInt = Annotated[int, Meta(ge=1)]

@@ -108,9 +108,8 @@ class APG(OnPolicyAlgorithm):
         """Return the loss, minus the mean return [%], of whole layouts, and their infos."""
         scenes, observations = _initial_observations(env)
         normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
-        mean, deviation = (
-            part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
-        )
+        mean = normal.mean.unflatten(0, observations.shape[:2])
+        deviation = normal.stddev.unflatten(0, observations.shape[:2])
         noise = antithetic_noise(env.num_envs, *mean.shape[1:])
         actions = (mean + deviation * noise).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
@@ -191,8 +190,7 @@ class _Score(torch.autograd.Function):
         batch = scene.batch(arrays[0], arrays[1], arrays[2], rtol)
         result = scene.evaluate(batch, gradient=any(ctx.needs_input_grad))
         if result.gradient is not None:
-            names = "spacing", "thickness", "height"
-            values = [getattr(result.gradient, name) for name in names]
+            values = [getattr(result.gradient, x) for x in ("spacing", "thickness", "height")]
             ctx.gradients = [
                 None if size is None else torch.as_tensor(value, dtype=size.dtype)
                 for size, value in zip(sizes, values, strict=True)

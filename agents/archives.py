@@ -78,11 +78,9 @@ def load_archive(
             "; add --trust to load it with Stable-Baselines3, which runs the code that it "
             "contains, if you trust its source"
         )  # fmt: skip
-        reason = (
-            str(error)
-            if isinstance(error, UnsupportedPolicyError)
-            else "damaged, or not an archive of Stable-Baselines3 or sb3-contrib"
-        )
+        reason = "damaged, or not an archive of Stable-Baselines3 or sb3-contrib"
+        if isinstance(error, UnsupportedPolicyError):
+            reason = str(error)
         raise ValueError(f"{path}: {reason}{advice}") from None
     if distribution is not None:
         require_size(distribution, size)

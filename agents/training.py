@@ -293,12 +293,11 @@ class Training:
                 versions=versions(),
             )  # fmt: skip
         interrupted = False
-        if self.learner.steps < self.total:
-            try:
-                remaining = self.total - self.learner.steps
-                self.learner.learn(remaining, self.between_updates, self.after_step)
-            except KeyboardInterrupt:
-                interrupted = True
+        try:
+            remaining = self.total - self.learner.steps
+            self.learner.learn(remaining, self.between_updates, self.after_step)
+        except KeyboardInterrupt:
+            interrupted = True
         is_evaluated = bool(self.curve) and self.curve[-1][0] == self.learner.steps
         if not self.curve or not (interrupted or is_evaluated):
             self.evaluate()
