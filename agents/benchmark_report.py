@@ -20,14 +20,7 @@ from domino_env.core.files import errors_with_path, write_text
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.uniform import gain
-from optimize.experiments.estimates import (
-    LEAST_RUNS,
-    Estimate,
-    estimate,
-    interquartile_mean,
-    median_of_problems,
-    optimality_gap,
-)
+from optimize.experiments import estimates
 from optimize.experiments.experiment import Experiment, best_of_problems
 from optimize.experiments.report import failures_section
 from optimize.experiments.task import TaskResult
@@ -192,7 +185,7 @@ def page(experiment: Experiment, command: str) -> str:
         minutes=sum(r.seconds for r in experiment.results) / 60.0,
         hashes="\n".join(markdown_table(("scene", "hash"), hashes)),
         made="\n".join(f"- {number} runs: {text}" for text, number in machines.items()),
-        least=LEAST_RUNS,
+        least=estimates.LEAST_RUNS,
     )
 
 
@@ -245,9 +238,9 @@ def table(
         past = sum(r.score > r.uniform_score for r in runs)
         early = [experiment.score_after(name, time, scene) for time in TIMES]
         line = [
-            f"`{name}`", len(runs), _estimate_text(interquartile_mean(scores)),
-            f"{float(median_of_problems(scores)):.1%}",
-            _estimate_text(estimate(optimality_gap, scores)),
+            f"`{name}`", len(runs), _estimate_text(experiment.mean_score(name, scene)),
+            f"{float(estimates.median_of_problems(scores)):.1%}",
+            _estimate_text(estimates.estimate(estimates.optimality_gap, scores)),
             *(f"{score:.1%}" if np.isfinite(score) else "–" for score in early),
             f"{past} of {len(runs)}", _seconds_text(float(np.median([r.seconds for r in runs]))),
         ]  # fmt: skip
@@ -283,7 +276,7 @@ def _improvement_table(experiment: Experiment) -> list[str]:
     return list(markdown_table(("", *(f"`{name}`" for name in names)), lines))
 
 
-def _estimate_text(result: Estimate, digits: int = 1) -> str:
+def _estimate_text(result: estimates.Estimate, digits: int = 1) -> str:
     """Format an estimate with its interval, if it has one."""
     value = f"{float(result.value):.{digits}%}"
     if result.interval is None:
