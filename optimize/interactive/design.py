@@ -198,9 +198,8 @@ class Design:
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
         space = _design_space(scene)
-        curves = self._values(self.layout).reshape(
-            -1, self.scene.count - 1
-        )  # gaps, thicknesses, growths
+        # gaps, thicknesses, growths
+        curves = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
         values = np.concatenate([np.interp(after, before, curve) for curve in curves])
         self.open(scene, self._nearest(space, values))

@@ -493,7 +493,10 @@ class Page:
         self.buttons["Stop"].disabled = False
 
         def show(layout: Layout, fraction: float) -> None:
-            self._call_newest(self._show_search, stop_event, layout, fraction)
+            if self._stop_event is stop_event:
+                self.progress.value = round(100 * fraction) or -1
+                design.show(layout)
+                self._redraw()
 
         def update(result: tuple[Layout, str]) -> None:
             if self._stop_event is not stop_event:
@@ -506,14 +509,8 @@ class Page:
             self._edit(design.commit)
             self.notify(text)
 
-        self._in_thread(lambda: run_search(design.scene, method, stop_event, show), update)
-
-    def _show_search(self, stop_event: threading.Event, layout: Layout, fraction: float) -> None:
-        """Show the best layout and the progress of a search, if it is still the current one."""
-        if self._stop_event is stop_event:
-            self.progress.value = round(100 * fraction) or -1
-            self.design.show(layout)
-            self._redraw()
+        show_newest = partial(self._call_newest, show)
+        self._in_thread(lambda: run_search(design.scene, method, stop_event, show_newest), update)
 
     def _check_floor(self) -> None:
         """Simulate the free-standing dominoes in a thread, and show a summary."""
