@@ -267,13 +267,8 @@ class Training:
         self.curve: list[tuple[float, ...]] = []
         self.best = self.test_score = -np.inf
         self.next_evaluation = 0  # steps
-        self.start = clocks()
+        self.start = clocks()  # earlier if a training is resumed
         self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
-
-    @property
-    def seconds(self) -> Floats:
-        """Wall-clock and processor time so far [s], with that before the training was resumed."""
-        return clocks() - self.start
 
     def run(self, resume: bool) -> Run:
         """Train from the beginning, or from the checkpoint in the folder.
@@ -355,7 +350,7 @@ class Training:
 
     def evaluate(self) -> None:
         """Evaluate the policy without noise, and write it if it is the best so far."""
-        learner, (seconds, processor_seconds) = self.learner, self.seconds
+        learner, (seconds, processor_seconds) = self.learner, clocks() - self.start
         policy, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
             seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
@@ -398,7 +393,7 @@ class Training:
         """Write the summary, and a picture if there is a single layout; return the result."""
         from domino_env.core.plot_style import write_png
 
-        seconds, processor_seconds = self.seconds
+        seconds, processor_seconds = clocks() - self.start
         evaluations = len(self.curve) * (len(self.scenes) or 1)
         noisy_layouts = self.simulations - evaluations  # APG computes the gradient of each
         rollout = ScenePolicy.load(self.folder).build() if isinstance(self.target, Scene) else None
