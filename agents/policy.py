@@ -24,8 +24,7 @@ from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.checks import numbers, require, require_type
-from domino_env.core.files import errors_with_path, read_json
-from domino_env.core.models import Document, read_model
+from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import load_any
@@ -88,16 +87,14 @@ def read_config(folder: Path) -> ConfigDocument:
             f"{folder} holds no training to resume: leave out --resume, and give another folder if "
             "this one holds other files of a run"
         )
-    with errors_with_path(path):
-        return read_model(ConfigDocument, read_json(path))
+    return read_document(ConfigDocument, path)
 
 
 def read_summary(folder: Path) -> SummaryDocument:
     """Read the summary of a training, else that of its best policy; defaults if there is none."""
     for path in (folder / SUMMARY, folder / BEST):
         if path.exists():
-            with errors_with_path(path):
-                return read_model(SummaryDocument, read_json(path))
+            return read_document(SummaryDocument, path)
     return SummaryDocument()
 
 

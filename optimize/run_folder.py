@@ -18,14 +18,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from domino_env.core.files import (
-    errors_with_path,
-    read_json,
-    require_unused,
-    require_writable,
-    write_text,
-)
-from domino_env.core.models import Document, read_model
+from domino_env.core.files import require_unused, require_writable, write_text
+from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
@@ -80,8 +74,7 @@ def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: boo
     path = folder / SUMMARY
     if not path.exists():
         return 0
-    with errors_with_path(path):
-        summary = read_model(SummaryDocument, read_json(path))
+    summary = read_document(SummaryDocument, path)
     identity = (method, seed, versions(), scene)
     if (summary.method, summary.seed, summary.versions, load_scene(folder / SCENE)) != identity:
         raise ValueError(

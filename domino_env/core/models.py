@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import re
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, NoReturn, Self, TypeVar
 
 import msgspec
@@ -17,7 +18,7 @@ import numpy as np
 from msgspec import Meta, inspect
 
 from domino_env.core.checks import format_range, require_choice
-from domino_env.core.files import as_text, one_line
+from domino_env.core.files import as_text, errors_with_path, one_line, read_json
 
 # bounds of sizes in files [SI units]: products of four sizes neither overflow nor underflow
 SMALLEST, LARGEST = 1e-9, 1e9
@@ -108,6 +109,12 @@ def read_model(kind: type[Model], document: object, place: str = "") -> Model:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
         _reraise(error, kind, document, place)
+
+
+def read_document(kind: type[Model], path: Path) -> Model:
+    """Read a JSON file as an instance of a class; messages of errors begin with the path."""
+    with errors_with_path(path):
+        return read_model(kind, read_json(path))
 
 
 def _reraise(error: msgspec.ValidationError, kind: Any, document: Any, place: str) -> NoReturn:

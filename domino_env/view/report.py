@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import errors_with_path, one_line, read_json, read_text, write_text
-from domino_env.core.models import Document, Number, read_model
+from domino_env.core.files import errors_with_path, one_line, read_text, write_text
+from domino_env.core.models import Document, Number, read_document
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -190,8 +190,7 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
             return None
         last = [(floor_name(check.floor), check.last) for check in known.floors]
         return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
-    with errors_with_path(path):
-        check = read_model(VerificationDocument, read_json(path))
+    check = read_document(VerificationDocument, path)
     simulator, verdict = one_line(check.engine, MAX_TEXT), one_line(check.verdict, MAX_TEXT)
     last = [(floor_name(result.floor), result.difference) for result in check.floors]
     return {"simulator": simulator, "verdict": verdict, "last": last}
