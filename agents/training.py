@@ -14,20 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from agents import policy
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters, require_learning
 from agents.evaluation import choose_scenes, evaluate_gains
-from agents.policy import (
-    BEST,
-    CHECKPOINT,
-    CONFIG,
-    FILES,
-    POLICY,
-    PROGRESS,
-    SCENE,
-    SUMMARY,
-    ScenePolicy,
-    read_config,
-)
+from agents.policy import BEST, CHECKPOINT, CONFIG, POLICY, PROGRESS, SCENE, SUMMARY, ScenePolicy
 from agents.rollout import SELECTION_SEEDS, Rollout, build, evaluation_seeds
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import as_path, require, require_choice, require_type
@@ -210,7 +200,7 @@ def train(
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     path = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        config, given["scene"] = read_config(path), target.to_toml()
+        config, given["scene"] = policy.read_config(path), target.to_toml()
         stored = {name: getattr(config, name, None) for name in given}
         stored["scene"] = load_any(path / SCENE).to_toml()
         if other := [name for name, x in given.items() if x is not None and x != stored[name]]:
@@ -222,7 +212,7 @@ def train(
         hyperparameters, num_scenes = config.hyperparameters, config.num_scenes
     else:
         require_writable(path)
-        require_unused(path, FILES)
+        require_unused(path, policy.FILES)
     hyperparameters = hyperparameters or default_hyperparameters(algorithm, target)
     steps = steps or hyperparameters.steps
     training = Training(target, algorithm, hyperparameters, steps, seed, path, progress, num_scenes)
@@ -351,20 +341,20 @@ class Training:
     def evaluate(self) -> None:
         """Evaluate the policy without noise, and write it if it is the best so far."""
         learner, (seconds, processor_seconds) = self.learner, clocks() - self.start
-        policy, rollout = learner.policy(), None
+        act, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
             seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
-            rollout = build(policy, self.target, seeds=seeds)
+            rollout = build(act, self.target, seeds=seeds)
             score = rollout.score
         else:
-            score = float(np.median(evaluate_gains(policy, self.target, self.scenes)))
+            score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
         self.simulations += len(self.scenes) or 1
         if score > self.best:
             self.best = self.test_score = score
             learner.save(self.folder / POLICY)
             if isinstance(self.target, SceneDistribution) and self.tests:
                 pause = clocks()
-                self.test_score = float(np.median(evaluate_gains(policy, self.target, self.tests)))
+                self.test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))
                 self.start += clocks() - pause  # the test set is not part of the training
             if rollout is not None:
                 self._write_json(

@@ -20,18 +20,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from agents.designer import features
 from agents.designer.decoding import decode
-from agents.designer.features import (
-    OBSERVATION_SIZE,
-    SCENE_SIZE,
-    TRIES,
-    observations,
-    range_violations,
-    require_kind,
-    scale_features,
-    scene_features,
-    tight_candidates,
-)
+from agents.designer.features import OBSERVATION_SIZE, SCENE_SIZE, TRIES
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
 from agents.rollout import Rollout, average
@@ -112,11 +103,11 @@ class Designer:
         number : int
             Number of tight gaps at its end.
         """
-        features = scene_features(scene)
-        preferences = _outputs(self.tight, scale_features(features)[None])[0]
-        preferences = preferences[: tight_candidates(scene.count)]
+        values = features.scene_features(scene)
+        preferences = _outputs(self.tight, features.scale_features(values)[None])[0]
+        preferences = preferences[: features.tight_candidates(scene.count)]
         tight = np.argsort(-preferences, kind="stable")[:tries].astype(np.float64)
-        outputs = _outputs(self.layout, observations(features, tight))
+        outputs = _outputs(self.layout, features.observations(values, tight))
         outputs = outputs.reshape(len(tight), scene.count - 1, 2)
         gaps, thickness = decode(scene, outputs, tight)
         best = _best(scene, gaps, thickness) if len(tight) > 1 else 0
@@ -134,7 +125,7 @@ class Designer:
         """Design a layout; see `agents.design` for arguments, result and errors."""
         require("tries", tries, 1, whole=True)
         require("steps", steps, 0, whole=True, optional=True)
-        require_kind(scene)
+        features.require_kind(scene)
         _threads()  # its first call is not timed
         start = time.perf_counter()
         layout, number = self.propose(scene, tries)
@@ -142,7 +133,7 @@ class Designer:
         wave = scene.simulate(layout)
         score = scene.score(wave)
         seconds = time.perf_counter() - start
-        return Design(scene, layout, wave, score, number, seconds, range_violations(scene))
+        return Design(scene, layout, wave, score, number, seconds, features.range_violations(scene))
 
     def build(self, scene: Scene) -> Rollout:
         """Design a layout, and compare it with the uniform baseline.
@@ -163,7 +154,7 @@ class Designer:
             If the scene is of another kind than those of the training.
         """
         require_type("scene", scene, Scene, "a Scene, as load_scene returns")
-        require_kind(scene)
+        features.require_kind(scene)
         compile_simulations(scene)
         design, uniform = self.design(scene), scene.uniform()
         wave, score = design.wave, design.score
