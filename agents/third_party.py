@@ -118,12 +118,11 @@ def train_third_party(
             f"{name} returned {type(model).__name__}, which has no method predict: return an "
             "object with predict(observations, deterministic=True), as Stable-Baselines3 has it"
         )
-    placed = max(work["steps"], steps or STEPS)
+    placed = max(work.pop("steps", 0), steps or STEPS)
 
     def policy(observations: Singles) -> NDArray[Any]:
         return np.asarray(model.predict(observations, deterministic=True)[0])
 
     (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
     trace = [(placed, placed, seconds, np.nan)]
-    work_done = {"simulations": work["simulations"]}
-    return ScenePolicy(Path(name), policy, size, target), trace, work_done
+    return ScenePolicy(Path(name), policy, size, target), trace, dict(work)
