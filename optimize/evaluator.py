@@ -27,7 +27,6 @@ CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms by two c
 MAX_CHUNK = 256  # layouts of a chunk, of which only the best one can become a finalist
 EXECUTOR_LOAD = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # simulations that take as long as a gradient
-TOLERANCE_HINT = "a relative gain"
 TOLERANCE = 1e-4  # a search without a limit ends if its second half gains relatively less
 # The size of a problem is the mean of its numbers of dominoes and variables, clipped to LEAST_SIZE
 # and LARGEST_SIZE. A search with a tolerance has an effort of at least LEAST_EFFORT / size (some
@@ -117,9 +116,7 @@ class Evaluator:
         require_type("problem", problem, Problem, "a Problem, such as Problem('sprint')")
         require("max_evaluations", max_evaluations, 1, whole=True, optional=True)
         require("max_seconds", max_seconds, above=0.0, unit="s", optional=True)
-        require("tolerance", tolerance, above=0.0, below=1.0, hint=TOLERANCE_HINT, optional=True)
-        require_functions(callback, clock)
-        require_executor(executor)
+        require_options(tolerance, callback, executor, clock)
         require_type("journal", journal, Journal | None, "a Journal, or None")
         self.problem, self.tolerance = problem, tolerance
         self.max_evaluations, self.max_seconds = max_evaluations, max_seconds
@@ -449,8 +446,10 @@ class Evaluator:
         self._callback(self)
 
 
-def require_functions(callback: object, clock: object) -> None:
-    """Raise an error unless these are functions, and the clock returns a number."""
+def require_options(tolerance: object, callback: object, executor: object, clock: object) -> None:
+    """Raise an error unless these are options of `Evaluator`, and the clock returns a number."""
+    require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain", optional=True)
+    require_executor(executor)
     require_type("callback", callback, Callable, "a function of the Evaluator")
     require_type("clock", clock, Callable, "a function that returns seconds")
     require("clock()", cast("Callable[[], float]", clock)(), unit="s")

@@ -23,15 +23,7 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
 from domino_env.scenes.waves import Waves
-from optimize.evaluator import (
-    GRADIENT_COST,
-    TOLERANCE,
-    TOLERANCE_HINT,
-    BudgetSpent,
-    Evaluator,
-    require_functions,
-)
-from optimize.executors import require_executor
+from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.methods.registry import Method
@@ -148,9 +140,7 @@ def search(
     require("seed", seed, 0, whole=True)
     require("budget", budget, 1, whole=True, optional=True)
     require("seconds", seconds, above=0.0, unit="s", optional=True)
-    require("tolerance", tolerance, above=0.0, below=1.0, hint=TOLERANCE_HINT, optional=True)
-    require_executor(executor)
-    require_functions(callback, clock)
+    require_options(tolerance, callback, executor, clock)
     require("seconds_before", seconds_before, 0.0, unit="s")
     if resume and folder is None:
         raise ValueError("resume = True without a folder: give the folder of the search")
