@@ -119,12 +119,10 @@ def _ascend(evaluator: Evaluator, step: TrustRegionStep, start: Floats) -> None:
     radius = FIRST_RADIUS
     while radius > MIN_RADIUS:
         planes = [plane for plane in points if np.abs(plane[0] - design).max() <= NEARBY * radius]
+        planes += [(design, score, gradient)] * (PLANES - len(planes))
         # where the score is not concave a plane may lie below the current score: it is raised
         heights = [max(s + g @ (design - x) - score, 0.0) for x, s, g in planes]
         gradients = [g for _, _, g in planes]
-        padding = PLANES - len(planes)
-        gradients += [gradient] * padding
-        heights += [0.0] * padding
         size = max(float(np.abs(gradient).max()), 1e-300)  # scale of the programme, not 0
         best = step.best(design, np.array(gradients) / size, np.array(heights) / size, radius)
         if best is None or best[1] * size <= LEAST_GAIN * abs(score):
