@@ -204,10 +204,9 @@ class Experiment:
         float
             The mean; -inf if runs that count in it have no layout yet.
         """
-        times = np.array([seconds])
 
         def score(result: TaskResult) -> Floats:
-            return self.normalise(result, self.best_scores(result, times, "seconds")[0])
+            return self.normalise(result, self.best_scores(result, np.array(seconds), "seconds"))
 
         return float(middle_mean(_by_problem(self.runs(method, problem), score)))
 

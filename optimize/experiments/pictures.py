@@ -84,8 +84,7 @@ def draw_curves(
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             handles[method] = axes.plot(x, y, **line)[0]
     all_axes[0].set_ylabel(labels[1])
-    names, lines_drawn = list(handles), list(handles.values())
-    figure.legend(lines_drawn, names, loc="outside right center", **plot_style.LEGEND)
+    figure.legend([*handles.values()], [*handles], loc="outside right center", **plot_style.LEGEND)
     plot_style.write_png(figure, path)
 
 
@@ -97,8 +96,8 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     for problem, method in product(experiment.problems, experiment.methods):
         if runs := experiment.runs(method, problem):
             shortfalls = 100.0 * np.array([experiment.shortfalls(r, times) for r in runs])
-            median, band = _median_and_range(shortfalls)
-            panels.setdefault(problem, {})[method] = (times, median, band)
+            median, low, high = _median_and_range(shortfalls)
+            panels.setdefault(problem, {})[method] = (times, median, (low, high))
             ends.setdefault(method, []).append(median[-1])
     best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]
     # smallest and largest shortfall that are drawn [%]
@@ -153,7 +152,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
                 points.append(100.0 * r.gain)
         x = np.array(sorted(values))
         bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
-        median, low, high = np.array([(median, *band) for median, band in bands]).T
+        median, low, high = np.array(bands).T
         if any(isinstance(label, str) for label in places[key]):
             x = np.add.outer(x, DASH).ravel()
             median, low, high = (np.repeat(values, len(DASH)) for values in (median, low, high))
@@ -241,9 +240,9 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
     plot_style.write_png(figure, path)
 
 
-def _median_and_range(values: Floats) -> tuple[Any, tuple[Any, Any]]:
+def _median_and_range(values: Floats) -> tuple[Any, Any, Any]:
     """Return the median over the first axis, and the smallest and the largest value."""
-    return np.median(values, axis=0), (values.min(axis=0), values.max(axis=0))
+    return np.median(values, axis=0), values.min(axis=0), values.max(axis=0)
 
 
 def _places(values: Iterable[Label]) -> dict[Label, float]:
