@@ -13,20 +13,15 @@ from agents.designer.decoding import decode
 from agents.designer.features import tight_candidates
 from agents.evaluation import choose_scenes, evaluate_scenes
 
-SETS = ("varied", "varied-thickness", "varied-course")
-
-
-@pytest.fixture
-def sprint():
-    return de.load_scene("sprint")
+SPRINT = de.load_scene("sprint")
 
 
 # scenes -------------------------------------------------------------------------------------------
 
 
-def test_features_outside_the_training_are_reported(sprint):
+def test_features_outside_the_training_are_reported():
     assert not any(design(key).range_violations for key in ("sprint", "course", "sprint-thickness"))
-    long = design(replace(sprint, count=100))
+    long = design(replace(SPRINT, count=100))
     assert long.range_violations == ("count 100 is outside 15 to 80",)
     assert long.score > 0.0
     both = replace(de.load_scene("sprint-thickness"), length=0.8)
@@ -37,7 +32,7 @@ def test_features_outside_the_training_are_reported(sprint):
 # designing ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", SETS)
+@pytest.mark.parametrize("kind", ["varied", "varied-thickness", "varied-course"])
 def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kind):
     done = evaluate_scenes(choose_scenes(kind, 12))
     gains = done.gains()
@@ -62,20 +57,20 @@ def test_decoded_layouts_have_the_given_length_for_any_network_outputs(pitch):
         assert scene.violations(scene.layout(gaps[i], thickness[i])) == []
 
 
-def test_a_design_scales_with_the_dominoes(sprint):
+def test_a_design_scales_with_the_dominoes():
     k = 3.7
-    large = scaled(sprint, k).replace(density=500.0)
-    small, big = design(sprint), design(large)
+    large = scaled(SPRINT, k).replace(density=500.0)
+    small, big = design(SPRINT), design(large)
     assert big.tight_gaps == small.tight_gaps
     assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-5)
     assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-5)
-    fast = de.Physics(0.25, 4.0 * 9.81, 2.0 * sprint.physics.push)  # time runs twice as fast
-    strong = replace(sprint, physics=fast)
+    fast = de.Physics(0.25, 4.0 * 9.81, 2.0 * SPRINT.physics.push)  # time runs twice as fast
+    strong = replace(SPRINT, physics=fast)
     assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
-def test_tries_do_not_lower_and_gradient_steps_raise_the_score(sprint):
-    scores = [design(sprint, tries=n, steps=0).score for n in (1, 4, 13)]
+def test_tries_do_not_lower_and_gradient_steps_raise_the_score():
+    scores = [design(SPRINT, tries=n, steps=0).score for n in (1, 4, 13)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
     refined = [design("course", steps=k).score for k in (0, 6, 30)]
     assert refined[0] < refined[1] < refined[2]

@@ -18,7 +18,6 @@ from agents.network import read_arrays
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names
 from domino_env.cli.main import main
 
-SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
 
 

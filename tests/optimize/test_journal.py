@@ -18,7 +18,6 @@ from optimize.methods.search import long_layouts
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL
 
-FEW = 60  # evaluations
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
@@ -47,7 +46,7 @@ CASES += [("scp", "length"), ("cma", "length")]
 
 @pytest.mark.parametrize(("method", "name"), CASES)
 def test_every_method_resumes_bitwise(bits, problems, tmp_path, method, name):
-    words = (problems[name], method, FEW, 3)
+    words = (problems[name], method, 60, 3)
     batches: list[float] = []
     whole = search(*words, callback=lambda e: batches.append(e.progress))
     stops = np.random.default_rng(len(method)).integers(len(batches) + 1, size=2)

@@ -11,8 +11,6 @@ import domino_env as de
 from optimize import Evaluator, search
 from optimize.run_folder import DERIVED_FILES, FILES, JOURNAL
 
-PNG = b"\x89PNG\r\n\x1a\n"
-
 
 def files(folder: Path) -> dict[str, bytes]:
     return {f.name: f.read_bytes() for f in folder.iterdir()}
@@ -20,12 +18,6 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def full(*_: object, **__: object) -> None:
     raise OSError(28, "No space left on device")
-
-
-@pytest.fixture
-def no_search(monkeypatch) -> None:
-    """An evaluation fails the test."""
-    monkeypatch.setattr(Evaluator, "evaluate", lambda *_, **__: pytest.fail("time was spent"))
 
 
 def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
@@ -40,7 +32,7 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     names = ("evaluations", "simulated_falls", "seconds", "best_score")
     trace = [[float(line[name]) for name in names] for line in lines]
     assert np.array(trace) == pytest.approx(np.array(result.trace), abs=1e-6)
-    assert (folder / "result.png").read_bytes().startswith(PNG)
+    assert (folder / "result.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     summary = json.loads((folder / "summary.json").read_text())
     expected = {
         "finished": True, "mean_speed": result.score, "gain": result.gain, "outcome": "PROPAGATED",
@@ -65,7 +57,8 @@ def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["layout.csv", "summary.json", JOURNAL])
-def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
+def test_no_file_is_replaced_by_a_new_run(scenes, monkeypatch, tmp_path, name):
+    monkeypatch.setattr(Evaluator, "evaluate", lambda *_, **__: pytest.fail("time was spent"))
     (tmp_path / name).write_text("text")
     with pytest.raises(ValueError, match=f"holds {name} already: resume it, or name"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)

@@ -5,7 +5,6 @@ import pytest
 
 import domino_env as de
 
-PUSH = 5.0 * np.pi
 # pitch [m], friction, frequency [1/s], speed [m/s], ω after and before a hit, time of the 100th
 UNIFORM = [
     (0.016, 0.00, 86.25528, 1.38008, 13.63153, 17.24773, 1.267629),
@@ -15,18 +14,13 @@ UNIFORM = [
     (0.024, 0.25, 37.22842, 0.893482, 10.32537, 16.38651, 2.715589),
     (0.032, 0.25, 26.25904, 0.840289, 10.18480, 19.00991, 3.802060),
 ]
-MM = 1e-3
-
-
-def uniform_wave(pitch, friction, count=100, push=PUSH, gravity=9.8, **given):
-    layout = de.Layout.uniform(count, pitch=pitch, **given)
-    return de.simulate(layout, de.Physics(friction, gravity, push), rtol=1e-11)
 
 
 @pytest.mark.parametrize("known", UNIFORM)
 def test_uniform_chains_have_the_independently_computed_speeds(known):
     pitch, friction, frequency, speed, after, before, last = known
-    wave = uniform_wave(pitch, friction)
+    physics = de.Physics(friction, gravity=9.8, push=5.0 * np.pi)
+    wave = de.simulate(de.Layout.uniform(100, pitch=pitch), physics, rtol=1e-11)
     between = wave.arrival_times[99] - wave.arrival_times[98]
     assert 1.0 / between == pytest.approx(frequency, abs=6e-6)
     assert pitch / between == pytest.approx(speed, abs=6e-6)

@@ -103,15 +103,13 @@ def test_a_tip_above_the_next_top_is_rejected():
 
 # files ------------------------------------------------------------------------------------------
 
-formats = pytest.mark.parametrize("ending", ["csv", "json"])
-
 
 def written(layout: Layout, path: Path) -> Path:
     (layout.to_csv if path.suffix == ".csv" else layout.to_json)(path)
     return path
 
 
-@formats
+@pytest.mark.parametrize("ending", ["csv", "json"])
 @given(
     dominoes=st.lists(
         st.tuples(*[st.floats(1e-4, 0.047), st.floats(1e-4, 0.1), st.floats(1.0, 2e4)]),

@@ -12,7 +12,6 @@ from optimize.experiments.verification import verify_best_known
 
 STORED = known.read_verified()
 AGAIN = "run: domino best-known --verify --update && python docs/verified.py --stored"
-PAGE = Path(__file__).parents[3] / "docs" / "verified.md"
 
 
 @pytest.mark.parametrize("name", best_known())
@@ -29,7 +28,7 @@ def test_every_shipped_layout_has_a_current_verification(name):
 
 
 def test_the_page_shows_the_stored_verifications():
-    page = PAGE.read_text("utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "verified.md").read_text("utf-8")
     assert fill_tables(page, {"known": known.known_table(STORED)}) == page, AGAIN
     with pytest.raises(ValueError, match="no comment <!-- else -->"):
         fill_tables(page, {"else": []})

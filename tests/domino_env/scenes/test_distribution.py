@@ -13,8 +13,6 @@ from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.uniform import best_point
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
-NAMES = de.distribution_names()
-
 
 def out_of_range(distribution, scene):
     """Return how many numbers of a scene are out of their ranges."""
@@ -22,7 +20,7 @@ def out_of_range(distribution, scene):
     return int(np.sum(np.abs(scaled) > 1.0 + 1e-6))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", de.distribution_names())
 def test_stored_scenes_are_valid_and_equal_to_newly_sampled_ones(name):
     drawn_from = de.load_distribution(name)
     written = de.SceneDistribution(tomllib.loads(drawn_from.to_toml()), "another")

@@ -15,8 +15,6 @@ from gymnasium import spaces
 import domino_env as de
 from optimize.adapters.engibench import DominoProblem
 
-KINDS = ["spacing", "both", "length-both", "dying"]
-
 
 def test_the_class_has_the_interface_of_engibench():
     """Repeat EngiBench's test of problems, except for the data set."""
@@ -35,7 +33,7 @@ def test_the_class_has_the_interface_of_engibench():
         _ = problem.dataset
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", ["spacing", "both", "length-both", "dying"])
 def test_designs_are_simulated_and_optimised(scenes, name):
     scene = scenes[name]
     problem = DominoProblem(config={"budget": 60}, scene=scene)

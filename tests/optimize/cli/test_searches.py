@@ -5,28 +5,18 @@ import json
 import re
 from pathlib import Path
 
-import pytest
-
-import domino_env as de
 from domino_env.core.progress import progress_bar
 from optimize import search
 from optimize.experiments.best_known import best_known
 from optimize.run_folder import FILES
 
 
-@pytest.fixture
-def scene_file(scenes, tmp_path: Path) -> Path:
-    """File of a scene."""
-    path = tmp_path / "small.toml"
-    path.write_text(scenes["both"].to_toml())
-    return path
-
-
-def test_the_output_names_the_best_layout_and_the_folder(output_of, monkeypatch, scene_file):
-    monkeypatch.chdir(scene_file.parent)
-    text = output_of("optimize", scene_file.name, "--budget", 400, "--seed", 5)
+def test_the_output_names_the_best_layout_and_the_folder(output_of, monkeypatch, scenes, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(scenes["both"].to_toml())
+    text = output_of("optimize", "small.toml", "--budget", 400, "--seed", 5)
     summary = json.loads(Path("runs/both/summary.json").read_text())
-    uniform = de.load_scene(scene_file).uniform()
+    uniform = scenes["both"].uniform()
     assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
     lines = text.splitlines()
     assert lines[0] == "both: a small scene: both"

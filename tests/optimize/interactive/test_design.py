@@ -12,12 +12,11 @@ from optimize.interactive.jobs import improvement_method, run_search
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
-SMOOTH = SPRINT.replace(largest_change=0.002)
 SCENES = {
     "bounds": SPRINT,
     "length": COURSE,
     "list": LISTED,
-    "change": SMOOTH,
+    "change": SPRINT.replace(largest_change=0.002),
     "stock": de.load_scene("stock"),
     "thickness": de.load_scene("sprint-thickness"),
     "slope": de.load_scene("downhill"),
