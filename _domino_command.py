@@ -19,8 +19,8 @@ def main() -> int:
 
     code = main()
     if code > 128:  # ended by a signal: do not wait for threads that still compile or simulate
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in filter(None, (sys.stdout, sys.stderr)):  # None if closed at the start
+            stream.flush()
         os._exit(code)
     return code
 

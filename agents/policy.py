@@ -205,6 +205,6 @@ def require_size(target: Scene | SceneDistribution, size: int) -> None:
     if shape != (size,):
         raise ValueError(
             f"an observation of scene '{target.name}' has shape {shape}, this policy was trained "
-            f"on ({size},): choose a scene with the same free variables, or for a policy of "
-            "sampled scenes their distribution (--distribution)"
+            f"on ({size},): choose a scene with the same free variables and kind of ground, or for "
+            "a policy of sampled scenes their distribution (--distribution)"
         )

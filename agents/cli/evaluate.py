@@ -124,7 +124,7 @@ def describe(rollout: Rollout) -> str:
     from optimize.experiments.best_known import best_known
 
     scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
-    unit = f" {scene.unit}" if scene.unit else ""
+    unit = f" {scene.unit}" if scene.unit and score > 0.0 else ""  # a wave that stops: no speed
     text = f"{scene.name}: score {score:.6f}{unit} ({rollout.wave.outcome.name})"
     if rollout.gain is not None:
         text += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"

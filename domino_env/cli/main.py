@@ -87,7 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         Exit status: 0 for success, 1 if a check of the command fails, 2 after invalid input, which
-        is explained in one line on standard error, 130 after Ctrl-C and 143 after SIGTERM.
+        is explained in one line on standard error, 130 after Ctrl-C, 141 if the program that reads
+        the output has ended, and 143 after SIGTERM.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a console without µ shows a replacement
@@ -111,13 +112,13 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.simplefilter("error", WrongUnit)
             warnings.showwarning = _show_warning
             code = int(arguments.run(arguments))
-        sys.stdout.flush()
+        print(end="", flush=True)  # sys.stdout may be None
         # an interrupted search returns normally, with its best layout so far
         return interruption.code if interruption.signal else code
     except BrokenPipeError:
         # the program that reads the output has closed it: the rest of the buffer is discarded
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return 128 + 13  # as a program that SIGPIPE ends
     except KeyboardInterrupt as error:
         print(f"domino: {str(error) or INTERRUPTED}", file=sys.stderr)
         return interruption.code

@@ -63,7 +63,8 @@ def number(
             value = int(text) if whole else float(text)
         except ValueError:
             kind = "whole number" if whole else "number"
-            raise argparse.ArgumentTypeError(f"'{text}': give a {kind}") from None
+            point = ", with a decimal point as in 0.25" * ("," in text)
+            raise argparse.ArgumentTypeError(f"'{text}': give a {kind}{point}") from None
         return _check(value, require, "", value, unit=unit, hint=hint, whole=whole, **bounds)
 
     return read

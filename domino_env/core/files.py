@@ -112,7 +112,9 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
     """Raise a ValueError if a folder holds a file with one of the names."""
     taken = next((name for name in names if (folder / name).exists()), None)
     if taken is not None:
-        raise ValueError(f"{folder} holds {taken} already: resume it, or name another folder")
+        raise ValueError(
+            f"{folder} holds {taken} already: resume the same run, or name another folder"
+        )
 
 
 def require_writable(folder: Path) -> None:

@@ -21,6 +21,7 @@ from msgspec import UNSET, UnsetType
 from domino_env.core import tables
 from domino_env.core.files import one_line, read_json, read_text, write_text
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about, read_model
+from domino_env.core.progress import notice
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MAX_DOMINOES = 1_000_000  # a file of so many takes some seconds and 1 GB of memory to read
@@ -102,7 +103,8 @@ def read_arguments(path: Path) -> dict[str, Any]:
       under the domino, positive downhill, if the ground is not flat. The last rise is not used.
 
     Cells are separated by commas, semicolons or tabs. Decimal commas are read where cells are not
-    separated by commas. Other columns are ignored. A JSON file holds a `LayoutTable`.
+    separated by commas. Other columns are not read; a notice names them. A JSON file holds a
+    `LayoutTable`.
 
     Returns
     -------
@@ -112,12 +114,14 @@ def read_arguments(path: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        For a missing file, another suffix, errors in the file (with line and column, or key), and
-        more than `MAX_DOMINOES` dominoes.
+        For a missing file, a folder without a layout.csv, another suffix, errors in the file (with
+        line and column, or key), and more than `MAX_DOMINOES` dominoes.
     """
-    suffix = path.suffix.lower()
     if path.is_dir():
-        raise ValueError("it is a folder: name a file, such as the layout.csv of a run folder")
+        path = path / "layout.csv"
+        if not path.is_file():
+            raise ValueError("it is a folder without a layout.csv: name a run folder or a file")
+    suffix = path.suffix.lower()
     if not path.exists():
         raise ValueError("there is no such file: name a .csv or .json file of a layout")
     if suffix == ".csv":
@@ -134,6 +138,9 @@ def _parse_table(path: Path, text: str) -> dict[str, Any]:
     if not first:
         raise ValueError("the file is empty: give a line of names, such as spacing_mm,thickness_mm")
     names = [_column_name(cell) for cell in first]
+    ignored = [name for name in names if name and name != "number" and name not in _PER_UNIT]
+    if ignored:
+        notice(f"{path}: columns that are not read: {one_line(', '.join(ignored))}")
     places: dict[str, int] = {}  # index of the column of each kind of value
     for place, name in enumerate(names):
         kind = name.partition("_")[0]
@@ -174,10 +181,13 @@ def _parse_table(path: Path, text: str) -> dict[str, Any]:
     _require_count(len(line_numbers))
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
     missing = np.isnan(values["spacing"])
-    if not missing[-1] or missing[:-1].any():
-        line = line_numbers[int(missing[:-1].argmax()) if missing[:-1].any() else -1]
-        reason = "give the free gap in front of every domino but the last, which has none"
+    if missing[:-1].any():
+        line = line_numbers[int(missing[:-1].argmax())]
+        reason = "empty or 0: give the free gap in front of every domino but the last"
         raise cell_error(line, "spacing", reason)
+    if not missing[-1]:
+        reason = "leave it empty, as the last domino has no gap in front, or add missing dominoes"
+        raise cell_error(line_numbers[-1], "spacing", reason)
     for kind in places.keys() & _PAIR_COLUMNS:
         values[kind] = values[kind][:-1]
     if "width" in values:

@@ -327,8 +327,10 @@ def _run(
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
             hit_count, now = int(state.run["leader"][0]) + 1, time.perf_counter()
+            if first is None:  # the first call may include compilation, which does not count
+                first = now, hit_count
+                bar.unpause()
             bar.update(hit_count - bar.n)
-            first = first or (now, hit_count)  # the first call may include compilation
             # steps are halved until their coarseness is 1 or less: from 4 on, all runs take
             # 1 + 2 + 4 = 7 times as long as this one, from 2 on 3 times
             elapsed = (now - first[0]) * max(2.0 * coarseness - 1.0, 1.0)

@@ -132,11 +132,8 @@ def read_compared(
     compared, has_baseline = [], False
     for path in paths:
         folder = path if path.is_dir() else None
-        file = path / "layout.csv" if folder else path
-        if folder and not file.exists():
-            raise ValueError(f"{path}: no layout.csv: give a run folder or a layout file")
-        layout = read_layout(file, scene)
-        require_drawable(one_line(str(file)), layout.count)
+        layout = read_layout(path, scene)
+        require_drawable(one_line(str(path)), layout.count)
         entry = ComparedLayout(
             one_line(path.resolve().name if folder else path.stem, MAX_NAME),
             simulate(layout, physics),
@@ -145,7 +142,7 @@ def read_compared(
             _verification(folder, layout, physics),
         )
         if scene and (violations := scene.violations(layout)):
-            notice(f"{one_line(str(file))}: not a layout of scene '{scene.name}': {violations[0]}")
+            notice(f"{one_line(str(path))}: not a layout of scene '{scene.name}': {violations[0]}")
         elif scoring_scene:
             entry = _with_score(entry, scoring_scene)
         has_baseline |= scene is not None and layout.count == scene.count

@@ -173,6 +173,8 @@ def run_study(
             files = ", ".join(write(experiment, folder))
             print(f"{amount(len(experiment.results), 'result')}; written to {folder}: {files}")
             return exit_code(experiment)
+        except BrokenPipeError:  # only the output is lost
+            raise
         except OSError as error:
             raise OSError(f"{error}; {next_step}") from None
         except KeyboardInterrupt:

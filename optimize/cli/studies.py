@@ -43,6 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"name the study: domino studies {action} NAME")
     if action == "export" and arguments.to is None:
         raise ValueError("name the file to export to: --to FILE.csv or FILE.parquet")
+    if action != "export" and (arguments.to or arguments.best):
+        raise ValueError("--to and --best belong to domino studies export: leave them out")
+    if action == "list" and name is not None:
+        raise ValueError(f"domino studies list takes no name: domino studies show {name}")
     studies = store.open_store(arguments.store, create=False)
     if action == "list":
         print("\n".join(report.list_studies(studies)))

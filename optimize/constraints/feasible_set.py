@@ -66,7 +66,7 @@ class FeasibleSet:
         if not bounds:
             raise ValueError(
                 f"scene '{scene.name}' leaves nothing free to search: give spacing or thickness "
-                "a min and a max"
+                "a min and a larger max, and a step between them, if any, that fits"
             )
         self.low, self.high = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
         self.total: float | None = None

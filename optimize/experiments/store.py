@@ -166,10 +166,10 @@ class Store:
                 "(SELECT count(*) FROM results WHERE study = studies.number) "
                 "FROM studies ORDER BY number"
             ).fetchall()
-        return [
-            Study(name, kind, begun, json.loads(settings), result_count, number, self)
-            for name, kind, begun, settings, number, result_count in lines
-        ]
+            return [
+                Study(name, kind, begun, json.loads(settings), result_count, number, self)
+                for name, kind, begun, settings, number, result_count in lines
+            ]
 
     def study(self, name: str) -> Study:
         """Return the study of a name.
@@ -198,11 +198,11 @@ class Store:
         try:
             with closing(sqlite3.connect(self.path, LOCK_TIMEOUT)) as connection, connection:
                 yield connection
-        except (sqlite3.Error, msgspec.MsgspecError) as error:
+        except (sqlite3.Error, msgspec.MsgspecError, json.JSONDecodeError) as error:
             raise ValueError(
-                f"{self.path}: {error}; results stored before are kept: free disk space or end the "
-                "program that locks it and continue with --resume; if it is damaged or no store of "
-                "studies, name another file"
+                f"{self.path}: {error}: if the disk is full or another program locks the file, end "
+                "that and continue with --resume, stored results are kept; if it is damaged or no "
+                "store of studies, name another file"
             ) from None
 
 
@@ -232,7 +232,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
         raise ValueError(f"{path} is a folder: name the file of a store, such as studies.sqlite")
     if not path.exists() or not (create or path.stat().st_size):  # an empty file is not a store
         if not create:
-            raise ValueError(f"there is no store {path}: give an existing file (--store)")
+            raise ValueError(f"{path} holds no store: give the file of one (--store)")
         require_writable(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
     store = Store(path)

@@ -60,7 +60,7 @@ def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
 def test_no_file_is_replaced_by_a_new_run(scenes, monkeypatch, tmp_path, name):
     monkeypatch.setattr(Evaluator, "evaluate", lambda *_, **__: pytest.fail("time was spent"))
     (tmp_path / name).write_text("text")
-    with pytest.raises(ValueError, match=f"holds {name} already: resume it, or name"):
+    with pytest.raises(ValueError, match=f"holds {name} already: resume the same"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     assert files(tmp_path) == {name: b"text"}
 

@@ -161,7 +161,10 @@ def scene_from_document(document: dict[str, Any], name: str, file: str) -> Scene
     """Return the scene of a document read by `tomllib`; arguments as for `parse_scene`."""
     with files.errors_with_path(file):
         if has_ranges(document):
-            raise ValueError("it has ranges: load it by load_distribution, and sample scenes")
+            raise ValueError(
+                "it describes many scenes: name one scene; for domino train, evaluate and dataset, "
+                "and load_distribution in Python, it is right"
+            )
         scene = Scene.from_document({"name": name} | document)
     if not scene.in_heights:
         advise_on_units(file, scene.height, scene.spacing, scene.thickness)

@@ -95,7 +95,11 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("simulate nothing.csv", "nothing.csv: there is no such file: name a .csv or .json file"),
     ("listen nothing.wav", "nothing.wav: No such file or directory: name another file or folder"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
-    ("studies --store EMPTY", "there is no store empty.csv: give an existing file (--store)"),
+    ("studies --store EMPTY", "empty.csv holds no store: give the file of one (--store)"),
+    ("studies show x --to x.csv", "--to and --best belong to domino studies export: leave"),
+    ("studies list x", "domino studies list takes no name: domino studies show x"),
+    ("simulate FILE --friction 0,25", "'0,25': give a number, with a decimal point as in 0.25"),
+    ("optimize varied", "it describes many scenes: name one scene"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
     ("simulate ONE --deviation 1", "--deviation = 1.0 mm: give a finite number, at most 0 (half"),
     ("compare sprint --methods ,", "methods is empty: give at least one"),
@@ -104,7 +108,7 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("simulate BAD", "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
     ("simulate MM", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall: lengths"),
     ("optimize TALL", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
-    ("simulate .", ".: it is a folder: name a file, such as the layout.csv of a run folder"),
+    ("simulate .", ".: it is a folder without a layout.csv: name a run folder or a file"),
     ("optimize FILE", "row.csv: a scene is a .toml file or a name; domino simulate reads layouts"),
     ("click ONE", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
     ("click FILE --push 0.1", "row.csv: no domino hits another, so there is no sound: the wave st"),
@@ -235,7 +239,7 @@ def test_an_interrupted_command_does_not_wait_for_its_threads():
     assert (done.returncode, done.stdout) == (130, "best so far\n")
 
 
-def test_a_closed_output_pipe_is_no_error(file, tmp_path):
+def test_a_closed_output_pipe_ends_the_command_without_a_message(file, tmp_path):
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--json"]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -246,7 +250,7 @@ def test_a_closed_output_pipe_is_no_error(file, tmp_path):
         running.stdout.close()
         lines = running.stderr.read().splitlines()
         assert [line for line in lines if not line.startswith("compiling")] == []
-        assert running.wait() == 0
+        assert running.wait() == 141
 
 
 def test_notices_are_printed_only_while_a_command_runs(capsys, monkeypatch, file):

@@ -170,9 +170,8 @@ def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
      "line 3, column 'spacing_mm': 'abc' is not a number"),
     ("spacing_mm,thickness_mm\n18,7.5\n18,\n,7.5\n", "line 3, column 'thickness_mm': empty"),
     ("spacing_mm,thickness_mm\n18,7.5\n0,7.5\n,7.5\n",
-     "line 3, column 'spacing_mm': give the free gap in front of every domino but the last"),
-    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': give the free "
-     "gap in front of every domino but the last, which has none"),
+     "line 3, column 'spacing_mm': empty or 0: give the free gap in front of every"),
+    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': leave it empty"),
     ("spacing_mm,thickness_mm\n1_4,7.5\n,7\n", "'1_4' is not a number"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
     ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',

@@ -82,7 +82,7 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     assert first.verification is not None
     # under other physics the scene gives no score
     assert read_compared([run], physics=de.Physics(push=9.0))[0][0].score is None
-    with pytest.raises(ValueError, match=r"no layout\.csv"):
+    with pytest.raises(ValueError, match=r"without a layout\.csv"):
         read_compared([tmp_path])
     other = tmp_path / "other"
     other.mkdir()

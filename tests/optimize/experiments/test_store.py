@@ -150,7 +150,7 @@ def test_a_locked_store_keeps_the_results_so_far(path, result, monkeypatch):
     monkeypatch.setattr("optimize.experiments.store.LOCK_TIMEOUT", 0.01)
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(ValueError, match="is locked; results stored before are kept"):
+        with pytest.raises(ValueError, match=r"is locked: .*, stored results are kept"):
             study.add(numbered(result, 1))
     study.add(numbered(result, 1))
     assert len(study.results()) == 2
@@ -159,13 +159,13 @@ def test_a_locked_store_keeps_the_results_so_far(path, result, monkeypatch):
 def test_other_files_are_rejected(tmp_path):
     (tmp_path / "text").write_text("spacing,thickness\n" * 99)
     for name, message in {
-        "text": r"is not a database; .* no store of studies, name",
+        "text": r"is not a database: .* no store of studies, name",
         ".": "is a folder: name the file",
         "text/a.sqlite": "text is a file: name a folder",
     }.items():
         with pytest.raises(ValueError, match=message):
             open_store(tmp_path / name)
-    with pytest.raises(ValueError, match="there is no store"):
+    with pytest.raises(ValueError, match="holds no store"):
         open_store(tmp_path / "none.sqlite", create=False)
     assert [f.name for f in tmp_path.iterdir()] == ["text"]
 
