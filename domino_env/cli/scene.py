@@ -85,10 +85,11 @@ def run(arguments: argparse.Namespace) -> int:
         options.require_deviation(arguments.deviation, high)
         draws = DRAWS if arguments.floor is None else FLOOR_DRAWS
         objective, settings = "robust", Placement(_metres(arguments.deviation), draws=draws)
+    slope = "" if arguments.slope is None else f" on a slope of {arguments.slope:g}°"
     sizes = f"{arguments.thickness:g} x {arguments.width:g} x {arguments.height:g}"
     scene = Scene(
         name=Path(arguments.out).stem if arguments.out else "mine",
-        title=f"{arguments.count} dominoes of {sizes} mm",
+        title=f"{arguments.count} dominoes of {sizes} mm{slope}",
         objective=objective,
         settings=settings,
         count=arguments.count,
@@ -105,8 +106,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print(text, end="")
         return 0
+    verb = "replaced" if Path(arguments.out).exists() else "written to"
     write_text(Path(arguments.out), text)
-    print(f"written to {arguments.out}: search for a layout with domino optimize {arguments.out}")
+    print(f"{verb} {arguments.out}: search for a layout with domino optimize {arguments.out}")
     return 0
 
 
