@@ -17,8 +17,9 @@ def test_options_in_millimetres_and_degrees_define_a_scene(output_of, tmp_path):
     words = "--count 120 --thickness 8 --height 43 --width 22 --length 2500 --slope 1"
     scene = scene_of(words)
     assert scene == de.Scene(
-        name="mine", title="120 dominoes of 8 x 22 x 43 mm", count=120, height=0.043, width=0.022,
-        length=2.5, spacing=(0.002, 0.0344), thickness=(0.008, 0.008), ground=de.Ground(slope=1.0),
+        name="mine", title="120 dominoes of 8 x 22 x 43 mm on a slope of 1°", count=120,
+        height=0.043, width=0.022, length=2.5, spacing=(0.002, 0.0344), thickness=(0.008, 0.008),
+        ground=de.Ground(slope=1.0),
     )  # fmt: skip
     noisy = scene_of(f"{words} --deviation 1 --gaps 5 30 --friction 0.2 --push 9")
     assert (noisy.objective, noisy.settings) == ("robust", de.Placement(0.001))
