@@ -196,8 +196,8 @@ def _overview(experiment: Experiment) -> list[str]:
         counts = Counter(r.problem for r in experiment.runs(name))
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
-        larger = [key for key in groups if key[0] == scenes and key[1] > seeds]
-        if larger:  # scripted policies have one run: they join the largest group of these scenes
+        # scripted policies have one run: they join the largest group of these scenes
+        if larger := [key for key in groups if key[0] == scenes and key[1] > seeds]:
             groups[max(larger, key=lambda key: key[1])] += groups.pop((scenes, seeds))
     return [
         f"{scenes}, {seeds} run{'s' * (seeds > 1)} on each:\n\n"

@@ -90,8 +90,7 @@ class _LearningSearch:
         model = self.learner.model
         # schedules follow the fraction of the budget that is spent, not the number of steps
         model._update_current_progress_remaining = self._update_progress
-        optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
-        if optimizer is not None:
+        if optimizer := getattr(model.policy, "optimizer", None):  # ARS has none
             optimizer.register_step_pre_hook(lambda *_: self.evaluator.require_more())
         with suppress(BudgetSpent):
             # a number of steps that no search reaches: the budget ends the training
@@ -112,8 +111,7 @@ class _LearningSearch:
 
     def after_step(self, infos: Any) -> None:
         """Record the layouts that are complete; raise BudgetSpent if too few evaluations remain."""
-        complete = [info for info in infos if "score" in info]
-        if complete:
+        if complete := [info for info in infos if "score" in info]:
             scores = np.array([info["score"] for info in complete])
             reach = np.array([_reach(info) for info in complete])
             self._record([info["layout"] for info in complete], scores, reach)

@@ -116,8 +116,7 @@ class Run:
         assert self.rollout is not None
         scene, uniform = self.rollout.scene, self.rollout.uniform.score
         lines = {f"uniform baseline {uniform:.4f}": uniform}
-        record = best_known().get(scene.name)
-        if record is not None:
+        if record := best_known().get(scene.name):
             lines[f"best known {record.score:.4f}"] = record.score
         table = np.array(self.curve)  # columns as in `COLUMNS`
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}

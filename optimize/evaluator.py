@@ -199,8 +199,7 @@ class Evaluator:
 
     def require_more(self) -> None:
         """Raise `BudgetSpent`, with the reason, if a limit is reached."""
-        reason = self.stop_reason
-        if reason:
+        if reason := self.stop_reason:
             raise BudgetSpent(reason)
 
     @property

@@ -146,8 +146,7 @@ def begin_worker() -> None:
 
 def _end_with_parent() -> None:
     """End this process when its parent has ended."""
-    parent = parent_process()
-    if parent is not None:
+    if parent := parent_process():
         connection.wait([parent.sentinel])
         os._exit(1)
 

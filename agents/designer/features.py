@@ -89,8 +89,7 @@ def require_kind(scene: Scene) -> None:
         "it limits the wave": scene.limits is not None,
         f"it has {scene.count} dominoes": scene.count < 4,
     }
-    differences = [reason for reason, applies in reasons.items() if applies]
-    if differences:
+    if differences := [reason for reason, applies in reasons.items() if applies]:
         raise ValueError(
             f"scene '{scene.name}': {', '.join(differences)}; this policy was trained to maximise "
             "the mean speed of 4 or more dominoes of one height with free gaps, with or without "

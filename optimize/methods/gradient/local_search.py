@@ -97,10 +97,7 @@ class LocalSearch:
         """Step until the gain is too small; `yield` receives score and gradient of `candidate`."""
         self.score, self.gradient = yield
         self._history.append(self.score)
-        while True:
-            direction = self._direction()
-            if direction is None:
-                return
+        while (direction := self._direction()) is not None:
             point = yield from self._line_search(direction)
             if point is None:
                 if self._curvature.is_initial:

@@ -153,9 +153,7 @@ def _score_stretched(evaluator: Evaluator, short_design: Floats) -> None:
 
 def _shorten(scene: Scene, count: int) -> Scene:
     """Return the scene with `count` dominoes, and with its length in proportion."""
-    length = scene.length
-    if length is not None:
-        length *= (count - 1) / (scene.count - 1)
+    length = None if scene.length is None else scene.length * ((count - 1) / (scene.count - 1))
     return scene.replace(name=f"{scene.name[:80]}, {count} dominoes", count=count, length=length)
 
 

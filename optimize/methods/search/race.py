@@ -119,8 +119,7 @@ def starts(problem: Problem) -> Floats:
     ndarray
         (B, n) different design vectors.
     """
-    uniform = problem.scene.uniform().layout
-    baseline = _as_parts(problem, problem.design(uniform))
+    baseline = _as_parts(problem, uniform_design(problem))
     designs = [baseline]
     if problem.scene.free_spacing:
         limit = min(MAX_TIGHT_STARTS, baseline.shape[1] - 1)
