@@ -110,8 +110,7 @@ class APG(OnPolicyAlgorithm):
         normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
         mean = normal.mean.unflatten(0, observations.shape[:2])
         deviation = normal.stddev.unflatten(0, observations.shape[:2])
-        noise = antithetic_noise(env.num_envs, *mean.shape[1:])
-        actions = (mean + deviation * noise).double()
+        actions = (mean + deviation * antithetic_noise(env.num_envs, *mean.shape[1:])).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
         # a return is relative to the score of the uniform baseline, except if that is zero
         factors = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]

@@ -244,8 +244,7 @@ def make_model(
     policy: Any = model.policy
     if isinstance(policy, ScheduledPolicy):
         policy.end_factor, policy.penalty = hyperparameters.end_factor, hyperparameters.penalty
-        layout = env.get_attr("observation_layout")[0]
-        policy.near_end = layout["near_end"].start + NEAR_END_ENTRY
+        policy.near_end = env.get_attr("observation_layout")[0]["near_end"].start + NEAR_END_ENTRY
     return model
 
 
@@ -282,8 +281,7 @@ def save_zip(folder: Path, path: str | Path) -> None:
     policy_class, options = _network(config.algorithm, config.hyperparameters)
     classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
     model = classes[config.algorithm](policy_class, env, policy_kwargs=options, device="cpu")
-    arrays = read_arrays(folder / POLICY)
-    state = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    state = {name: torch.from_numpy(x) for name, x in read_arrays(folder / POLICY).items()}
     if "log_std" in state:
         deviation = math.log(config.hyperparameters.last_deviation)
         state["log_std"] = torch.full_like(state["log_std"], deviation)

@@ -98,8 +98,7 @@ def ramp(scene: Scene) -> Rollout:
     layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
     wave = scene.simulate(layout)
     seconds = time.perf_counter() - start
-    score = scene.score(wave)
-    return average(Rollout(scene, layout, wave, score, baseline, seconds, simulations))
+    return average(Rollout(scene, layout, wave, scene.score(wave), baseline, seconds, simulations))
 
 
 def _ramp_scores(scene: Scene, parameters: Floats) -> Floats:

@@ -220,8 +220,7 @@ class DesignSpace:
             (B, n) derivatives; where the rules bind, those of the nearest layout that keeps them.
         """
         by_value = self._by_value(values, gradient)
-        targets = self._targets(designs)
-        by_target = self._feasible.tangent(by_value, targets, values, relaxed)
+        by_target = self._feasible.tangent(by_value, self._targets(designs), values, relaxed)
         return np.asarray(by_target * (self.high - self.low))
 
     def as_batch(self, design: Floats) -> Floats:

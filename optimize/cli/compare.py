@@ -34,10 +34,9 @@ DEFAULT_SECONDS = 4.0  # [s]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
-    methods = "methods (all that are installed)"
     add_options(
         parser,
-        ("methods", options.split_names, "NAME,...", None, methods),
+        ("methods", options.split_names, "NAME,...", None, "methods (all that are installed)"),
         ("seeds", NATURAL, "N", 5, "number of seeds"),
     )
     options.add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")

@@ -116,8 +116,7 @@ def open_study(
         unused_name = next(name for name in names if name not in studies)
         name = same[-1] if arguments.resume and same else unused_name
     if name not in studies:
-        folder = Path(arguments.out or f"runs/{name}")
-        require_unused(folder, (*COMPARISON_FILES, *SWEEP_FILES))
+        require_unused(Path(arguments.out or f"runs/{name}"), (*COMPARISON_FILES, *SWEEP_FILES))
     return store.begin(name, kind, settings)
 
 

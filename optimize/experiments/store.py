@@ -267,8 +267,7 @@ def export_study(study: Study, path: Path) -> int:
     names = list(dict.fromkeys(name for line in lines for name in line))
     if kind == ".csv":
         for line in lines:
-            lists = {k: json.dumps(v) for k, v in line.items() if isinstance(v, tuple | list)}
-            line.update(lists)
+            line.update({k: json.dumps(v) for k, v in line.items() if isinstance(v, tuple | list)})
         write_csv(path, names, (map(line.get, names) for line in lines))
     else:
         require_extra("Parquet", "parquet", "pyarrow")

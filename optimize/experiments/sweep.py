@@ -199,8 +199,7 @@ def sweep(
     >>> table.problems
     ['physics.friction = 0.0', 'physics.friction = 0.5']
     """
-    tasks = plan_sweep(scene, axes, methods, seeds, budget, seconds)
-    return run_experiment(tasks, **options)
+    return run_experiment(plan_sweep(scene, axes, methods, seeds, budget, seconds), **options)
 
 
 def plan_sweep(

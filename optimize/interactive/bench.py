@@ -24,8 +24,7 @@ def measure_drag(count: int) -> float:
     """
     page = Page(Design(load_scene("sprint").replace(count=count)), lambda _: None)
     gaps = iter(0.018 + 1e-4 * np.arange(DRAGS))  # [m] of gap 5, within the bounds
-    times = timeit.repeat(lambda: page.drag(SPACING, 5, next(gaps)), number=1, repeat=DRAGS)
-    return median(times)
+    return median(timeit.repeat(lambda: page.drag(SPACING, 5, next(gaps)), number=1, repeat=DRAGS))
 
 
 if __name__ == "__main__":

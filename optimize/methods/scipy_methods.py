@@ -173,8 +173,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
     while True:
         centre = reduced.nearest(evaluator.best)
         # The middle of a box is evaluated first. Random shifts make the middles different.
-        shift = SHIFT * radius * rng.uniform(-1, 1, len(centre))
-        centre = np.clip(centre + shift, 0.0, 1.0)
+        centre = np.clip(centre + SHIFT * radius * rng.uniform(-1, 1, len(centre)), 0.0, 1.0)
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
             reduced.cost, optimize.Bounds(low, high), maxfun=DIRECT_EVALUATIONS * reduced.dimension,
