@@ -23,7 +23,7 @@ from agents.algorithms import Hyperparameters
 from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.checks import numbers, require, require_type
+from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
@@ -164,8 +164,7 @@ class ScenePolicy:
         ValueError
             For an observation of another shape, or with entries that are not finite.
         """
-        values = numbers("observation", observation)
-        require("observation", values, array=True)
+        values = numbers("observation", observation, finite=True)
         if values.shape[-1:] != (self.size,):
             given = f"observation has shape {values.shape}"
             raise ValueError(f"{given}: give ({self.size},) or (B, {self.size})")

@@ -90,8 +90,9 @@ def numbers(
     copy: bool | None = True,
     shape: tuple[int | str, ...] | None = None,
     meaning: str = "",
+    finite: bool = False,
 ) -> Floats:
-    """Return the numbers of an argument as an array of float64.
+    """Return the numbers of an argument as a contiguous array of float64.
 
     Parameters
     ----------
@@ -103,17 +104,19 @@ def numbers(
         Accepted shape, with strings for sizes that are free, as in (2, "N"); None for any.
     meaning
         Meaning of the shape, at the end of the message about another one.
+    finite
+        If True, NaN and infinity are rejected.
 
     Returns
     -------
     ndarray
-        The numbers; NaN and infinity are not rejected.
+        The numbers, in the order of C, for which the kernels are compiled.
 
     Raises
     ------
     ValueError
-        If the value is not a number or nested lists of numbers with equal lengths, or if it has
-        another shape.
+        If the value is not a number or nested lists of numbers with equal lengths, if it has
+        another shape, and for numbers that are not finite.
     """
     try:
         given = np.asarray(value)
@@ -122,8 +125,8 @@ def numbers(
             is_mixed = given.dtype == object and any(isinstance(x, str | None) for x in given.flat)
             if given.dtype.kind not in "iufO" or is_mixed or np.ma.is_masked(value):
                 raise TypeError
-        array = np.array(given, dtype=np.float64, copy=copy)
-    except (TypeError, ValueError, OverflowError):
+        array = np.array(given, dtype=np.float64, copy=copy, order="C")
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # of a tensor with a gradient
         raise ValueError(f"{name} = {as_text(value)}: give numbers") from None
     if shape is not None and shape != array.shape:
         pairs = zip(shape, array.shape, strict=False)
@@ -131,6 +134,8 @@ def numbers(
             sizes = ", ".join(map(str, shape)) + "," * (len(shape) == 1)
             ending = f", {meaning}" if meaning else ""
             raise ValueError(f"{name} has shape {array.shape}: give ({sizes}){ending}")
+    if finite:
+        require(name, array, array=True)
     return array
 
 

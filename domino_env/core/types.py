@@ -1,14 +1,21 @@
-"""Types of arrays, and unique points."""
+"""Types of arrays, read-only arrays, and unique points."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+
+def read_only(array: ArrayLike) -> Floats:
+    """Return a contiguous read-only view of floats, for which the kernels are compiled."""
+    view = np.ascontiguousarray(array, dtype=np.float64).view()
+    view.flags.writeable = False
+    return view
 
 
 def unique_points(table: Floats) -> Floats:

@@ -16,7 +16,7 @@ from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.models import Number, Value, about
 from domino_env.core.progress import advise
 from domino_env.core.threads import share_pieces
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, read_only
 from domino_env.kernels.arrays import Curve
 from domino_env.kernels.ground import place_on_ground, place_on_ground_vjp
 from domino_env.physics.gradient import Gradient
@@ -118,9 +118,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Raises
         ------
         ValueError
-            For anything but numbers.
+            For anything but finite numbers.
         """
-        t, c = self._piece(numbers("x", x))
+        t, c = self._piece(numbers("x", x, finite=True))
         return np.asarray(((c[0] * t + c[1]) * t + c[2]) * t + c[3])
 
     @property
@@ -311,7 +311,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
             pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
         starts = np.concatenate([x[:1], x])
-        return Curve(*(_read_only(array) for array in (x, starts, pieces)))
+        return Curve(*(read_only(array) for array in (x, starts, pieces)))
 
     def _piece(self, x: Floats) -> tuple[Floats, Floats]:
         """Return distances (…) of x from the starts of its pieces, and coefficients (4, …)."""
@@ -321,11 +321,4 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
 def _batch(array: ArrayLike) -> Floats:
     """Return a read-only view with a batch axis, for which the kernels are compiled."""
-    return _read_only(np.atleast_2d(array))
-
-
-def _read_only(array: ArrayLike) -> Floats:
-    """Return a contiguous read-only view, for which the kernels are compiled."""
-    view = np.ascontiguousarray(array, dtype=np.float64).view()
-    view.flags.writeable = False
-    return view
+    return read_only(np.atleast_2d(array))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from domino_env.core.checks import as_path, numbers, require
 from domino_env.core.files import errors_with_path
 from domino_env.core.results import draw
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, read_only
 from domino_env.physics import files, footing, standard
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
@@ -103,7 +103,7 @@ class Layout:
         self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
         violation = footing.find_violation(gaps, self.thickness, self.height, *self.rise_and_tilt)
         if violation is not None:
-            raise ValueError(self.unit_hint or violation[1])
+            raise ValueError("; ".join(filter(None, (self.unit_hint, violation[1]))))
 
     @property
     def rise_and_tilt(self) -> tuple[Floats, ...]:
@@ -206,16 +206,12 @@ class Layout:
     @cached_property
     def pitch(self) -> Floats:
         """Distances from pivot to pivot (N-1,) [m]."""
-        pitches = footing.pitches(self.spacing, self.thickness, *self.rise_and_tilt)
-        pitches.flags.writeable = False
-        return pitches
+        return read_only(footing.pitches(self.spacing, self.thickness, *self.rise_and_tilt))
 
     @cached_property
     def positions(self) -> Floats:
         """Positions of the pivots along the line through them (N,), the first at 0 [m]."""
-        positions = np.concatenate(([0.0], np.cumsum(self.pitch)))
-        positions.flags.writeable = False
-        return positions
+        return read_only(np.concatenate(([0.0], np.cumsum(self.pitch))))
 
     @property
     def pivots(self) -> Floats:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, read_only
 from domino_env.kernels import arrays as kernel_arrays
 from domino_env.kernels.adjoint.chain import vjp, vjp_batch
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
@@ -179,14 +179,15 @@ class Wave:
             For a wave simulated without `gradient=True`, for a wrong shape, for numbers that are
             not finite, and if arrival_bar is not 0 for a domino that the wave did not reach.
         """
-        if self.tape is None:
+        # a leading domino beyond the layout would be read beyond the end of its arrays
+        if self.tape is None or self.tape["leader"].max(initial=0) >= self.layout.count:
             raise ValueError(
-                "this wave has no saved states to differentiate: simulate it with "
+                "this wave has no saved states of its layout to differentiate: simulate it with "
                 "simulate(layout, physics, gradient=True)"
             )
         shape = (self.layout.count,)
-        bar = numbers("arrival_bar", arrival_bar, shape=shape, meaning="a number for each domino")
-        require("arrival_bar", bar, array=True)
+        meaning = "a number for each domino"
+        bar = numbers("arrival_bar", arrival_bar, shape=shape, meaning=meaning, finite=True)
         unreached = np.flatnonzero((bar != 0.0) & ~np.isfinite(self.arrival_times))
         if len(unreached):
             k = int(unreached[0])
@@ -195,7 +196,8 @@ class Wave:
             )
         arrays, physics_bar = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)[0]
         setting, bars = kernel_setting(self.physics, self.rtol)[:3], _empty_bars(arrays)
-        vjp(arrays, *setting, self.tape, bar, bars, physics_bar)
+        # a copy can be written, as the kernel is compiled for the tape of a batch
+        vjp(arrays, *setting, self.tape.copy(), bar, bars, physics_bar)
         friction, gravity, push = physics_bar.item()
         return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
@@ -247,10 +249,10 @@ class Wave:
     @property
     def explanation(self) -> str:
         """Reason why the wave ended, the place and the next action, in a sentence."""
-        if self.outcome == Outcome.PROPAGATED:
-            return f"{self.outcome.explanation}."
-        leader = int(np.isfinite(self.stall_margin).sum()) - 1
         hint = f"; {self.layout.unit_hint}" if self.layout.unit_hint else ""
+        if self.outcome == Outcome.PROPAGATED:
+            return f"{self.outcome.explanation}{hint}."
+        leader = int(np.isfinite(self.stall_margin).sum()) - 1
         reason = self.outcome.explanation
         if self.outcome == Outcome.STALLED and leader == 0:
             reason = (
@@ -353,9 +355,10 @@ class WaveBatch:
             For another shape than (B, N), or a number that is not finite.
         """
         setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
-        bars = numbers("arrival_bar", arrival_bar, shape=shape, meaning="that of the thicknesses")
-        require("arrival_bar", bars, array=True)
-        return _pullback_batch(self.arrays, setting, bars, np.empty_like(self.summaries))
+        bars = numbers("arrival_bar", arrival_bar, True, shape, "that of the thicknesses", True)
+        # those of an unpickled batch can be written
+        arrays = kernel_arrays.Arrays(*(read_only(a) for a in self.arrays if a is not None))
+        return _pullback_batch(arrays, setting, bars, np.empty_like(self.summaries))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
         """Return one wave as `simulate` returns it.
@@ -377,16 +380,20 @@ class WaveBatch:
         IndexError
             For an index out of the batch.
         ValueError
-            For a batch without fields per domino.
+            For a batch without fields per domino, and a layout with another number of dominoes.
         TypeError
-            For an index that is not a whole number.
+            For an index that is not a whole number, and anything but a layout.
         """
         require_type("b", b, int | np.integer, "the index of a wave")
+        if not -len(self) <= b < len(self):
+            raise IndexError(f"b = {b}: give an index less than {len(self)}, the number of waves")
         if not self.arrivals.shape[1]:
             raise ValueError("no fields per domino: simulate with record=True, without gradient")
         if layout is None:
             parts = self.arrays._asdict().items()  # those that all layouts share have length 1
             layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
+        require_arguments(layout, self.physics)
+        numbers("layout.thickness", layout.thickness, None, self.arrivals.shape[1:])
         summary = kernel_arrays.Summary._make(self.summaries.item(b))
         seconds = self.run_time / len(self)
         return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), seconds)
@@ -469,7 +476,8 @@ def simulate(
         if summary.event_count <= len(tape) or not gradient:
             break
         tape = np.empty(summary.event_count, kernel_arrays.EVENT)
-    saved = tape[: summary.event_count].copy() if gradient else None
+    # bytes cannot be written
+    saved = np.frombuffer(tape[: summary.event_count].tobytes(), tape.dtype) if gradient else None
     run_time = time.perf_counter() - began
     return _wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
 
@@ -549,6 +557,7 @@ def simulate_batch(
         time_gradient = _pullback_batch(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
         share_pieces(solve_batch, *inputs, record, summaries, arrivals, _NO_TAPE)
+    summaries.flags.writeable = arrivals.flags.writeable = False
     run_time = time.perf_counter() - began
     return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, time_gradient)
 
@@ -582,7 +591,8 @@ def _wave(
     run_time: float,
     tape: NDArray[np.record] | None = None,
 ) -> Wave:
-    """Return a wave from the records that the kernels have written."""
+    """Return a wave from the records that the kernels have written, which become read-only."""
+    arrival.flags.writeable = False
     return Wave(
         layout=layout,
         physics=physics,
@@ -646,7 +656,4 @@ def _check_batch(
     if violation := footing.find_violation(gaps, thicknesses, heights, *parts[4:]):
         (layout, *_), sentence = violation
         raise ValueError(f"layout {layout}: {sentence}")
-    copies = [np.array(part, order="C") for part in parts]
-    for copy in copies:
-        copy.flags.writeable = False  # as those of a Layout, for which the kernel is compiled
-    return kernel_arrays.Arrays(*copies)
+    return kernel_arrays.Arrays(*(read_only(np.array(part, order="C")) for part in parts))

@@ -202,9 +202,10 @@ class SceneDistribution:
         Raises
         ------
         ValueError
-            For an array of another shape, and if the scene with these numbers is not valid.
+            For an array of another shape, numbers that are not finite, and if the scene with these
+            numbers is not valid.
         """
-        numbers = checks.numbers("numbers", numbers, None, (len(self.ranges),), repr(self))
+        numbers = checks.numbers("numbers", numbers, None, (len(self.ranges),), repr(self), True)
         sampled = dict(zip(self.ranges, numbers.tolist(), strict=True))
         row, physics = (self.document.get(table, {}) for table in ("row", "physics"))
         units = self._units(

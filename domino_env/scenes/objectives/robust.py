@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.models import Amount, Value, about
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, read_only
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -96,9 +96,7 @@ def split_batch(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
 def draw_errors(placement: Placement, pairs: int) -> Floats:
     """Draw the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
     generator = np.random.default_rng(placement.seed)
-    errors = placement.deviation * generator.standard_normal((placement.draws, pairs))
-    errors.flags.writeable = False
-    return errors
+    return read_only(placement.deviation * generator.standard_normal((placement.draws, pairs)))
 
 
 def simulate_draws(

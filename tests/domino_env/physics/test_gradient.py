@@ -1,5 +1,6 @@
 """Gradients of a wave, compared with differences, multi-precision solutions, and laws."""
 
+import pickle
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from uneven_layouts import uneven_layout
 
+from domino_env.kernels.adjoint.chain import vjp_batch
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -216,7 +218,9 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
     batch = simulate_batch(**batch_of(layouts, uneven), physics=Physics(), rtol=1e-8, gradient=True)
     assert batch.outcome[7] == Outcome.OUT_OF_REACH
     bars = rng.standard_normal((40, 12))
-    pulled = batch.pullback(bars)
+    compiled = vjp_batch.signatures
+    pulled = pickle.loads(pickle.dumps(batch)).pullback(np.asfortranarray(bars))
+    assert vjp_batch.signatures == compiled  # neither needs kernels of its own
     for b, layout in enumerate(layouts):
         one = simulate(layout, Physics(), rtol=1e-8, gradient=True)
         if one.outcome != Outcome.PROPAGATED:

@@ -84,6 +84,7 @@ def test_copies_are_equal_and_read_only(original, duplicate):
     ({"tilt": [0.15, -0.15, 0.0], "spacing": [0.01, 0.02]},
      "... lean against each other before ..."),
     ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: give a finite ..."),
+    ({"height": [48, 50, 48]}, "the dominoes are 50 m tall: ...; domino 1 (height 50.0 m) ..."),
     ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give (2,), or one number for all"),
 ])  # fmt: skip
 def test_invalid_layouts_are_rejected(change, sentence):

@@ -4,6 +4,7 @@ import math
 import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -94,6 +95,8 @@ def test_lengths_in_millimetres_are_reported():
     wave = de.simulate(de.Layout([18, 18], [7.5] * 3))
     assert wave.outcome is de.Outcome.OUT_OF_REACH
     assert "a domino is 7.5 m thick, and the dominoes are 0.048 m tall" in wave.explanation
+    tall = de.Layout.uniform(10, spacing=16.5, thickness=7.5, height=48)
+    assert "angle; the dominoes are 48 m tall" in de.simulate(tall).explanation
     with pytest.warns(Advice, match="profile spans 500 m, more than 100 m: lengths are in metres"):
         de.Ground(profile=[[0, 0], [200, 10], [500, 0]])
     assert "lengths are in metres" not in de.simulate(de.Layout([0.02, 0.05], 0.0075)).explanation
@@ -219,6 +222,8 @@ def test_physics_are_floats_and_immutable():
 
 LAYOUT = de.Layout([0.02], 0.0075)
 GAPS = [[0.02, 0.02]]
+WAVE = de.simulate(LAYOUT, gradient=True)
+BATCH = de.simulate_batch([[0.02]], 0.0075)
 CURVED = de.Ground(profile=[[0.0, 0.0], [0.5, 0.01], [1.0, 0.02]])
 
 
@@ -230,6 +235,14 @@ def test_arguments_of_another_type_are_rejected(function):
         function([0.018, 0.02], de.Physics())
     with pytest.raises(TypeError, match=r"physics = 0\.25: give a Physics, such as"):
         function(LAYOUT, 0.25)
+
+
+@dataclass
+class Tensor:
+    """Tensor that has a gradient and gives no array."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError
 
 
 @pytest.mark.parametrize(("call", "words"), [
@@ -259,13 +272,14 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.simulate_batch(GAPS, 0.01, tilt=[[0.3, 0, 0]]), "layout 0: domino 0 does not st"),
     (lambda: de.simulate_batch(GAPS, 0.01, rise=[[0.0, 0.021]]),
      "layout 0: domino 2 stands 0.021 m above domino 1"),
-    (lambda: de.simulate(LAYOUT).gradient(), "this wave has no saved states to differentiate: "
-     "simulate it with simulate(layout, physics, gradient=True)"),
-    (lambda: de.simulate(LAYOUT, gradient=True).gradient("energy"),
-     "quantity = 'energy': choose one of time"),
-    (lambda: de.simulate(LAYOUT, gradient=True).pullback(np.ones(4)),
-     "arrival_bar has shape (4,): give (2,), a"),
-    (lambda: de.simulate(LAYOUT, gradient=True).pullback([0, np.nan]), "arrival_bar[1] = nan"),
+    (lambda: de.simulate(LAYOUT).gradient(), "this wave has no saved states of its layout "
+     "to differentiate: simulate it with simulate(layout, physics, gradient=True)"),
+    (lambda: WAVE.gradient("energy"), "quantity = 'energy': choose one of time"),
+    (lambda: WAVE.pullback(np.ones(4)), "arrival_bar has shape (4,): give (2,), a"),
+    (lambda: WAVE.pullback([0, np.nan]), "arrival_bar[1] = nan"),
+    (lambda: replace(WAVE, layout=de.Layout([], 0.01)).pullback([1.0]), "this wave has no saved"),
+    (lambda: WAVE.tape["leader"].fill(9), "assignment destination is read-only"),
+    (lambda: WAVE.arrival_times.fill(1.0), "assignment destination is read-only"),
     (lambda: de.simulate(de.Layout([], 0.0075), gradient=True).gradient(),
      "there is no time to differentiate: a single domino has none"),
     (lambda: de.Layout.uniform(0, pitch=0.02), "count = 0"),
@@ -279,7 +293,7 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.Motion(LAYOUT, PHYSICS).angles("x"), "times = 'x': give numbers"),
     (lambda: de.diagnose(LAYOUT, rtol=0.0), "rtol = 0.0: give a finite number from 1e-13"),
     (lambda: de.simulate_batch([[0.018]], 0.0075, 0.25), "physics = 0.25: give a Physics"),
-    (lambda: de.simulate_batch([[0.02]], 0.0075).pullback([1.0]),
+    (lambda: BATCH.pullback([1.0]),
      "arrival_bar has shape (1,): give (1, 2), that of the thicknesses"),
     (lambda: de.simulate_standing(LAYOUT, floor_friction=-0.1), "floor_friction = -0.1: give"),
     (lambda: de.simulate_standing(LAYOUT, floor_friction=math.nan), "floor_friction = nan: give"),
@@ -295,8 +309,14 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: CURVED.rise_and_tilt([-0.02], [0.0075] * 2), "spacing[0] = -0.02 m: give a finite"),
     (lambda: CURVED.rise_and_tilt(np.ones((1, 1, 1)), 0.1), "spacing has shape (1, 1, 1): give"),
     (lambda: de.Layout(np.ma.array([0.01, 0.03], mask=[0, 1]), 0.0075), "spacing = "),
-    (lambda: de.simulate_batch([[0.02]], 0.0075).pullback([[0.0, math.nan]]), "arrival_bar[0, 1]"),
-    (lambda: de.simulate_batch([[0.02]], 0.0075)["a"], "b = 'a': give the index of a wave"),
+    (lambda: BATCH.pullback([[0.0, math.nan]]), "arrival_bar[0, 1]"),
+    (lambda: BATCH["a"], "b = 'a': give the index of a wave"),
+    (lambda: BATCH[1], "b = 1: give an index less than 1, the number of waves"),
+    (lambda: BATCH.wave(0, de.Layout([], 0.0075)), "layout.thickness has shape (1,): give (2,)"),
+    (lambda: BATCH.wave(0, "x"), "layout = 'x': give a Layout"),
+    (lambda: BATCH.hit.fill(3), "assignment destination is read-only"),
+    (lambda: BATCH.arrival_times.fill(3.0), "assignment destination is read-only"),
+    (lambda: de.Layout(Tensor(), 0.0075), "spacing = Tensor(): give numbers"),
     (lambda: de.simulate_batch([[0.02]], 0.0075, rise=[[1], [1, 2]]), "rise = [[1], [1, 2]]: give"),
     (lambda: de.steady_wave(0.024, 0.0075, slope=10**30), "slope = 1"),
     (lambda: de.Tempo(20.0, 40.0, tolerance=1e-3).error([0.1]), "arrivals has shape (1,): give"),
@@ -308,7 +328,7 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.fit_friction((0.016,), ()), "1 pitches and 0 frequencies: give one for each"),
     (lambda: de.Layout(["0.02"], 0.0075), "spacing = ['0.02']: give numbers"),
     (lambda: de.Ground(slope=1.0).height([0.1, None]), "x = [0.1, None]: give numbers"),
-    (lambda: de.Layout([0.015, 0.018], 0.0075, height=[48, 50, 48]), "the dominoes are 50 m tall"),
+    (lambda: CURVED.height([0.1, math.inf]), "x[1] = inf: give a finite number"),
     (lambda: de.Layout([0.02], 0.0075, height=10**400), "height = 1000"),
     (lambda: de.Layout.uniform(10**30, pitch=0.02), "count = 100000"),
     (lambda: de.Layout.read(3), "path = 3: give a path, as a string or a pathlib.Path"),
@@ -322,5 +342,5 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
 def test_wrong_arguments_are_rejected(call, words):
-    with pytest.raises((ValueError, TypeError, OSError), match=f"^{re.escape(words)}"):
+    with pytest.raises((ValueError, TypeError, OSError, IndexError), match=f"^{re.escape(words)}"):
         call()
