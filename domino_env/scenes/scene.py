@@ -9,7 +9,7 @@ from typing import ClassVar, Self, cast
 
 import numpy as np
 
-from domino_env.core.checks import require, require_type
+from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
@@ -153,9 +153,14 @@ class Scene(Specification):
         TypeError
             For anything but a layout or a wave.
         ValueError
-            For a layout that violates the scene's rules.
+            For a layout that violates the scene's rules, and for a wave of other physics or of
+            another number of dominoes.
         """
         if isinstance(layout, Wave):
+            if layout.physics != self.physics:
+                raise ValueError(
+                    f"wave of {layout.physics}: give one of the scene's {self.physics}"
+                )
             return float(self.evaluate_waves([layout]).score[0])
         self._require_valid(layout)
         return self.score(self.simulate(layout))
@@ -211,6 +216,8 @@ class Scene(Specification):
         ------
         TypeError
             For anything but a sequence of waves.
+        ValueError
+            For a wave of more dominoes than the scene has, or of fewer if it propagated.
         """
         require_type("waves", waves, Sequence, "a list of waves")
         criterion = self.criterion
@@ -251,6 +258,7 @@ class Scene(Specification):
         """
         self._require_valid(layout)
         require("seeds", seed_array := np.atleast_1d(seeds), 0, whole=True, array=True)
+        numbers("seeds", seed_array, None, ("draws",), "one seed per draw")
         generators = [np.random.default_rng(seed) for seed in seed_array]
         errors = [self.placement_errors(generator) for generator in generators]
         gaps = add_errors(layout.spacing, np.array(errors))

@@ -185,16 +185,21 @@ class Waves:
         ------
         TypeError
             For anything but waves.
+        ValueError
+            For a wave of more dominoes than `count`, or of fewer if it propagated.
         """
         times = np.full((len(waves), count), np.inf)
         results = np.empty((len(waves), 7))
         for b, wave in enumerate(waves):
             require_wave(f"waves[{b}]", wave)
-            times[b, : wave.layout.count] = wave.arrival_times
+            n, propagated = wave.layout.count, wave.outcome == Outcome.PROPAGATED
+            if n > count or (n < count and propagated):
+                raise ValueError(f"waves[{b}] has {n} dominoes: give {count}, or fewer if it stops")
+            times[b, :n] = wave.arrival_times
             margins = wave.stall_margin
             margins = margins[np.isfinite(margins)]
             results[b] = (
-                wave.outcome == Outcome.PROPAGATED, wave.reach, wave.mean_speed, wave.toppled,
+                propagated, wave.reach, wave.mean_speed, wave.toppled,
                 np.minimum.reduce(margins) if len(margins) else 0.0, wave.largest_flush_loss,
                 wave.layout.height[-1],
             )  # fmt: skip
