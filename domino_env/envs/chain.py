@@ -356,21 +356,18 @@ class DominoChainVector(DominoVectorEnv):
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        envs, previous_scenes = np.flatnonzero(mask), self._scene_indices.copy()
+        envs, indices, source = np.flatnonzero(mask), self._scene_indices.copy(), self.source
         layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
-            scenes, source = self._value_per_env("scene", options.get("scene"), Scene), self.source
-            self._scene_indices[envs] = [
-                source.sample(generators(b)) if scenes[b] is None else source.add(b, scenes[b])
+            scenes = self._value_per_env("scene", options.get("scene"), Scene)
+            indices[envs] = [
+                source.add(b, scenes[b], indices[b]) if scenes[b] else source.sample(generators(b))
                 for b in envs.tolist()
             ]
         starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
-        try:
-            for b, start in starts:
-                _check_start(start, self._scene(b), self.source.rtol, b)
-        except ValueError:
-            self._scene_indices = previous_scenes
-            raise
+        for b, start in starts:
+            _check_start(start, cast("Scene", source.scenes[indices[b]]), source.rtol, b)
+        self._scene_indices = indices  # from here on nothing is rejected
         self._load_scenes(envs)
         self._randomise(envs, generators, dict(starts))
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
@@ -528,10 +525,10 @@ class DominoChainVector(DominoVectorEnv):
         Raises
         ------
         ValueError
-            For arrays of another shape, or actions that are not finite.
+            For arrays of another shape or with entries that are not finite.
         """
         shape = self._placing_shape
-        derivatives = numbers("derivatives", derivatives, None, (*shape[:2], 3))
+        derivatives = numbers("derivatives", derivatives, None, (*shape[:2], 3), finite=True)
         gradient = np.zeros(shape)
         actions = check_actions(actions, shape)
         kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)

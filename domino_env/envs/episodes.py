@@ -88,8 +88,8 @@ class EpisodeResults:
                 self.outcome[group] = [wave.outcome for wave in waves]
                 self.reach[group] = [wave.reach for wave in waves]
             else:
-                reaches = self.reach[group].tolist()
-                waves = [replace(w, reach=r) for w, r in zip(waves, reaches, strict=True)]
+                ends = zip(waves, self.reach[group].tolist(), self.outcome[group], strict=True)
+                waves = [replace(w, reach=r, outcome=Outcome(o)) for w, r, o in ends]
             self._waves |= zip(group, waves, strict=True)
             self.score[group] = scene.as_placed.evaluate_waves(waves).score
 

@@ -62,8 +62,8 @@ class SceneSource:
     window
         Number of gaps and thicknesses that are observed.
     scenes
-        S scenes: P of the pool, then one of each environment, for scenes given to resets; None
-        until it is used.
+        S scenes: P of the pool, then two of each environment, for scenes given to resets, so that
+        a reset that fails leaves the scene of the present episode; None until it is used.
     rules
         RULES of each scene, (S,). Their "score_unit" divides positive scores in the gain: the score
         of the uniform baseline or, if that is not positive, √(g h), h or 1, by the unit of the
@@ -118,7 +118,7 @@ class SceneSource:
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
         self.indices = _sampled_indices(self.pool_size, num_scenes, first_scene)
         self.window = min(int(window), count - 1)
-        size = self.pool_size + num_envs * (self.distribution is not None)
+        size = self.pool_size + 2 * num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
         self.scenes: list[Scene | None] = [None] * size
         self.rules = np.zeros(size, RULES)
@@ -138,7 +138,7 @@ class SceneSource:
             self._store(i, pool.scene(i), pool.features[i])
         return i
 
-    def add(self, env: int, scene: Scene) -> int:
+    def add(self, env: int, scene: Scene, present: int) -> int:
         """Store a scene for one environment.
 
         Parameters
@@ -146,7 +146,9 @@ class SceneSource:
         env
             Index of the environment.
         scene
-            The scene; it replaces the one stored before.
+            The scene.
+        present
+            Index of the present scene of the environment, which stays stored.
 
         Returns
         -------
@@ -165,8 +167,10 @@ class SceneSource:
                 f"scene '{scene.name}' has {scene.count} dominoes: use at most {self.longest}, "
                 f"{COUNT_FACTOR} times as many as '{self.distribution.name}' samples"
             )
-        self._store(self.pool_size + env, scene, self.distribution.scale(numbers))
-        return self.pool_size + env
+        index = self.pool_size + 2 * env
+        index += index == present
+        self._store(index, scene, self.distribution.scale(numbers))
+        return index
 
     def _store(self, i: int, scene: Scene, features: Floats) -> None:
         """Store scene i with its features and its uniform baseline."""

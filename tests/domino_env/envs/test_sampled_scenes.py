@@ -111,17 +111,19 @@ def test_reset_takes_scenes_for_some_environments():
 
 def test_scenes_that_the_distribution_does_not_cover_are_rejected():
     env = DominoChain(SMALL)
-    env.reset(seed=0)
-    scene = env.scene
-    long = scene.replace(count=19)
-    for other, words in (
-        (de.load_scene("sprint"), "differs from those of 'small' in more than friction, push"),
-        (scene.replace(first_thickness=0.008), "differs from those of 'small'"),
-        (long, "has 19 dominoes: use at most 18"),
-        ("sprint", "scene = 'sprint': give one Scene for all, or a list with one for each of"),
+    scene = env.reset(seed=0)[1]["scene"]
+    env.reset(options={"scene": scene})
+    far = {"layout": de.Layout([0.5], 0.0075)}
+    for other, words, options in (
+        (de.load_scene("sprint"), "differs from those of 'small' in more than friction, push", {}),
+        (scene.replace(first_thickness=0.008), "differs from those of 'small'", {}),
+        (scene.replace(count=19), "has 19 dominoes: use at most 18", {}),
+        ("sprint", "scene = 'sprint': give one Scene for all, or a list with one for each of", {}),
+        (scene.replace(name="other"), r"spacing\[0\] = 0.5 m: the scene allows", far),
     ):
         with pytest.raises(ValueError, match=words):
-            env.reset(options={"scene": other})
+            env.reset(options={"scene": other} | options)
+        assert env.scene is scene
     assert env.reset(options={"scene": scene.replace(count=18)})[0] in env.observation_space
     with pytest.raises(ValueError, match="unknown reset option 'scene'; accepted: layout"):
         DominoChain("sprint").reset(options={"scene": scene})
