@@ -120,8 +120,8 @@ class Run:
             lines[f"best known {record.score:.4f}"] = record.score
         table = np.array(self.curve)  # columns as in `COLUMNS`
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
-        process = f"training ({self.algorithm}, {self.steps:,} dominoes placed)"
-        draw_scores(axes, table[:, 1], curves, lines, scene.unit, process)
+        clock = f"dominoes placed in the training ({self.algorithm})"
+        draw_scores(axes, table[:, 0], curves, lines, scene.unit, clock)
 
 
 def train(

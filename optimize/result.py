@@ -83,10 +83,10 @@ class SearchResult(SceneResult):
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time."""
         times, scores = np.array(self.trace)[:, 2:].T
-        settings = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
+        settings = f"{self.method}, seed {self.seed}, {amount(self.evaluations, 'layout')}"
         lines = {f"uniform baseline {self.uniform.score:.4f}": self.uniform.score}
         curves = {f"{self.method} {scores[-1]:.4f}": scores}
-        draw_scores(axes, times, curves, lines, self.scene.unit, f"search ({settings})")
+        draw_scores(axes, times, curves, lines, self.scene.unit, f"seconds of search ({settings})")
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of summary.json, in SI units, as a dict."""
@@ -112,28 +112,28 @@ class SearchResult(SceneResult):
 
 def draw_scores(
     axes: Any,
-    seconds: Floats,
+    times: Floats,
     curves: Mapping[str, Floats],
     lines: Mapping[str, float],
     unit: str,
-    process: str,
+    clock: str,
 ) -> None:
-    """Draw scores over the time of a search or a training, as steps.
+    """Draw scores over the course of a search or a training, as steps.
 
     Parameters
     ----------
     axes
         Matplotlib axes.
-    seconds
-        (K,) times [s].
+    times
+        (K,) rising times on any clock.
     curves
         Scores (K,) by label, at most two; first those of the best layout so far.
     lines
         Constant scores for comparison by label, at most two; first that of the uniform baseline.
     unit
         Unit of the scores.
-    process
-        Name of the search or the training, part of the label of the time axis.
+    clock
+        Label of the time axis.
     """
     from domino_env.core.colours import BEST_KNOWN, RESULT, SKY, UNIFORM
     from domino_env.core.plot_style import LEGEND, set_time_axis
@@ -141,13 +141,13 @@ def draw_scores(
     for (label, value), colour in zip(lines.items(), (UNIFORM, BEST_KNOWN), strict=False):
         axes.axhline(value, color=colour, label=label)
     for (label, scores), colour in zip(curves.items(), (RESULT, SKY), strict=False):
-        axes.step(seconds, scores, color=colour, where="post", label=label)
+        axes.step(times, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
     # show the final scores, with room for the legend below them, not the low ones at the beginning
     if min(ends) > 0.0:
         low, high = min(ends), max(ends)
         axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
-    set_time_axis(axes, seconds)
-    axes.set_xlabel(f"seconds of {process}")
+    set_time_axis(axes, times)
+    axes.set_xlabel(clock)
     axes.set_ylabel(f"score [{unit}]" if unit else "score")
-    axes.legend(loc="lower right", ncols=len(curves) + len(lines), **LEGEND)
+    axes.legend(loc="best", ncols=len(curves) + len(lines), **LEGEND)

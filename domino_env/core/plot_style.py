@@ -19,6 +19,7 @@ from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 
 HEAD = 0.85  # height of headline and subtitle [in]
+RIGHT = 0.20  # width to the right of the longest headline [in]
 MIN_WIDTH = 7.5  # of a figure with a headline [in]
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}  # arguments of `Axes.legend`
 
@@ -137,26 +138,35 @@ def style(axes: Axes, title: str = "") -> None:
 
 
 def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
-    """Write headline and subtitle at the top of a figure, `left` inches from its left edge."""
+    """Write headline and subtitle at the top of a figure, `left` inches from its left edge.
+
+    A text that is too long for the figure has smaller letters.
+    """
     width, height = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
         layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / height))
-    # centres of the two lines of text: 0.30 and 0.58 in below the top
-    x, high, low = left / width, 1.0 - 0.30 / height, 1.0 - 0.58 / height
-    figure.text(x, high, escape_dollars(headline), va="center", size=14.5, color=INK, weight="bold")
-    figure.text(x, low, escape_dollars(subtitle), va="center", size=9.5, color=SOFT)
+    # y: the centre of the line of text, from the top [in]
+    for text, y, size, colour, weight in (
+        (headline, 0.30, 14.5, INK, "bold"), (subtitle, 0.58, 9.5, SOFT, "normal"),
+    ):  # fmt: skip
+        line = figure.text(left / width, 1.0 - y / height, escape_dollars(text), va="center")
+        line.set(size=size, color=colour, weight=weight)
+        fraction = line.get_window_extent().width / (figure.dpi * (width - left - RIGHT))
+        line.set_size(size / max(1.0, fraction))
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
-    """Set the limits of a time axis to the first and the last of rising times [s].
+    """Set the scale and the limits of a time axis to rising times.
 
-    The axis is logarithmic if their ratio is above 30.
+    The axis is logarithmic from the first time if the ratio of the last to it is above 30, else
+    linear from 0.
     """
-    if times[-1] > 30.0 * times[0] > 0.0:
+    begin = times[0] if times[-1] > 30.0 * times[0] else 0.0
+    if begin > 0.0:
         axes.set_xscale("log")
         label_plainly(axes.xaxis, (1, 3))
-    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))  # Matplotlib warns of equal limits
+    axes.set_xlim(begin, max(times[-1], 1e-3))  # Matplotlib warns of equal limits
 
 
 def label_plainly(axis: Axis, digits: Sequence[float]) -> None:

@@ -131,7 +131,7 @@ class Layout:
         chain = f"{self.count} domino" + ("es" if self.count != 1 else "")
         sizes = [f"{_span(self.thickness)} mm thick", f"{_span(self.height)} mm high"]
         if self.count > 1:
-            chain += f" over {self.length:.6g} m"
+            chain += f" over {round(self.length, 4):g} m"
             sizes.insert(0, f"gaps {_span(self.spacing)} mm")
         if not self.is_flat:
             sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")

@@ -112,7 +112,8 @@ def draw_layouts(
     end = min(high, low + LONGEST * tallest)
     scale = SPAN / (end - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tallest + max(_relief(entry.layout, low, end) for entry in layouts)) * scale + LABEL
+    relief = max(np.ptp(_ground(entry.layout, low, end)[:, 1]) for entry in layouts)
+    strip = (tallest + float(relief)) * scale + LABEL
     height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if draw_last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
@@ -218,7 +219,8 @@ def draw_with_uniform(
     name
         Label of the layout.
     draw_last
-        Function that draws one more panel below the others; None for no such panel.
+        Function that draws one more panel below the others; None for no such panel. It is not
+        called for a score of 0 or less, that of a failure.
     ax
         Axes for the gaps of both layouts and nothing else; None for a new figure.
     register
@@ -243,6 +245,7 @@ def draw_with_uniform(
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
+    draw_last = draw_last if result.score > 0.0 else None
     headline = f"{scene.name}: {scene.format_with_gain(result.score, result.wave)}"
     return draw_layouts(layouts, headline, subtitle, scene, draw_last, ax=ax, register=register)
 
@@ -308,10 +311,9 @@ def _draw_dominoes(axes: Axes, entry: DrawnLayout, height: float) -> None:
     axes.set_yticks([])
     axes.spines[["left", "bottom"]].set_visible(False)
     inside = _inside(layout, low, high)
-    corners = 1e3 * outlines(layout, layout.tilt)[inside]
-    shift = np.array([0.0, -float(corners[..., 1].min())])  # the lowest base is at 0
-    beyond = 1e-3 * (high - low)  # [m] of ground at both ends, enough to fill the axes
-    axes.plot(*(1e3 * ground_line(layout, beyond, beyond) + shift).T, color=INK, linewidth=0.8)
+    corners, ground = 1e3 * outlines(layout, layout.tilt)[inside], _ground(layout, low, high)
+    shift = np.array([0.0, -float(ground[:, 1].min())])  # the lowest ground is at 0
+    axes.plot(*(ground + shift).T, color=INK, linewidth=0.8)
     boxes = [Polygon(box) for box in corners + shift]
     hit = layout.count if wave is None else wave.hit
     colours = [entry.colour if i < hit else FAINT for i in inside]
@@ -330,10 +332,12 @@ def _inside(layout: Layout, low: float, high: float) -> Ints:
     return np.flatnonzero((front > low) & (front - 1e3 * layout.thickness < high))
 
 
-def _relief(layout: Layout, low: float, high: float) -> float:
-    """Return the height of the highest base over the lowest between two values of x [mm]."""
-    bases = 1e3 * outlines(layout, layout.tilt)[_inside(layout, low, high)][:, [0, 3], 1]
-    return float(np.ptp(bases))
+def _ground(layout: Layout, low: float, high: float) -> Floats:
+    """Return the line of the ground between two values of x, points (M, 2) [mm]."""
+    beyond = 1e-3 * (high - low)  # [m] enough at both ends
+    line = 1e3 * ground_line(layout, beyond, beyond)
+    x = np.unique(np.clip(line[:, 0], low, high))
+    return np.stack([x, np.interp(x, *line.T)], axis=-1)
 
 
 def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]) -> None:

@@ -36,6 +36,7 @@ HEAD, FOOT = 0.024, 0.026  # [m] of a sheet for its title and for its scale bar
 BESIDE = 0.013  # [m] of a strip on each side of the dominoes, for their numbers
 BAR = 0.100  # [m] length of the scale bar
 INCH, MM = 0.0254, 1000.0  # [m] in an inch, millimetres in a metre
+SUBTITLE = 140  # letters in a line of a subtitle, at most
 LINE = 0.4  # [pt] width of thin lines
 
 
@@ -221,8 +222,8 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     left, top = MARGIN * MM, high * MM
     text = escape_dollars(title)
     axes.text(left, top - 14.0, text, va="center", size=13, weight="bold", color=INK)
-    right = (wide - MARGIN) * MM
-    axes.text(right, top - 14.0, subtitle, va="center", ha="right", size=9, color=SOFT)
+    text = "\n".join(wrap(subtitle, SUBTITLE))
+    axes.text(left, top - 18.0, text, va="top", size=9, color=SOFT)
     yield axes
     pages.savefig(figure)
 

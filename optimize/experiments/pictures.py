@@ -105,8 +105,8 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
 
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", yscale="log", ylim=(lowest, highest))
-        plot_style.label_plainly(axes.xaxis, (1,))
-        axes.set_xlim(times[0], times[-1])
+        plot_style.label_plainly(axes.xaxis, (1, 3) if times[-1] < 1e3 * times[0] else (1,))
+        axes.set_xlim(times[0], 1.1 * times[-1])  # with space for the last marker
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"

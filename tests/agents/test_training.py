@@ -130,6 +130,7 @@ def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeyp
     assert run.rollout is not None
     assert SMALL.violations(run.rollout.layout) == []
     assert run.rollout.score > run.rollout.uniform.score or algorithm not in ("apg", "ppo")
+    assert run.plot().axes[-1].get_xlim() == (0.0, run.curve[-1][0])
     assert evaluate(run.folder).score == run.rollout.score
     assert de.Layout.read(run.folder / "layout.csv") == run.rollout.layout
     summary = json.loads((run.folder / "summary.json").read_text())

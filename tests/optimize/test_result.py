@@ -1,6 +1,7 @@
 """The picture of a search: to scale, complete, for every kind of result, without pyplot."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,12 +50,21 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result):
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 
+def test_a_linear_axis_of_a_search_begins_at_0(scenes):
+    axes = search(scenes["both"], "uniform").figure().axes[-1]
+    assert axes.get_xlabel() == "seconds of search (uniform, seed 0, 1 layout)"
+    assert axes.get_xlim()[0] == 0.0
+
+
 @pytest.mark.parametrize(("name", "headline"), [
     ("one-gap", "one-gap: .*uniform"), ("length", "length: .*uniform"), ("dead", "dead: no speed"),
 ])  # fmt: skip
 def test_every_result_can_be_drawn(scenes, name, headline):
-    figure = search(scenes[name], "random", budget=30).figure()
+    scene = replace(scenes[name], title="a title longer than the picture " * 8)
+    figure = search(scene, "random", budget=30).figure()
     figure.canvas.draw()
+    assert max(text.get_window_extent().x1 for text in figure.texts) < figure.bbox.width
     assert re.fullmatch(headline, figure.texts[0].get_text())
     if name == "dead":
+        assert len(figure.axes) == 4  # no scores, which are no speeds
         assert figure.axes[3].texts[0].get_text() == "no wave reached the second domino"

@@ -38,6 +38,7 @@ def test_every_result_has_one_line_with_its_main_numbers(results):
         f"Layout(12 dominoes over {LAYOUT.length:.6g} m: gaps 4 to 30 mm, 4 to 12 mm thick, "
         "48 mm high)"
     )
+    assert repr(de.Layout([0.0123456], 0.0075)).startswith("Layout(2 dominoes over 0.0198 m:")
     assert f"{WAVE.mean_speed:.6g} m/s" in repr(WAVE)
     assert repr(DEAD) == "Wave(stalled: 1 of 30 dominoes were hit, 0 toppled)"
     assert "500 waves: 500 propagated" in repr(results["batch"])

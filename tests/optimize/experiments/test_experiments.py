@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import domino_env as de
 from domino_env.cli.main import main
+from domino_env.core import plot_style
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
 from optimize.experiments import best_known, report, runner
 from optimize.experiments.experiment import Experiment
+from optimize.experiments.pictures import draw_over_time
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
@@ -77,6 +80,14 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     scores = [r.score for r in compared.runs("random", "spacing")]
     assert medians["`random`"] == pytest.approx(np.median(scores), abs=1e-5)
     assert "\n".join(lines) in report.page(compared, "Compared", "gaps.png")
+
+
+def test_the_last_markers_of_a_comparison_are_inside_the_axes(compared, tmp_path, monkeypatch):
+    figures: list[Figure] = []
+    monkeypatch.setattr(plot_style, "write_png", lambda figure, _: figures.append(figure))
+    draw_over_time(compared, tmp_path)
+    for axes in figures[0].axes:
+        assert max(line.get_xdata()[-1] for line in axes.get_lines()) < axes.get_xlim()[1]
 
 
 @pytest.mark.parametrize(("scene_list", "methods", "seeds", "budget", "message"), [
