@@ -153,7 +153,7 @@ def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.1
         line = figure.text(left / width, 1.0 - y / height, escape_dollars(text), va="center")
         line.set(size=size, color=colour, weight=weight)
         fraction = line.get_window_extent().width / (figure.dpi * (width - left - RIGHT))
-        line.set_size(size / max(1.0, fraction))
+        line.set_fontsize(size / max(1.0, fraction))
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
