@@ -25,8 +25,9 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.closed_loop import RTOL, Episodes, antithetic_noise, random_parts
 from domino_env import Scene, load_scene
-from domino_env.core.checks import require_type
+from domino_env.core.checks import require, require_type
 from domino_env.envs.spaces import closeness
+from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
 
 
 class APG(OnPolicyAlgorithm):
@@ -142,13 +143,15 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     callable
         `score(spacing, thickness=None, height=None)`: maps the gaps (B, N-1) [m] and, where they
         are free, the thicknesses and heights (B, N-1) [m] of all dominoes but the first, to the
-        scores (B,). It raises TypeError for an argument that is not a tensor,
-        and ValueError for one of another shape.
+        scores (B,). The scene's rules are not checked, and there are first derivatives only: it
+        raises RuntimeError for `create_graph=True` and in `torch.autograd.functional.hessian`,
+        TypeError for an argument that is not a tensor, and ValueError for one of another shape or
+        of numbers that are not floats.
 
     Raises
     ------
     ValueError
-        If the scene is unknown.
+        If the scene is unknown, or if `rtol` is not from 1e-13 to 1e-3.
 
     Examples
     --------
@@ -160,7 +163,9 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     >>> spacing.grad.shape
     torch.Size([2, 39])
     """
+    require("rtol", rtol, MIN_RTOL, MAX_RTOL)
     target = scene if isinstance(scene, Scene) else load_scene(scene)
+    pairs = target.count - 1
 
     def score(
         spacing: torch.Tensor,
@@ -169,10 +174,11 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
     ) -> torch.Tensor:
         sizes = {"spacing": spacing, "thickness": thickness, "height": height}
         for name, size in sizes.items():
-            shape = f"(B, {target.count - 1})"
-            require_type(name, size, torch.Tensor | None, f"a tensor {shape}")
-            if size is not None and size.shape != (len(spacing), target.count - 1):
-                raise ValueError(f"{name} has shape {tuple(size.shape)}: give {shape}")
+            expected = f"a tensor (B, {pairs}) of floats"
+            require_type(name, size, torch.Tensor | None, expected)
+            shape = (*spacing.shape[:1], pairs)
+            if size is not None and not (size.is_floating_point() and size.shape == shape):
+                raise ValueError(f"{name} is {size.dtype} {tuple(size.shape)}: give {expected}")
         scores: torch.Tensor = _Score.apply(target, rtol, *sizes.values())[0]  # type: ignore[no-untyped-call]
         return scores
 
@@ -202,6 +208,8 @@ class _Score(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, derivatives: torch.Tensor, _: torch.Tensor) -> Any:
         """Multiply the gradients (B, N-1) by the derivatives (B,) with respect to the scores."""
+        if torch.is_grad_enabled():
+            raise RuntimeError("torch_score has first derivatives only: give create_graph=False")
         gradients = (None if g is None else derivatives[:, None] * g for g in ctx.gradients)
         return None, None, *gradients
 

@@ -13,6 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from domino_env import DominoChainVector, Scene, SceneDistribution
+from domino_env.core.checks import require_type
 
 
 class DominoVecEnv(VecEnv):
@@ -59,14 +60,31 @@ class DominoVecEnv(VecEnv):
         self._start = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin an episode in every environment, and return the observations (B, O)."""
+        """Begin an episode in every environment, and return the observations (B, O).
+
+        Raises
+        ------
+        ValueError
+            For options that `DominoChainVector.reset` rejects.
+        """
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
-        observations, _ = self.vector.reset(seed=seeds)
+        observations, _ = self.vector.reset(seed=seeds, options=self._options[0])
         self._reset_seeds()
         self._reset_options()
         return observations
+
+    def set_options(self, options: dict[str, Any] | None = None) -> None:  # type: ignore[override]
+        """Set the options of the next reset, as for `DominoChainVector.reset`.
+
+        Raises
+        ------
+        TypeError
+            For a list: one dictionary holds for all environments.
+        """
+        require_type("options", options, dict | None, "one dictionary for all environments")
+        super().set_options(options)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions (B, A) for `step_wait`."""
@@ -83,7 +101,7 @@ class DominoVecEnv(VecEnv):
         observations, rewards, dones, _, info = self.vector.step(self._actions)
         self._returns += rewards
         self._lengths += 1
-        infos: list[dict[str, Any]] = [{}] * self.num_envs
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if dones.any():
             elapsed = time.perf_counter() - self._start
             final = info["final_info"]

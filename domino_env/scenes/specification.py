@@ -266,7 +266,7 @@ class Specification:
         Raises
         ------
         ValueError
-            If the heights are missing, and for an array `spacing` of another shape.
+            If the heights are missing, and for arrays of another shape.
         """
         if height is None and self.growth is not None:
             raise ValueError(f"height is missing: give it, as heights grow in scene '{self.name}'")
@@ -274,11 +274,11 @@ class Specification:
         shape = (len(spacing), spacing.shape[1] + 1)
         heights = np.full((1, shape[1]) if height is None else shape, self.height)
         if height is not None:
-            heights[:, 1:] = height
-        if thickness is None:
-            thickness = self.thickness[0] * (heights[:, 1:] if self.in_heights else np.ones(1))
+            heights[:, 1:] = numbers("height", height, None, spacing.shape)
+        fixed = self.thickness[0] * (heights[:, 1:] if self.in_heights else np.ones(1))
         thicknesses = np.full(shape, self.first_thickness)
-        thicknesses[:, 1:] = thickness
+        given = fixed if thickness is None else numbers("thickness", thickness, None, spacing.shape)
+        thicknesses[:, 1:] = given
         sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
 

@@ -86,6 +86,8 @@ def test_listed_values_have_no_gradient():
         require_smooth(replace(SHORT, spacing_values=(0.01, 0.02)))
     with pytest.raises(TypeError, match=r"spacing = 3: give a tensor \(B, 11\)"):
         torch_score(SHORT)(3)
+    with pytest.raises(ValueError, match="rtol = 5: give a finite number from 1e-13"):
+        torch_score(SHORT, rtol=5)
 
 
 @pytest.mark.parametrize("scene", [SHORT, FREE], ids=["gaps", "gaps and thicknesses"])
@@ -99,8 +101,11 @@ def test_a_score_of_tensors_has_the_exact_gradient(scene):
     layouts = [scene.layout(*(size[b].detach().numpy() for size in sizes)) for b in range(2)]
     assert scores.tolist() == pytest.approx([scene.score(layout) for layout in layouts], rel=1e-6)
     assert torch.autograd.gradcheck(score, sizes, eps=1e-6, atol=1e-3, rtol=1e-3)
-    with pytest.raises(ValueError, match=r"spacing has shape \(2, 10\): give \(B, 11\)"):
-        score(gaps[:, 1:], *sizes[1:])
+    for wrong in (gaps[:, 1:], gaps.long(), gaps[0, 0]):
+        with pytest.raises(ValueError, match=r"spacing is torch\..*: give a tensor \(B, 11\)"):
+            score(wrong, *sizes[1:])
+    with pytest.raises(RuntimeError, match="first derivatives only"):
+        torch.autograd.functional.hessian(lambda x: score(x, *sizes[1:]).sum(), gaps)
     single = score(gaps.detach().float().requires_grad_(), *sizes[1:])
     single.sum().backward()
     assert single.dtype == torch.float32

@@ -90,6 +90,12 @@ def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor(
     assert returns == pytest.approx(expected[0], rel=1e-4)
     assert lengths == expected[1]
     assert batch.render().ndim == 3
+    batch.set_options({"layout": de.Layout([0.02, 0.02], 0.0075)})
+    batch.reset()
+    infos = batch.step(np.zeros((2, 1)))[-1]
+    assert (batch.vector.snapshot(0).layout.count, infos[0] is infos[1]) == (4, False)
+    with pytest.raises(TypeError, match="give one dictionary for all environments"):
+        batch.set_options([{}, {}])
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)

@@ -124,6 +124,7 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: SMALL.evaluate_waves([3]), "waves[0] = 3: give a Wave"),
     (lambda: SMALL.evaluate(3), "batch = 3: give a LayoutBatch"),
     (lambda: SMALL.batch(0.02), "spacing has shape (): give (B, N-1)"),
+    (lambda: SMALL.batch([[0.02]], [[0.007]] * 2), "thickness has shape (2, 1): give (1, 1)"),
     (lambda: SMALL.uniform("x"), "seconds = 'x' s: give a finite number"),
     (lambda: VARIED.scene([np.nan] * 6), "numbers[0] = nan: give a finite number"),
     (lambda: VARIED.scene([1]), "numbers has shape (1,): give (6,), SceneD"),
