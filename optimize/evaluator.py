@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from functools import partial
+from threading import RLock
 from typing import cast
 
 import numpy as np
@@ -51,7 +52,7 @@ class Evaluator:
 
     It counts evaluations, keeps the best layouts, and stores every answer in a journal, from which
     a stopped search can resume. At a limit it raises `BudgetSpent`. Its time begins when it is
-    constructed.
+    constructed. Several threads may call `evaluate`; one at a time is served.
 
     Parameters
     ----------
@@ -124,6 +125,7 @@ class Evaluator:
         self.trace: list[TraceEntry] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=MAX_FINALISTS)
         self.status = ""
+        self._lock = RLock()  # one thread evaluates at a time
         self._efforts: list[int] = []  # effort at each improvement
         size = min(max(0.5 * (problem.scene.count + problem.dimension), LEAST_SIZE), LARGEST_SIZE)
         # a score that takes k simulations is computed less often, by a factor of √k
@@ -221,7 +223,7 @@ class Evaluator:
 
     @property
     def best(self) -> Floats:
-        """Best design vector (n,) so far.
+        """Copy of the best design vector (n,) so far.
 
         Raises
         ------
@@ -230,7 +232,7 @@ class Evaluator:
         """
         if not self.finalists:
             raise ValueError("nothing has been scored yet: call `evaluate` first")
-        return self.finalists[-1][1]
+        return self.finalists[-1][1].copy()
 
     def record(self, scores: Scores, design: Callable[[int], Floats]) -> None:
         """Count layouts that were simulated elsewhere, and keep the best of them.
@@ -245,13 +247,13 @@ class Evaluator:
         Raises
         ------
         ValueError
-            If there are more layouts than remaining evaluations.
+            If there are more layouts than remaining evaluations, or if a score is not finite.
         TypeError
             If an argument is of another type.
         """
         require_type("scores", scores, Scores, "Scores, as Problem.evaluate returns")
         require_type("design", design, Callable, "a function that returns design vector i")
-        numbers("score", scores.score, None, ("B",), "of B layouts")
+        require("score", numbers("score", scores.score, None, ("B",), "of B layouts"), array=True)
         hint = "see `remaining`"
         require("layouts to record", len(scores.score), 0, self.remaining, hint=hint, whole=True)
         self._count(scores)
@@ -301,21 +303,22 @@ class Evaluator:
         size = max(1, self._chunk // GRADIENT_COST) if gradient else self._chunk
         batch = size if gradient or self._executor is None else self.batch_size
         start = 0
-        while start < len(designs):
-            self.require_more()
-            end = start + int(min(batch, len(designs) - start, self.remaining))
-            chunks = [designs[i : min(i + size, end)] for i in range(start, end, size)]
-            outputs = self._evaluate(chunks, gradient, rtol, relaxed)
-            try:
-                for chunk, scores in zip(chunks, outputs, strict=True):
-                    self._count(scores)
-                    if gradient and differences:
-                        self.problem.fill_gradients(chunk, scores, self.evaluate)
-                    self._update_best(scores, chunk.__getitem__)
-                    results.append(scores)
-            except StoppedError:  # no time was left during a free-standing simulation
-                raise BudgetSpent(self.stop_reason) from None
-            start = end
+        with self._lock:
+            while start < len(designs):
+                self.require_more()
+                end = start + int(min(batch, len(designs) - start, self.remaining))
+                chunks = [designs[i : min(i + size, end)] for i in range(start, end, size)]
+                outputs = self._evaluate(chunks, gradient, rtol, relaxed)
+                try:
+                    for chunk, scores in zip(chunks, outputs, strict=True):
+                        self._count(scores)
+                        if gradient and differences:
+                            self.problem.fill_gradients(chunk, scores, self.evaluate)
+                        self._update_best(scores, chunk.__getitem__)
+                        results.append(scores)
+                except StoppedError:  # no time was left during a free-standing simulation
+                    raise BudgetSpent(self.stop_reason) from None
+                start = end
         arrays = zip(*map(_pack, results), strict=True)
         scores = _unpack([np.concatenate(parts) for parts in arrays])
         return scores.squeeze() if single else scores
@@ -408,7 +411,8 @@ class Evaluator:
             if self._executor is None or len(chunks) < 2:
                 results = (evaluate(chunk, stop=self._stop) for chunk in chunks)
             else:
-                results = self._executor.map(evaluate, chunks)
+                with loss_as_error(RuntimeError):  # after `shutdown`
+                    results = self._executor.map(evaluate, chunks)
             for chunk, scores in zip(chunks, results, strict=True):
                 self._store(kind, chunk, _pack(scores))
                 yield scores

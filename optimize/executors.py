@@ -55,11 +55,11 @@ def require_executor(executor: object) -> None:
 
 
 @contextmanager
-def loss_as_error() -> Iterator[None]:
-    """Turn the errors of an executor that has ended into ExecutorLost."""
+def loss_as_error(errors: Any = (futures.BrokenExecutor, futures.CancelledError)) -> Iterator[None]:
+    """Turn errors, by default those of calls whose executor has ended, into ExecutorLost."""
     try:
         yield
-    except (futures.BrokenExecutor, futures.CancelledError) as error:
+    except errors as error:
         raise ExecutorLost(f"the executor ended before its tasks ({error}): open another") from None
 
 

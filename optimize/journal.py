@@ -60,7 +60,7 @@ class Journal:
         self._pending: list[tuple[bytes, float, bytes]] = []  # answers that are not yet in the file
         self._last_save = float("-inf")  # seconds of the search
         with self._file_errors():
-            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+            self._database = sqlite3.connect(path, 0, isolation_level=None, check_same_thread=False)
             for setting in PRAGMAS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)

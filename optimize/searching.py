@@ -149,7 +149,7 @@ def search(
     problem = Problem(scene)
     journal = None
     evaluations_before, interrupted = 0, False
-    failure: Exception | None = None
+    failure: BaseException | None = None
     with ExitStack() as stack:
         if folder is not None:
             folder = as_path("folder", folder)
@@ -181,7 +181,7 @@ def search(
             stop_reason = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, stop_reason = True, "interrupted"
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if folder is None or not evaluator.finalists:
                 raise
             # the best layout so far is written before the error is raised

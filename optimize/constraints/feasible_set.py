@@ -69,6 +69,7 @@ class FeasibleSet:
                 "a min and a larger max, and a step between them, if any, that fits"
             )
         self.low, self.high = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
+        self.low.flags.writeable = self.high.flags.writeable = False
         self.total: float | None = None
         if scene.length is not None:
             fixed = scene.spacing[0] * (not scene.free_spacing)

@@ -108,7 +108,7 @@ def plan_tasks(
     if not isinstance(seeds, range):
         for seed in (seeds := list(seeds)):
             require("seed", seed, 0, whole=True)
-    names = [registry.method_name(method) for method in as_list(methods)]
+    names = [registry.method_name(method, importable=True) for method in as_list(methods)]
     number = len(scenes) * len(names) * len(seeds)
     hint = "give fewer seeds, methods or scenes"
     require("searches", number, high=MAX_TASKS, hint=hint, whole=True)

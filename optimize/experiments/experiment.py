@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.checks import require_type
+from domino_env.core.checks import require_choice, require_type
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
@@ -94,7 +94,14 @@ class Experiment:
         return "one seed" if number == 1 else f"{statistic} {number} seeds"
 
     def runs(self, method: str, problem: str | None = None) -> list[TaskResult]:
-        """Return the results of a method, on one problem or on all."""
+        """Return the results of a method, on one problem or on all.
+
+        Raises
+        ------
+        ValueError
+            If no task has the method.
+        """
+        require_choice("method", method, {task.method: None for task in self.tasks})
         return [r for r in self.results if r.method == method and problem in (None, r.problem)]
 
     def best_steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:

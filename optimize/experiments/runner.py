@@ -93,7 +93,7 @@ def run_experiment(
                             result = results[task.key] = get_result()
                     except ExecutorLost:
                         raise
-                    except Exception as error:
+                    except (Exception, SystemExit) as error:
                         failures.append(Failure(task, _reason(error)))
                         line.set_postfix_str(f"{len(failures)} failed", refresh=False)
                     else:
@@ -122,7 +122,7 @@ def _submit(
     executor: Executor, tasks: Sequence[Task]
 ) -> Generator[tuple[Task, Callable[[], TaskResult]], None, None]:
     """Yield finished tasks, each with a function that returns its result or raises its error."""
-    with loss_as_error():
+    with loss_as_error(RuntimeError):
         pending = {executor.submit(task.run): task for task in tasks}
     try:
         for future in as_completed(list(pending)):
@@ -132,7 +132,7 @@ def _submit(
             future.cancel()
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
     """Return the reason of an error in one line."""
     text = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())

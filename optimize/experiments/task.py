@@ -130,6 +130,9 @@ class Task:
 
     def __post_init__(self) -> None:
         require_type("labels", self.labels, Mapping, "a dictionary of settings")
+        for name, value in vars(self).items():
+            if hasattr(value, "item"):  # a number of NumPy, which JSON does not have
+                vars(self)[name] = value.item()
 
     @property
     def key(self) -> str:

@@ -66,6 +66,7 @@ def test_the_best_design_is_kept(scenes):
     scores = [evaluator.evaluate(x).score for x in designs]
     assert best == np.maximum.accumulate(scores).tolist()
     assert evaluator.best_score == max(scores)
+    evaluator.best[:] = 0.0  # a copy
     assert np.array_equal(evaluator.best, designs[np.argmax(scores)])
     assert [s for _, _, _, s in evaluator.trace] == sorted(set(best))
     assert not evaluator.stop_reason
@@ -101,6 +102,9 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes):
     assert (evaluator.remaining, evaluator.best_score) == (1.0, scores.score.max())
     assert evaluator.falls == scores.falls.sum()
     with pytest.raises(ValueError, match="layouts to record = 4: give a whole number from 0 to 1"):
+        evaluator.record(scores, designs.__getitem__)
+    scores.score[0] = np.inf
+    with pytest.raises(ValueError, match=r"score\[0\] = inf: give a finite number"):
         evaluator.record(scores, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0

@@ -1,16 +1,19 @@
 """User-defined methods: by name, as functions, in other processes."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from optimize import compare, search
-from optimize.executors import ProcessExecutor
+from optimize.executors import ExecutorLost, ProcessExecutor
 from optimize.methods.registry import load
 
 MINE = """
 import sys
+from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 def run(evaluator, rng):
@@ -30,6 +33,18 @@ def nothing(budget, rng):
 def inside():
     return lambda budget, rng: None
 
+def leave(evaluator, rng):
+    sys.exit("gone")
+
+def threads(evaluator, rng):
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(evaluator.evaluate, rng.random((40, evaluator.problem.dimension))))
+
+class Searcher:
+    def run(self, evaluator, rng):
+        run(evaluator, rng)
+
+bound = Searcher().run
 number = 3
 """
 
@@ -62,13 +77,24 @@ def test_a_method_that_catches_every_exception_ends(folder, scenes):
     assert result.stop_reason == "limit of 20 layouts reached"
 
 
+@pytest.mark.usefixtures("no_pictures")
+def test_a_method_may_evaluate_in_threads(folder, scenes):
+    result = search(scenes["spacing"], "my_methods:threads", budget=30, folder=folder / "run")
+    assert result.evaluations == 30
+
+
 def test_a_method_runs_in_other_processes(folder, scenes):
     """Spawned processes import it from the working folder."""
-    local = compare([scenes["spacing"]], ["my_methods:run"], range(2), 21)
-    methods = [load("my_methods:run")]
+    seeds = np.arange(2)
+    local = compare([scenes["spacing"]], ["my_methods:run"], seeds, np.int64(21))
+    methods = [load("my_methods:run"), "my_methods:leave"]
     with ProcessExecutor(1) as executor:
-        remote = compare([scenes["spacing"]], methods, range(2), 21, executor=executor)
-    assert not remote.failures
+        remote = compare([scenes["spacing"]], methods, seeds, 21, executor=executor)
+    assert [failure.reason for failure in remote.failures] == ["SystemExit: gone"] * 2
+    with pytest.raises(ExecutorLost, match="after shutdown"):
+        compare([scenes["spacing"]], methods, seeds, 21, executor=executor)
+    with pytest.raises(ValueError, match="method = 'rnd': choose one of my_methods:run"):
+        remote.mean_score("rnd")
     assert remote.methods == ["my_methods:run"]
     assert [r.score for r in remote.results] == [r.score for r in local.results]
 
@@ -89,6 +115,8 @@ def test_impossible_methods_are_rejected_in_one_line(folder, error_of, method, m
 
 def test_functions_that_other_processes_cannot_import_are_not_compared(folder, scenes):
     load("my_methods:run")
-    method = sys.modules["my_methods"].inside()
-    with pytest.raises(ValueError, match=r"cannot be imported from .*; name a function at the top"):
-        compare([scenes["spacing"]], [method], range(1), budget=9)
+    run, inside, bound = (getattr(sys.modules["my_methods"], n) for n in ("run", "inside", "bound"))
+    for method in (inside(), partial(run), bound):
+        with pytest.raises(ValueError, match="name a function at the top of a module"):
+            compare([scenes["spacing"]], [method], range(1), budget=9)
+    assert search(scenes["spacing"], bound, budget=9).evaluations == 9
