@@ -120,6 +120,8 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
 def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
     """Draw gains or scores in a panel for each setting, over all values of the other settings.
 
+    Of two settings with few values and one method, there is a curve for each value of the other.
+
     Parameters
     ----------
     experiment
@@ -132,31 +134,36 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         Unit of its score; empty for a score without unit, which is drawn instead of the gain.
     """
     keys, quantity = experiment.keys, "gain over uniform" if unit else "score"
-    groups = experiment.describe_seeds(MEDIANS)
-    if len(keys) > 1:
+    places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
+    groups, methods = experiment.describe_seeds(MEDIANS), experiment.methods
+    # a curve for each value of the other setting
+    split = len(keys) == 2 and len(methods) == 1 and sum(map(len, places.values())) <= MAX_COLOURS
+    if len(keys) > 1 and not split:
         groups = "medians and range over seeds and the other settings"
     scenes = amount(len(experiment.problems), "scene")
     headings = (
         f"{name}: {quantity}, over {' and '.join(keys)}",
         f"{scenes}, {experiment.tasks[0].limit} for each search, {groups}",
     )
-    places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
+    points: dict[tuple[str, str], dict[float, list[float]]] = {}  # by panel and curve
+    for key, r in product(keys[:MAX_PANELS], experiment.results):
+        other, value = next(((k, v) for k, v in r.labels.items() if k != key), ("", ""))
+        text = f"{value:.6g}" if isinstance(value, float) else value
+        curve = f"{other} = {text}" if split else r.method
+        heights = points.setdefault((key, curve), {}).setdefault(places[key][r.labels[key]], [])
+        if not unit:
+            heights.append(r.score)
+        elif r.gain is not None:
+            heights.append(100.0 * r.gain)
     panels: dict[str, dict[str, Curve]] = {}
-    for key, method in product(keys[:MAX_PANELS], experiment.methods):
-        values: dict[float, list[float]] = {}
-        for r in experiment.runs(method):
-            points = values.setdefault(places[key][r.labels[key]], [])
-            if not unit:
-                points.append(r.score)
-            elif r.gain is not None:
-                points.append(100.0 * r.gain)
+    for (key, curve), values in points.items():
         x = np.array(sorted(values))
         bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
         median, low, high = np.array(bands).T
         if any(isinstance(label, str) for label in places[key]):
             x = np.add.outer(x, DASH).ravel()
-            median, low, high = (np.repeat(values, len(DASH)) for values in (median, low, high))
-        panels.setdefault(key, {})[method] = (x, median, (low, high))
+            median, low, high = (np.repeat(ends, len(DASH)) for ends in (median, low, high))
+        panels.setdefault(key, {})[curve] = (x, median, (low, high))
 
     def prepare(axes: Axes, key: str) -> None:
         ticks = places[key]
@@ -166,7 +173,8 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
             axes.set_xscale("log")  # most values are far below the largest
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
-    draw_curves(path, panels, headings, ("", quantity), prepare, experiment.methods[:MAX_COLOURS])
+    curves = list(dict.fromkeys(curve for _, curve in points)) if split else methods
+    draw_curves(path, panels, headings, ("", quantity), prepare, curves[:MAX_COLOURS])
 
 
 def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Collection[str]) -> None:

@@ -15,9 +15,8 @@ from domino_env.cli.main import main
 from domino_env.core import plot_style
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
-from optimize.experiments import best_known, report, runner
+from optimize.experiments import best_known, pictures, report, runner
 from optimize.experiments.experiment import Experiment
-from optimize.experiments.pictures import draw_over_time
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
@@ -85,7 +84,7 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
 def test_the_last_markers_of_a_comparison_are_inside_the_axes(compared, tmp_path, monkeypatch):
     figures: list[Figure] = []
     monkeypatch.setattr(plot_style, "write_png", lambda figure, _: figures.append(figure))
-    draw_over_time(compared, tmp_path)
+    pictures.draw_over_time(compared, tmp_path)
     for axes in figures[0].axes:
         assert max(line.get_xdata()[-1] for line in axes.get_lines()) < axes.get_xlim()[1]
 
@@ -284,6 +283,17 @@ def test_sweeps_of_words_and_without_gains_are_drawn(scenes, scene, axes, tmp_pa
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
     page = report.page(experiment, "Swept", "sweep.png")
     assert ("–" in page) == (scene == "dead")  # it has no gain
+
+
+def test_two_settings_have_a_curve_for_each_value_of_the_other(scenes, tmp_path, monkeypatch):
+    drawn: list[list[str]] = []
+    monkeypatch.setattr(pictures, "draw_curves", lambda *arguments: drawn.append(arguments[-1]))
+    axes = ["physics.friction=0.1,0.2", "physics.push=5,8"]
+    experiment = sweep(scenes["spacing"], axes, methods=["uniform"], budget=1)
+    pictures.draw_over_settings(experiment, tmp_path, "spacing", "m/s")
+    assert [name.removeprefix("physics.") for name in drawn[0]] == [
+        "push = 5", "push = 8", "friction = 0.1", "friction = 0.2",
+    ]  # fmt: skip
 
 
 WORDS = ["sweep", "small.toml", "--set", "physics.push=6,8", "--methods", "random"]
