@@ -163,9 +163,20 @@ def require_type(name: str, value: object, kind: Any, expected: str) -> None:
 
 
 def as_path(name: str, value: object) -> Path:
-    """Return the path of an argument; raise a TypeError for anything but a string or a path."""
+    """Return the path of an argument.
+
+    Raises
+    ------
+    TypeError
+        For anything but a string or a path.
+    ValueError
+        For an empty string, and a name that no file can have.
+    """
     require_type(name, value, str | PathLike, "a path, as a string or a pathlib.Path")
-    return Path(cast("str", value))
+    path = Path(cast("str", value))
+    if value == "" or "\0" in str(path) or len(path.name) > 255:
+        raise ValueError(f"{name} = {as_text(value)}: give a name of 1 to 255 characters, no null")
+    return path
 
 
 def require_extra(purpose: str, extra: str, *packages: str) -> None:

@@ -252,8 +252,8 @@ class Layout:
 
         Raises
         ------
-        TypeError
-            For anything but a path.
+        TypeError, ValueError
+            For anything but a path, and a name that no file can have.
         OSError
             If the file cannot be written.
         """
@@ -269,7 +269,7 @@ class Layout:
 
         Raises
         ------
-        TypeError, OSError
+        TypeError, ValueError, OSError
             As for `to_csv`.
         """
         files.write_json(as_path("path", path), self._columns())
@@ -307,8 +307,9 @@ class Layout:
         OSError
             If the file cannot be read.
         """
-        with errors_with_path(path):
-            layout = cls(**{"width": width} | files.read_arguments(as_path("path", path)))
+        file = as_path("path", path)
+        with errors_with_path(file):
+            layout = cls(**{"width": width} | files.read_arguments(file))
         if layout.count > 1:
             standard.advise_on_units(path, *layout._sizes)
         return layout

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from domino_env.core import files
-from domino_env.core.checks import require_type
+from domino_env.core.checks import as_path, require_type
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
@@ -91,7 +91,7 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     expected = "the name of a shipped scene, such as 'sprint', or the path of a .toml file"
     require_type("name", name, str | Path, expected)
     known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
-    path, text = Path(name), str(name)
+    path, text = as_path("name", name), str(name)
     if text in known:
         file = f"{name}.toml"
         return parse_document((known[text] / file).read_text("utf-8"), file), text, file

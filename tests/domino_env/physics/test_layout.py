@@ -182,6 +182,7 @@ def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
      "column 'width_mm': dominoes of 0.024 and 0.04 m: give one width"),
     ('spacing,thickness\n"' + "x" * 200_000, "not a table: field larger than field limit"),
     ("{", "not JSON"),
+    ('{"width": 0.02, "spacing": [], "width": 0.03}', "the key 'width' is given twice; keep one"),
     ("[1, 2]", "this is [1, 2]: give a table of spacing, thickness, height"),
     ('{"spacing": [0.01], "thickness": 0.0075, "heigth": 0.05}', "did you mean 'height'?"),
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),

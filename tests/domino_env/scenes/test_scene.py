@@ -132,7 +132,7 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: VARIED.sample(1.5), "rng = 1.5: give a whole number, at least 0 (a seed; or a"),
     (lambda: de.load_scene(None), "name = None: give the name of a shipped scene, such as"),
     (lambda: de.load_scene("varid"), "there is no scene 'varid': did you mean 'varied'"),
-    (lambda: de.load_scene("varied"), "it has ranges: load it by load_distribution"),
+    (lambda: de.load_scene("varied"), "varied.toml: it describes many scenes: name one"),
     (lambda: de.load_distribution("varid"), "did you mean 'varied'"),
     (lambda: de.load_distribution("sprint"), "it is one scene, without a range: load it by"),
     (lambda: de.load_test_set("varied", beyond="frction"),
