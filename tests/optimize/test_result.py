@@ -51,9 +51,7 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result):
 
 
 def test_a_linear_axis_of_a_search_begins_at_0(scenes):
-    axes = search(scenes["both"], "uniform").figure().axes[-1]
-    assert axes.get_xlabel() == "seconds of search (uniform, seed 0, 1 layout)"
-    assert axes.get_xlim()[0] == 0.0
+    assert search(scenes["both"], "uniform").figure().axes[-1].get_xlim()[0] == 0.0
 
 
 @pytest.mark.parametrize(("name", "headline"), [
