@@ -185,10 +185,9 @@ def test_invalid_calls_are_rejected():
             env.place_all(wrong)
         with pytest.raises(ValueError, match="action"):
             env.place_all_vjp(wrong, np.zeros((2, 29, 3)))
-    with pytest.raises(ValueError, match=r"derivatives has shape \(2, 29\): give \(2, 29, 3\)"):
-        env.place_all_vjp(actions, np.zeros((2, 29)))
-    with pytest.raises(ValueError, match=r"derivatives\[0, 0, 0\] = nan: give a finite number"):
-        env.place_all_vjp(actions, np.full((2, 29, 3), np.nan))
+    for wrong in (np.zeros((2, 29)), np.full((2, 29, 3), np.nan)):
+        with pytest.raises(ValueError, match=r"derivatives.* give (\(2, 29, 3\)|a finite number)"):
+            env.place_all_vjp(actions, wrong)
     for before in ({}, {"reset_mask": np.array([True, False])}):
         if before:
             env.reset(options=before)
