@@ -199,7 +199,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
         except Exception:  # of any kind; its message recommends running pickled code
             raise ValueError(
-                "not a checkpoint, or damaged: resume from a copy, or train without --resume"
+                "not a checkpoint, or damaged: resume from a copy, or train in another folder"
             ) from None
     return state
 

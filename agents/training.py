@@ -23,7 +23,7 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import as_path, require, require_choice, require_type
 from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.models import plain
-from domino_env.core.progress import progress_bar
+from domino_env.core.progress import leave_out, notice, progress_bar
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.core.types import Floats
@@ -203,9 +203,10 @@ def train(
         stored = {name: getattr(config, name, None) for name in given}
         stored["scene"] = load_any(path / SCENE).to_toml()
         if other := [name for name, x in given.items() if x is not None and x != stored[name]]:
+            own = [f"another {x}" if x == "scene" else f"{x} = {stored[x]}" for x in other]
             raise ValueError(
-                f"the training in {path} has another {', '.join(other)}: give its own scene and "
-                f"leave out the rest ({path / CONFIG} has all of them), or name another folder"
+                f"the training in {path} has {', '.join(own)}: give its own scene ({SCENE}) and "
+                f"leave out the rest ({CONFIG}), or name another folder"
             )
         algorithm, seed, steps = config.algorithm, config.seed, config.steps
         hyperparameters, num_scenes = config.hyperparameters, config.num_scenes
@@ -267,6 +268,8 @@ class Training:
         if resume and (self.folder / CHECKPOINT).exists():
             self.learner = self._resume_learner()
         else:
+            if resume:
+                notice(f"{self.folder} has no {CHECKPOINT}: the training begins again")
             self.learner = self._make_learner(self.seed)
             if not resume and (self.folder / CONFIG).exists():
                 raise ValueError(f"another training began in {self.folder}: name another folder")
@@ -330,6 +333,8 @@ class Training:
             self.evaluate()
             self.write_checkpoint()
             self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
+        if not self.bar.n:
+            leave_out(self.bar, steps)
         self.bar.update(steps - self.bar.n)
         self.learner.update_deviation(min(steps / self.total, 1.0))
 

@@ -182,13 +182,16 @@ def search(
         except KeyboardInterrupt:
             interrupted, stop_reason = True, "interrupted"
         except (Exception, SystemExit) as error:
-            if folder is None or not evaluator.finalists:
-                raise
-            # the best layout so far is written before the error is raised
             failure, stop_reason = error, f"the method failed: {error}"
+            if isinstance(error, SystemExit):  # it would end the program without a message
+                failure = ValueError(f"SystemExit {error.code}: end a method by `return`")
+            failure.add_note(f"(in method '{method}')")
         if evaluator.best_score <= 0.0 and not interrupted:
             stop_reason = f"{stop_reason.partition(';')[0]}; {NO_SUCCESS}"
         duration = evaluator.seconds
+    # with a folder the best layout so far is written before the error is raised
+    if failure is not None and (folder is None or not evaluator.finalists):
+        raise failure
     if not evaluator.finalists:
         if interrupted:
             raise KeyboardInterrupt

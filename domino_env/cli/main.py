@@ -127,7 +127,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if interruption.signal and (isinstance(error, ImportError) or not str(error)):
             print(f"domino: {INTERRUPTED}", file=sys.stderr)
             return interruption.code
-        message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
+        text = " ".join([str(error), *getattr(error, "__notes__", ())])
+        message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", text)
         if isinstance(error, OSError) and error.strerror:
             place = error.filename or "the output"  # errors of writing have no name of a file
             message = f"{place}: {error.strerror}: name another file or folder"

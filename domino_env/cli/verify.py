@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from domino_env.rigid.verification import Verification
     from domino_env.scenes.scene import Scene
 
+FLOORS = "0.3,0.5,1"  # coefficients of friction by default
 SUMMARY = "simulate layouts with the reference simulator and a third-party engine"
 
 
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
     """Add --floor and --engine; `engine` is the default of --engine, `note` ends its help."""
     floors = "coefficients of friction of the floors; 'free' means 1"
-    options.add_options(parser, ("floor", read_floors, "FRICTION,...", "0.3,0.5,1", floors))
+    options.add_options(parser, ("floor", read_floors, "FRICTION,...", FLOORS, floors))
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,
         help=f"also simulate with the third-party engine ({note})",

@@ -43,6 +43,12 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
     return Lines(mininterval=PERIOD, maxinterval=PERIOD, **options)
 
 
+def leave_out(bar: Any, count: int) -> None:
+    """Leave the first steps of a progress bar, which include compilation, out of its forecast."""
+    bar.n = bar.initial = count
+    bar.unpause()
+
+
 def notice(sentence: str) -> None:
     """Log a sentence for the user, such as on a long wait; commands print it on its own line."""
     logging.getLogger("domino_env").info(sentence)

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from domino_env.core.checks import require, require_type
-from domino_env.core.progress import progress_bar
+from domino_env.core.progress import leave_out, progress_bar
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
@@ -327,9 +327,9 @@ def _run(
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
             hit_count, now = int(state.run["leader"][0]) + 1, time.perf_counter()
-            if first is None:  # the first call may include compilation, which does not count
+            if first is None:
                 first = now, hit_count
-                bar.unpause()
+                leave_out(bar, hit_count)
             bar.update(hit_count - bar.n)
             # steps are halved until their coarseness is 1 or less: from 4 on, all runs take
             # 1 + 2 + 4 = 7 times as long as this one, from 2 on 3 times

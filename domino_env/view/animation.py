@@ -24,6 +24,7 @@ MAX_WIDTH = 10_000  # [px]
 MAX_PIXELS = 500_000_000  # of all images of a file; a GIF keeps one byte per pixel in memory
 STRIP_HEIGHT, POSE_HEIGHT = 150, 100  # [px] on flat ground, in an animation and in poses
 MAX_POSE_PLACE = 0.97  # largest place of the leader in poses, as a fraction of the width
+MAX_GIF_RATE = 50.0  # [Hz] viewers slow down images that are shown for less than 20 ms
 LAST_DURATION = 2000.0  # [ms] duration of the last image of a GIF
 REST = 0.08  # [s] shown before the push and after the end, in the time of the wave
 
@@ -159,13 +160,20 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> float:
     -------
     float
         Duration [s].
+
+    Raises
+    ------
+    ValueError
+        For more than 50 images per second, which viewers do not show.
     """
+    require("rate", rate, above=0.0, high=MAX_GIF_RATE, unit="Hz", hint="more in an MP4 film")
     first, *rest = map(_with_palette, images)
-    durations = [1000.0 / rate] * len(rest) + [LAST_DURATION]
+    times = np.round(np.arange(len(rest) + 1) * 100.0 / rate) * 10.0  # a GIF has hundredths of 1 s
+    durations = [*np.diff(times).tolist(), LAST_DURATION]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     options |= {"save_all": True, "append_images": rest}
     write_bytes(path, lambda file: first.save(file, "GIF", **options))
-    return 1e-3 * sum(durations)
+    return 1e-3 * float(sum(durations))
 
 
 def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> float:

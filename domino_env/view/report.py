@@ -172,6 +172,8 @@ def _curve(
     with errors_with_path(path):
         table = np.genfromtxt(io.StringIO(read_text(path)), delimiter=",", names=True, ndmin=1)
         for column in (x_column, y_column):
+            if column not in (table.dtype.names or ()):
+                raise ValueError(f"no column {column}: remove the file, or write that of the run")
             for line, value in enumerate(table[column], 2):  # line 1 has the names
                 if not np.isfinite(value):
                     raise ValueError(f"line {line}, {column} = {value}: give a finite number")

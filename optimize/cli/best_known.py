@@ -16,7 +16,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import LAYOUT_FILE, add_flags, add_json_option, add_options, write_json
-from domino_env.cli.verify import add_simulator_options
+from domino_env.cli.verify import FLOORS, add_simulator_options, read_floors
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -46,8 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     for name in arguments.scenes:
         require_choice("SCENE", name, known)
     selection = {name: known[name] for name in arguments.scenes or known}
-    if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
-        raise ValueError("--engine, --json and --update need --verify: add it")
+    has_floors = arguments.floor != read_floors(FLOORS)
+    own = arguments.update, arguments.json, arguments.engine, has_floors
+    if any(own) and not arguments.verify:
+        raise ValueError("--engine, --floor, --json and --update need --verify: add it")
     if arguments.layout and len(arguments.scenes) != 1:
         raise ValueError(f"--layout writes one layout, not {len(arguments.scenes)}: give one SCENE")
     scenes = {name: load_scene(name) for name in selection}

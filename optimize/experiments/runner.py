@@ -93,7 +93,7 @@ def run_experiment(
                             result = results[task.key] = get_result()
                     except ExecutorLost:
                         raise
-                    except (Exception, SystemExit) as error:
+                    except Exception as error:
                         failures.append(Failure(task, _reason(error)))
                         line.set_postfix_str(f"{len(failures)} failed", refresh=False)
                     else:

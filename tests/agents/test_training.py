@@ -157,10 +157,11 @@ def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeyp
     before = _curve(tmp_path / "cut")
     whole = _curve(run.folder)
     assert before == whole[: len(before)]  # the same seed gives the same results
-    with pytest.raises(ValueError, match=r"holds .* already: resume it"):
+    with pytest.raises(ValueError, match=r"holds .* already: resume the same"):
         train(SMALL, algorithm, folder=tmp_path / "cut", hyperparameters=chosen)
-    for scene, wrong in (("sprint", {}), (SMALL, {"seed": 4}), (SMALL, {"steps": 7})):
-        with pytest.raises(ValueError, match=f"has another {''.join(wrong) or 'scene'}: give its"):
+    given = ("another scene", "sprint", {}), ("seed = 3", SMALL, {"seed": 4})
+    for words, scene, wrong in given:
+        with pytest.raises(ValueError, match=f"has {words}: give its own scene"):
             train(scene, folder=tmp_path / "cut", resume=True, **wrong)
     resumed = train(SMALL, algorithm, folder=tmp_path / "cut", resume=True, hyperparameters=chosen)
     assert (resumed.scene, resumed.algorithm) == ("small", algorithm)

@@ -48,7 +48,7 @@ def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
         evaluator.evaluate(rng.random((20, evaluator.problem.dimension)))
         raise SystemExit
 
-    with pytest.raises(SystemExit):
+    with pytest.raises(ValueError, match="SystemExit None: end a method by"):
         search(scenes["spacing"], fails, folder=tmp_path)
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["evaluations"], summary["ended"][:18]) == (20, "the method failed:")

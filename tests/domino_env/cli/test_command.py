@@ -127,6 +127,7 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("render FILE", "give --gif FILE, --mp4 FILE or --png FILE"),
     ("render FILE --png out.gif", "--png: out.gif: name a .png file"),
     ("render FILE --png out.png --moments 0", "moments = 0: give a whole number"),
+    ("render FILE --gif out.gif --rate 60", "rate = 60.0 Hz: give a finite number, more"),
     ("render FILE --gif out.gif --slow 0", "slow = 0.0: give a finite number, more than 0"),
     ("render FILE --gif out.gif --width 401", "give an even number"),
     ("render FILE --png out.png --width 10000000",

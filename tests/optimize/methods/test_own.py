@@ -90,7 +90,8 @@ def test_a_method_runs_in_other_processes(folder, scenes):
     methods = [load("my_methods:run"), "my_methods:leave"]
     with ProcessExecutor(1) as executor:
         remote = compare([scenes["spacing"]], methods, seeds, 21, executor=executor)
-    assert [failure.reason for failure in remote.failures] == ["SystemExit: gone"] * 2
+    reason = "SystemExit gone: end a method by `return`"
+    assert [failure.reason for failure in remote.failures] == [reason] * 2
     with pytest.raises(ExecutorLost, match="after shutdown"):
         compare([scenes["spacing"]], methods, seeds, 21, executor=executor)
     with pytest.raises(ValueError, match="method = 'rnd': choose one of my_methods:run"):
@@ -107,6 +108,7 @@ def test_a_method_runs_in_other_processes(folder, scenes):
     ("my_methods:nothing", "'my_methods:nothing' ended without evaluating a layout"),
     ("my_broken:run", "No module named 'no_such_thing_here'"),
     ("my_typo:run", "'(' was never closed"),
+    ("my_methods:leave", "SystemExit gone: end a method by `return` (in method 'my_meth"),
     ("my_methods:", "method = 'my_methods:': choose one of auto, "),
 ])  # fmt: skip
 def test_impossible_methods_are_rejected_in_one_line(folder, error_of, method, message):
