@@ -175,7 +175,8 @@ def torch_score(scene: str | Path | Scene, rtol: float = RTOL) -> Callable[..., 
         sizes = {"spacing": spacing, "thickness": thickness, "height": height}
         for name, size in sizes.items():
             expected = f"a tensor (B, {pairs}) of floats"
-            require_type(name, size, torch.Tensor | None, expected)
+            kinds = torch.Tensor if name == "spacing" else torch.Tensor | None
+            require_type(name, size, kinds, expected)
             shape = (*spacing.shape[:1], pairs)
             if size is not None and not (size.is_floating_point() and size.shape == shape):
                 raise ValueError(f"{name} is {size.dtype} {tuple(size.shape)}: give {expected}")

@@ -276,7 +276,7 @@ def choose_scenes(
         return [distribution.sample(rng) for _ in range(number or 0)]
     name = distribution.name
     if name not in distribution_names() or load_distribution(name) != distribution:
-        raise ValueError(f"'{name}' has no test set: give a seed for sampled scenes (--seed)")
+        raise ValueError(f"'{name}' has no test set: sample scenes with --seed N --scenes N")
     tests = load_test_set(name)
     hint = f"the test set of {name}; others are sampled with a seed (--seed)"
     require("scenes", number, high=len(tests), hint=hint, whole=True, optional=True)

@@ -205,5 +205,6 @@ def require_size(target: Scene | SceneDistribution, size: int) -> None:
         raise ValueError(
             f"an observation of scene '{target.name}' has shape {shape}, this policy was trained "
             f"on ({size},): choose a scene with the same free variables and kind of ground, or for "
-            "a policy of sampled scenes their distribution (--distribution)"
+            "a policy of sampled scenes their distribution (--distribution); `hide`, another "
+            "`window` and wrappers of environments change the shape and are not supported here"
         )

@@ -121,7 +121,9 @@ def train_third_party(
     placed = max(work.pop("steps", 0), steps or STEPS)
 
     def policy(observations: Singles) -> NDArray[Any]:
-        return np.asarray(model.predict(observations, deterministic=True)[0])
+        batch = np.atleast_2d(observations)
+        actions = np.asarray(model.predict(batch, deterministic=True)[0])
+        return actions if observations.ndim > 1 else actions[0]
 
     (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
     trace = [(placed, placed, seconds, np.nan)]

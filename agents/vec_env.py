@@ -70,10 +70,10 @@ class DominoVecEnv(VecEnv):
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
-        observations, _ = self.vector.reset(seed=seeds, options=self._options[0])
-        self._reset_seeds()
+        options = self._options[0]
+        self._reset_seeds()  # before the reset, so that a failed one is not repeated
         self._reset_options()
-        return observations
+        return self.vector.reset(seed=seeds, options=options)[0]
 
     def set_options(self, options: dict[str, Any] | None = None) -> None:  # type: ignore[override]
         """Set the options of the next reset, as for `DominoChainVector.reset`.

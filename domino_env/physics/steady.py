@@ -217,7 +217,13 @@ def _check_chains(
     names = ("pitch", "thickness", "height", "density")
     sizes = tuple(map(numbers, names, chain))
     require_sizes(dict(zip(names, sizes, strict=True)))
-    if 0 in (shape := np.broadcast(*sizes).shape):
+    shapes = [size.shape for size in sizes]
+    try:
+        shape = np.broadcast_shapes(*shapes)
+    except ValueError:
+        given = ", ".join(f"{name} {shape}" for name, shape in zip(names, shapes, strict=True))
+        raise ValueError(f"shapes {given}: give numbers, or arrays of one shape") from None
+    if 0 in shape:
         raise ValueError(f"the sizes have shape {shape}: give one chain or more")
     return sizes
 

@@ -332,7 +332,8 @@ class WaveBatch:
         # summed as Layout.length is, so that speeds agree to the last bit
         length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
         # 1e-300: no division by zero where the mask excludes the quotient
-        return np.where(np.isfinite(total) & (total > 0.0), length / np.maximum(total, 1e-300), 0.0)
+        has_speed = np.isfinite(total) & (total > 0.0)
+        return read_only(np.where(has_speed, length / np.maximum(total, 1e-300), 0.0))
 
     def pullback(self, arrival_bar: Floats) -> Gradient:
         """Return the gradient of Σ_k arrival_bar[b, k] t_k of every layout b.

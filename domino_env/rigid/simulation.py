@@ -237,6 +237,8 @@ def simulate_standing(
         run = finer
         if uncertainty <= rtol and coarseness <= COARSEST / 4.0:  # at least two changes are known
             break
+    for values in run:
+        values.flags.writeable = False
     return RigidWave(
         layout=layout,
         physics=physics,

@@ -9,7 +9,6 @@ target gets the thinnest chosen domino.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from domino_env.core.types import Floats, Ints
 from domino_env.scenes.rules import Stock
@@ -75,6 +74,8 @@ def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:
     The chosen thicknesses have the order of the targets. So an assignment is needed only to select
     the dominoes that are left over.
     """
+    from scipy.optimize import linear_sum_assignment
+
     dominoes = np.sort(stock.dominoes)
     order = np.argsort(targets, axis=1, kind="stable")
     nearest = np.empty_like(targets)

@@ -99,9 +99,10 @@ class Experiment:
         Raises
         ------
         ValueError
-            If no task has the method.
+            If no task and no result has the method.
         """
-        require_choice("method", method, {task.method: None for task in self.tasks})
+        known = dict.fromkeys([*(task.method for task in self.tasks), *self.methods])
+        require_choice("method", method, known)
         return [r for r in self.results if r.method == method and problem in (None, r.problem)]
 
     def best_steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:

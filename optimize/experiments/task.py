@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.checks import require_type
+from domino_env.core.checks import require, require_type
 from domino_env.core.files import amount
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
@@ -118,7 +118,9 @@ class Task:
     Raises
     ------
     TypeError
-        If `labels` is no dictionary.
+        If `labels`, `scene` or `method` are of another type.
+    ValueError
+        If `seed` is no whole number.
     """
 
     scene: str
@@ -130,6 +132,9 @@ class Task:
 
     def __post_init__(self) -> None:
         require_type("labels", self.labels, Mapping, "a dictionary of settings")
+        require_type("scene", self.scene, str, "TOML text, such as scene.to_toml()")
+        require_type("method", self.method, str, "the name of a method")
+        require("seed", self.seed, 0, whole=True)
         for name, value in vars(self).items():
             if hasattr(value, "item"):  # a number of NumPy, which JSON does not have
                 vars(self)[name] = value.item()

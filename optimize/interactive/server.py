@@ -53,6 +53,7 @@ class Studio:
 
     def __init__(self, design: Design, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
+        require_type("design", design, Design, "a Design; studio(scene) makes one")
         self.design, self.url = design, ""
         self._port, self._first_step = port, design.first_step
 

@@ -214,7 +214,7 @@ def test_a_policy_is_evaluated_in_many_scenes(tmp_path, monkeypatch, algorithm, 
         rollout = evaluate(run.folder, scene)
         assert rollout.score == score
         assert scene.violations(rollout.layout) == []
-    with pytest.raises(ValueError, match="'small' has no test set: give a seed"):
+    with pytest.raises(ValueError, match="'small' has no test set: sample"):
         choose_scenes(policy.scene, 3)
     with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate(run.folder)

@@ -240,6 +240,7 @@ def test_arguments_of_another_type_are_rejected(function):
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: de.Physics(friction=-0.1), "friction = -0.1: give a finite number from 0 to 1e+09"),
     (lambda: de.Physics(gravity=0.0), "gravity = 0.0: give a finite number from 1e-09"),
+    (lambda: de.steady_wave([0.02, 0.03], [0.007] * 3), "shapes pitch (2,), thickness (3,), hei"),
     (lambda: de.steady_wave([0.02, np.nan], 0.0075), "pitch[1] = nan m: give a finite number"),
     (lambda: de.steady_wave(0.02, 0.0075, rtol=np.nan), "rtol = nan: give a finite number"),
     (lambda: de.steady_wave(0.02, 0.0075, slope="up"), "slope = 'up' rad: give a finite number"),

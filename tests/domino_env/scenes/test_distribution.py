@@ -110,7 +110,7 @@ def test_invalid_ranges_are_rejected(old, new, words):
 
 
 def test_a_distribution_is_read_from_a_file_of_its_own(tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match="load it by load_distribution"):
+    with pytest.raises(ValueError, match="it describes many scenes"):
         parse_scene(TEXT, "small", "small.toml")
     file = tmp_path / "mine.toml"
     file.write_text(TEXT)
