@@ -150,7 +150,7 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
     known = [str(choice) for choice in choices]
     if str(value) in known:
         return
-    similar = difflib.get_close_matches(str(value)[:50], known, n=1)
+    similar = difflib.get_close_matches(str(value)[:50].lower(), known, n=1)
     guess = f"did you mean '{similar[0]}'? " if similar else ""
     given = f"'{one_line(value, 60)}'" if isinstance(value, str) else as_text(value)
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")

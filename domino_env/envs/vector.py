@@ -261,7 +261,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             raise ValueError(f"seed of length {len(seeds)}: give a number or {self.num_envs} seeds")
         for value in seeds:
             require("seed", value, 0, whole=True, optional=True)
-        return seeds
+        return [None if value is None else int(value) for value in seeds]
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]

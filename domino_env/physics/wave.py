@@ -244,7 +244,7 @@ class Wave:
     def local_speed(self) -> Floats:
         """Pitches over the times between hits (N-1,) [m/s]; nan where not reached."""
         times = np.where(np.isfinite(self.arrival_times), self.arrival_times, np.nan)
-        return np.asarray(self.layout.pitch / np.diff(times))
+        return read_only(self.layout.pitch / np.diff(times))
 
     @property
     def explanation(self) -> str:

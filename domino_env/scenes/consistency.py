@@ -194,6 +194,8 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     hint = unit_hint(tables.row.height, tables.spacing.domain()[0], tables.thickness_domain()[0])
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
+    if hint is None and pairs * low <= 1e3 * length <= pairs * high:
+        hint = f"row.length = {1e3 * length:g} would fit: is the length in the right unit?"
     fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1
     most = min(most, MAX_DOMINOES)
     if hint is None and tables.stock is None and 2 <= fewest <= most:

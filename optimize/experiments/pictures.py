@@ -78,7 +78,9 @@ def draw_curves(
                 continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
-            marked = None if len(x) <= MAX_MARKERS else [-1]  # the last is visible if alone
+            marked: Any = None if len(x) <= MAX_MARKERS else [-1]  # the last is visible if alone
+            if np.isnan(x).any():  # dashes: a marker in the middle of each
+                marked = slice(1, None, len(DASH))
             line |= {"marker": "o", "markersize": 3.5, "markevery": marked}
             if band is not None:
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)

@@ -248,8 +248,11 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     Raises
     ------
     ValueError
-        For layouts of different scenes, and as for `load_scene`.
+        For a path that does not exist, layouts of different scenes, and as for `load_scene`.
     """
+    for given in map(Path, paths):
+        if not given.exists():
+            files.raise_with_path(given, "there is no such file: name a layout or a run folder")
     scenes = {str(path): scene_beside(path) for path in paths}
     first, common = next(((p, s) for p, s in scenes.items() if s is not None), ("", None))
     if common is None:

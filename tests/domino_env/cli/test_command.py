@@ -92,7 +92,8 @@ SCENE = "scene --count 40 --thickness 7.5"
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ("simulate nothing.csv", "nothing.csv: there is no such file: name a .csv or .json file"),
+    ("simulate nothing.csv", "nothing.csv: there is no such file: name a layout or a run"),
+    ("report nix FILE", "nix: there is no such file: name a layout or a run folder"),
     ("listen nothing.wav", "nothing.wav: No such file or directory: name another file or folder"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
     ("studies --store EMPTY", "empty.csv holds no store: give the file of one (--store)"),

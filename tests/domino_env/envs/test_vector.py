@@ -149,8 +149,9 @@ def test_every_environment_has_its_own_seed():
     env.reset(seed=5)
     assert env.np_random_seed == (5, 6, 7)
     assert env.np_random[2].random() == np.random.default_rng(7).random()
-    env.reset(seed=[1, None, 2])
+    env.reset(seed=[1, None, np.int64(2)])
     assert env.np_random_seed == (1, 6, 2)
+    assert env.np_random[2].random() == np.random.default_rng(2).random()
     env.reset(seed=20, options={"reset_mask": np.array([False, True, False])})
     assert env.np_random_seed == (1, 21, 2)
 
