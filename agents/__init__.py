@@ -5,7 +5,7 @@
     evaluate(run.folder).score  # [m/s]
     design("sprint").layout  # for any scene, in milliseconds, by a shipped policy
 
-Trained policies build layouts in the environment DominoChain-v1. All are evaluated by the score of
+Trained policies build layouts in the environment DominoChain-v2. All are evaluated by the score of
 the scene, as searches are. Importing this package does not import torch; training needs the extra
 "rl": pip install "domino-chains[rl]".
 """

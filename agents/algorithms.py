@@ -137,7 +137,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
         # steps: number of updates, times environments, times steps of an episode
         defaults = Hyperparameters(
             num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
-            first_deviation=0.5, middle_deviation=0.08, last_deviation=0.003, penalty=0.1,
+            first_deviation=0.3, middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
         )  # fmt: skip
         if scene is target and len(evaluation_seeds(scene)) == 1:
             return defaults

@@ -15,6 +15,7 @@ simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ class APG(OnPolicyAlgorithm):
         )  # fmt: skip
 
     def _setup_model(self) -> None:
-        """Initialise the policy to the uniform baseline; weights of unused observations are 0."""
+        """Set the weights of unused observations to 0."""
         super()._setup_model()
         if self.env is None:
             return
@@ -77,14 +78,8 @@ class APG(OnPolicyAlgorithm):
         self._mask[first:last] = 1.0
         for name in random_parts(scene):
             self._mask[parts[name]] = 1.0
-        layouts = [scene.uniform().layout for scene in env.vector.scenes]
-        # actions of the second step: a largest change of gaps narrows the bounds after the first
-        env.vector.step(env.vector.actions_towards(layouts))
-        actions = env.vector.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
-            weight = self.policy.mlp_extractor.policy_net[0].weight
-            weight[:, self._mask == 0.0] = 0.0
-            self.policy.action_net.bias.copy_(torch.from_numpy(actions))
+            self.policy.mlp_extractor.policy_net[0].weight[:, self._mask == 0.0] = 0.0
 
     def collect_rollouts(
         self, env: Any, callback: Any, rollout_buffer: Any, n_rollout_steps: int
@@ -113,9 +108,12 @@ class APG(OnPolicyAlgorithm):
         deviation = normal.stddev.unflatten(0, observations.shape[:2])
         actions = (mean + deviation * antithetic_noise(env.num_envs, *mean.shape[1:])).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
-        # a return is relative to the score of the uniform baseline, except if that is zero
-        factors = [100.0 / (abs(scene.uniform().score) or 1.0) / env.num_envs for scene in scenes]
-        return -(scores * torch.tensor(factors, dtype=torch.double)).sum(), infos
+        # a derivative of a return is relative to the score of the uniform baseline, unless that is
+        # zero, or to the score itself if hits have a schedule
+        units = torch.tensor([abs(scene.uniform().score) or 1.0 for scene in scenes])
+        if scenes[0].tempo is not None:
+            units = torch.where(scores > 0.0, 10.0 * math.log(10.0) * scores, 1.0).detach()
+        return -100.0 * (scores / units).sum() / env.num_envs, infos
 
     def train(self) -> None:
         """Take a step along the gradient of the mean return."""
@@ -226,9 +224,9 @@ class _Placing(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
-        """Return the gradient with respect to actions; 0 if descent would increase |action| > 1."""
+        """Return the gradient with respect to actions; 0 if descent would lead on beyond a bound."""
         gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
-        gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
+        gradient[ctx.vector.at_bounds(ctx.actions) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
 
 

@@ -5,7 +5,7 @@ pieces. Entries of an observation that the policy does not use are set to zero.
 
 - Pieces in random order: the policy uses position, hand, stock and the latest thicknesses, which
   do not depend on the gaps. It takes the pieces that the rule of `agents.draw` takes, and learns
-  the desired thicknesses of the rule by regression; the gradient is with respect to the gaps.
+  the preferences of the rule by regression; the gradient is with respect to the gaps.
 - Placement noise and a schedule: the policy uses position, lateness, the next intervals, and the
   latest gaps and thicknesses. The gradient includes the effect of an action on later observations:
   the arrival times are linearised with their exact derivatives with respect to gaps and
@@ -14,6 +14,7 @@ pieces. Entries of an observation that the policy does not use are set to zero.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,11 @@ import torch
 from agents.draw import rule, shipped_references
 from domino_env import Scene
 from domino_env.core.types import Floats
-from domino_env.kernels.step.observation import LATENESS_UNIT
+from domino_env.kernels.step.action import SLOPE
 
 RTOL = 1e-5  # relative error allowed in the arrival times of layouts built in training
-# [%] weight in the loss of the mean squared error of desired thicknesses, which are -1 to 1
-THICKNESS_WEIGHT = 10.0
+# [%] weight in the loss of the mean squared error of preferences, which are -1 to 1
+PREFERENCE_WEIGHT = 10.0
 # parts of an observation that are used besides the position
 HAND_PARTS = "thicknesses", "hand", "stock"
 TEMPO_PARTS = "lateness", "intervals", "gaps", "thicknesses"
@@ -64,7 +65,7 @@ class Episodes:
         self.noise = antithetic_noise(num_envs, pairs, env.action_space.shape[0])
         observations = torch.zeros(num_envs, pairs, len(mask))
         policy = rule(scene, shipped_references()["rule"]) if scene.hand else None
-        self.desired_thickness = torch.zeros(num_envs, pairs)  # as actions
+        self.preferences = torch.zeros(num_envs, pairs, env.action_space.shape[0] - 1)
         self.infos = [dict[str, Any]()] * num_envs
         observation, running = env.reset(), np.ones(num_envs, np.bool_)
         for n in range(pairs):
@@ -72,8 +73,8 @@ class Episodes:
             with torch.no_grad():
                 actions = self.actions(observations[:, n], n)[1].double().numpy()
             if policy is not None:
-                self.desired_thickness[:, n] = torch.from_numpy(policy(observation)[:, 1])
-                actions[:, 1] = self.desired_thickness[:, n]
+                self.preferences[:, n] = torch.from_numpy(policy(observation)[:, 1:])
+                actions[:, 1:] = self.preferences[:, n]
             observation, _, terminated, infos = env.step(actions)
             for b in np.flatnonzero(terminated & running):
                 self.infos[b] = infos[b]
@@ -81,7 +82,7 @@ class Episodes:
         # the loss has no layouts whose wave stops: their scores are not positive
         complete = [b for b, info in enumerate(self.infos) if info["score"] > 0.0]
         self.observations, self.noise = observations[complete], self.noise[complete]
-        self.desired_thickness = self.desired_thickness[complete]
+        self.preferences = self.preferences[complete]
         layouts = [self.infos[b]["layout"] for b in complete]
         self.spacing = np.array([layout.spacing for layout in layouts]).reshape(-1, pairs)
         self.thickness = np.array([layout.thickness[1:] for layout in layouts]).reshape(-1, pairs)
@@ -93,28 +94,29 @@ class Episodes:
 
     def loss(self) -> Any:
         """Return the loss: minus the mean return [%] up to a constant, and the regression loss."""
-        uniform = self.scene.uniform().score
         if not len(self.spacing):  # all waves stopped
             return 0.0 * self.actor.action_net.bias.sum()  # a zero with a gradient
-        return self._hand_loss(uniform) if self.scene.hand else self._tempo_loss(uniform)
+        return self._hand_loss() if self.scene.hand else self._tempo_loss()
 
-    def _hand_loss(self, uniform: float) -> Any:
-        """Return the loss for pieces in random order; `uniform` is the baseline's score."""
+    def _hand_loss(self) -> Any:
+        """Return the loss for pieces in random order."""
         normal = self.actor.get_distribution(self.observations.flatten(0, 1)).distribution
         mean, deviation = (part.reshape(*self.noise.shape) for part in (normal.mean, normal.stddev))
         actions = (mean + deviation * self.noise).double()[..., 0]
         batch = self.scene.batch(self.spacing, self.thickness, rtol=RTOL)
         gradient = self.scene.evaluate(batch, gradient=True).gradient
         assert gradient is not None
-        gaps = _sizes(actions, self.scene.spacing)
+        uniform = self.scene.uniform()
+        gaps = _sizes(actions, self.scene.spacing, uniform.layout.spacing[0])
         score = (torch.from_numpy(gradient.spacing) * gaps).sum(dim=1)
-        error = (mean[..., 1] - self.desired_thickness) ** 2
-        return -100.0 / uniform * score.mean() + THICKNESS_WEIGHT * error.mean()
+        error = (mean[..., 1:] - self.preferences) ** 2
+        return -100.0 / uniform.score * score.mean() + PREFERENCE_WEIGHT * error.mean()
 
-    def _tempo_loss(self, uniform: float) -> Any:
+    def _tempo_loss(self) -> Any:
         """Return the loss for placement noise and a schedule."""
         scene, tempo = self.scene, self.scene.as_placed.tempo
         assert tempo is not None
+        uniform_layout = scene.uniform().layout
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
         schedule = torch.from_numpy(tempo.schedule(scene.count))
         # changes of gap and thickness of the dominoes so far (B, n, 2) [m]; their values are 0, and
@@ -125,8 +127,8 @@ class Episodes:
             if n:  # the first observation does not depend on actions
                 earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
-                lateness = delay / (LATENESS_UNIT * tempo.tolerance)
-                observation[:, self.parts["lateness"].start] = lateness.clamp(-1.0, 1.0).float()
+                size = torch.log1p(delay.abs() / tempo.tolerance)
+                observation[:, self.parts["lateness"].start] = torch.copysign(size, delay).float()
                 bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
                 for k, (name, (low, high)) in enumerate(bounds.items()):
                     part = self.parts[name]
@@ -134,12 +136,15 @@ class Episodes:
                     end = part.start + latest.shape[1]
                     observation[:, part.start : end] += 2.0 / (high - low) * latest
             actions = self.actions(observation, n)[1].double()
-            sizes = [_sizes(actions[:, 0], scene.spacing), _sizes(actions[:, 1], scene.thickness)]
+            sizes = [
+                _sizes(actions[:, 0], scene.spacing, uniform_layout.spacing[0]),
+                _sizes(actions[:, 1], scene.thickness, uniform_layout.thickness[1]),
+            ]
             change = torch.stack([size - size.detach() for size in sizes], dim=1)
             changes = torch.cat([changes, change[:, None]], dim=1)
         shift = (by_gap * changes[:, None, :, 0] + by_thickness * changes[:, None, :, 1]).sum(dim=2)
         error = ((times + shift - schedule) ** 2).mean(dim=1).sqrt()
-        return -100.0 / uniform * (1.0 / (1.0 + error / tempo.tolerance)).mean()
+        return 10.0 * torch.log10(1.0 + error / tempo.tolerance).mean()
 
     def _derivatives(self) -> tuple[Floats, Floats, Floats]:
         """Return arrival times (B, N-1) [s], and their derivatives (B, N-1, N-1).
@@ -162,7 +167,10 @@ def antithetic_noise(number: int, *shape: int) -> torch.Tensor:
     return torch.cat([half, -half])[:number]
 
 
-def _sizes(actions: torch.Tensor, bounds: tuple[float, float]) -> torch.Tensor:
-    """Return the gaps or thicknesses [m] of actions from -1 to 1."""
-    low, high = bounds
-    return low + 0.5 * (high - low) * (actions.clamp(-1.0, 1.0) + 1.0)
+def _sizes(actions: torch.Tensor, bounds: tuple[float, float], uniform: float) -> torch.Tensor:
+    """Return the gaps or thicknesses [m] of entries of actions, see `domino_env.kernels.step`."""
+    low, high = (abs(math.log(bound / uniform)) for bound in bounds)
+    entries = actions.clamp(-1.0, 1.0)
+    spans = torch.where(entries < 0.0, low, high)
+    slopes = spans.clamp(max=SLOPE)
+    return uniform * torch.exp(entries * (slopes + (spans - slopes) * entries**2))

@@ -234,7 +234,7 @@ def write_episodes(
     env = DominoChainVector(1, distribution)
     returns, episodes = dict[str, float](), dict[str, list[EpisodeBuffer]]()
     register()  # `domino dataset` does not register the environments otherwise
-    single = gymnasium.make("DominoChain-v1", scene=distribution.name)
+    single = gymnasium.make("DominoChain-v2", scene=distribution.name)
     for quality in QUALITIES:
         buffers = episodes[quality] = []
         for i, (scene, layout) in enumerate(zip(scenes, layouts, strict=True)):

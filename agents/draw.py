@@ -5,6 +5,9 @@
   Both together have 25 coefficients;
 - open loop: a fixed sequence of gaps and desired thicknesses.
 
+Both are in relative sizes: -1 is the smallest gap or thickness of the scene, 1 the largest. Of the
+pieces in hand, the one with the nearest thickness is taken.
+
 `docs/draw_references.py` fits both to the orders of `SELECTION_SEEDS` of the scene "draw" and
 writes `draw.json` beside this file. The file also has the mean score [m/s] of layouts that were
 optimised with the order known in advance ("hindsight").
@@ -21,6 +24,7 @@ from agents.network import Policy
 from domino_env import DominoChain, Scene
 from domino_env.core.files import read_json
 from domino_env.core.types import Floats, Singles
+from domino_env.envs.spaces import gap_entries
 
 PATH = Path(__file__).with_name("draw.json")
 # numbers of knots: of the desired thickness, of the gap, and of its derivatives with respect to the
@@ -34,6 +38,26 @@ def shipped_references() -> dict[str, Floats]:
     return {name: np.array(values) for name, values in read_json(PATH).items()}
 
 
+def relative_kinds(scene: Scene) -> Floats:
+    """Return the relative thicknesses (K,) of the kinds of a stock, thin to thick."""
+    assert scene.stock is not None
+    return relative(np.sort(scene.stock.thickness), scene.thickness)
+
+
+def relative(sizes: Floats, bounds: tuple[float, float]) -> Floats:
+    """Return the relative sizes of sizes [m] within bounds [m]."""
+    low, high = bounds
+    return np.asarray(2.0 * (sizes - low) / (high - low) - 1.0)
+
+
+def to_actions(scene: Scene, sizes: Floats) -> Floats:
+    """Return the actions (…, 1 + K) for relative gaps and desired relative thicknesses (…, 2)."""
+    low, high = scene.spacing
+    gaps = low + 0.5 * (sizes[..., :1] + 1.0) * (high - low)
+    distance = np.abs(relative_kinds(scene) - np.clip(sizes[..., 1:], -1.0, 1.0))
+    return np.concatenate([gap_entries(scene, gaps), 1.0 - distance], axis=-1)
+
+
 def rule(scene: Scene, coefficients: Floats) -> Policy:
     """Return the policy of the rule with given coefficients.
 
@@ -42,34 +66,35 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     scene
         A scene with a hand.
     coefficients
-        (25,), or (B, 25) for B environments: values at the knots, in units of actions.
+        (25,), or (B, 25) for B environments: values at the knots, as relative sizes.
 
     Returns
     -------
     callable
-        Function from observations (…, O) to actions (…, 2): gap and desired thickness.
+        Function from observations (…, O) to actions (…, 1 + K).
     """
-    assert scene.stock is not None
+    sizes = rule_sizes(scene, coefficients)
+    return lambda observation: to_actions(scene, sizes(observation))
+
+
+def rule_sizes(scene: Scene, coefficients: Floats) -> Policy:
+    """Return a function from observations to relative gaps and desired thicknesses (…, 2)."""
     parts, pairs = DominoChain(scene).observation_layout, scene.count - 1
-    low, high = scene.thickness
-    # thicknesses as actions, from -1 to 1
-    kinds = 2.0 * (np.array(scene.stock.thickness) - low) / (high - low) - 1.0
-    first = 2.0 * (scene.first_thickness - low) / (high - low) - 1.0
+    kinds, first = relative_kinds(scene), relative(np.array(scene.first_thickness), scene.thickness)
     curves = np.split(coefficients, np.cumsum(KNOTS)[:-1], axis=-1)
 
-    def policy(observation: Singles) -> Floats:
+    def sizes(observation: Singles) -> Floats:
         n = np.rint(observation[..., parts["placed"].start] * pairs)
         # from 0 to 1, dense near both ends
         position = 0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs)
         desired, gap, by_piece, by_last = (_interpolate(position, values) for values in curves)
-        desired = np.clip(desired, -1.0, 1.0)
-        distance = np.abs(kinds - desired[..., None])
+        distance = np.abs(kinds - np.clip(desired, -1.0, 1.0)[..., None])
         distance[~(observation[..., parts["hand"]] > 0.0)] = np.inf
         piece = kinds[np.argmin(distance, axis=-1)]
         last = np.where(n > 0, observation[..., parts["thicknesses"].start], first)
         return np.stack([gap + by_piece * piece + by_last * last, desired], axis=-1)
 
-    return policy
+    return sizes
 
 
 def _interpolate(position: Floats, values: Floats) -> Floats:
@@ -79,9 +104,10 @@ def _interpolate(position: Floats, values: Floats) -> Floats:
     return np.asarray(np.sum(np.maximum(1.0 - distance, 0.0) * values, axis=-1))
 
 
-def open_loop(scene: Scene, actions: Floats) -> Policy:
-    """Return the policy that takes (N-1, 2) actions in order and observes only its position."""
+def open_loop(scene: Scene, sizes: Floats) -> Policy:
+    """Return the policy of a sequence of relative gaps and desired thicknesses (N-1, 2)."""
     placed, pairs = DominoChain(scene).observation_layout["placed"].start, scene.count - 1
+    actions = to_actions(scene, sizes)
     return lambda observation: np.asarray(
         actions[np.rint(observation[..., placed] * pairs).astype(np.int64)]
     )

@@ -12,7 +12,7 @@ import numpy as np
 from agents.network import Policy
 from domino_env import DominoChain, DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.types import Floats
-from domino_env.scenes.uniform import UniformBaseline, gain
+from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.notebook import SceneResult
 from optimize.searching import compile_simulations
 
@@ -50,8 +50,8 @@ class Rollout(SceneResult):
 
     @property
     def gain(self) -> float | None:
-        """Score over that of the uniform baseline, minus 1; None if one of the waves stops."""
-        return gain(self.score, self.uniform.score)
+        """Gain over the uniform baseline, see `Scene.gain`; None if one of the waves stops."""
+        return self.scene.gain(self.score, self.uniform.score)
 
 
 def build(

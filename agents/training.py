@@ -115,13 +115,13 @@ class Run:
         """Draw the learning curve, with the uniform baseline and the best known score."""
         assert self.rollout is not None
         scene, uniform = self.rollout.scene, self.rollout.uniform.score
-        lines = {f"uniform baseline {uniform:.4f}": uniform}
+        lines = {"uniform baseline": uniform}
         if record := best_known().get(scene.name):
-            lines[f"best known {record.score:.4f}"] = record.score
+            lines["best known"] = record.score
         table = np.array(self.curve)  # columns as in `COLUMNS`
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
         clock = f"dominoes placed in the training ({self.algorithm})"
-        draw_scores(axes, table[:, 0], curves, lines, scene.unit, clock)
+        draw_scores(axes, table[:, 0], curves, lines, scene.criterion, clock)
 
 
 def train(
@@ -370,7 +370,9 @@ class Training:
             float(learner.steps), seconds, score, self.best, processor_seconds, self.test_score,
             float(self.simulations),
         ))  # fmt: skip
-        best = f"median gain {self.best:+z.2%}" if self.scenes else f"score {self.best:.4f}"
+        best = f"median gain {self.best:+z.2%}"
+        if isinstance(self.target, Scene):
+            best = self.target.criterion.label(self.best, 4)
         self.bar.set_postfix_str(f"best {best}", refresh=False)
 
     def write_checkpoint(self) -> None:

@@ -18,7 +18,7 @@ from itertools import permutations
 import cma
 import numpy as np
 
-from agents.draw import KNOTS, PATH, open_loop, rule
+from agents.draw import KNOTS, PATH, open_loop, relative, rule, rule_sizes, to_actions
 from agents.network import Policy
 from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, episode_scores, last_infos
 from domino_env import DominoChain, DominoChainVector, Scene, load_scene
@@ -29,7 +29,7 @@ from optimize.methods.search.cma_es import cma_options
 
 GENERATIONS, POPULATION = 400, 16
 FIRST_STEP = 0.3  # standard deviation of the coefficients of the rule
-PREFERENCES = -0.75, -0.25, 0.25, 0.75  # requests, as actions: every ranking of three kinds
+PREFERENCES = -0.75, -0.25, 0.25, 0.75  # relative thicknesses: every ranking of three kinds
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
 ROUNDS = 40
@@ -38,11 +38,9 @@ GAIN = 1e-5  # a smaller relative gain of a round ends the search
 
 def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATIONS) -> Floats:
     """Return the (25,) coefficients of the rule with the best mean score on the planning orders."""
-    low, high = scene.spacing
     start = np.zeros(sum(KNOTS))
-    start[KNOTS[0] : KNOTS[0] + KNOTS[1]] = (
-        2.0 * (scene.uniform().layout.spacing[0] - low) / (high - low) - 1.0
-    )
+    uniform = scene.uniform().layout.spacing[:1]
+    start[KNOTS[0] : KNOTS[0] + KNOTS[1]] = relative(uniform, scene.spacing)
 
     def mean_scores(candidates: Floats) -> Floats:
         orders = len(SELECTION_SEEDS)
@@ -60,15 +58,15 @@ def fit_rule(scene: Scene, rng: np.random.Generator, generations: int = GENERATI
     return np.asarray(strategy.result.xfavorite)
 
 
-def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
-    """Return (N-1, 2) actions with a high mean score on the planning orders.
+def fit_fixed(scene: Scene, sizes: Floats, rounds: int = ROUNDS) -> Floats:
+    """Return relative sizes (N-1, 2) with a high mean score on the planning orders.
 
     Parameters
     ----------
     scene
         A scene with a hand.
-    actions
-        (N-1, 2) actions to begin at.
+    sizes
+        (N-1, 2) relative gaps and desired thicknesses to begin at.
     rounds
         Largest number of rounds, each of which changes one requested thickness.
     """
@@ -77,7 +75,7 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
     def pieces(wishes: Floats) -> Floats:
         env.reset(seed=seeds)
         both = np.stack([np.zeros(len(wishes)), wishes], axis=1)
-        return env.place_all(np.tile(both, (len(seeds), 1, 1)))[1]
+        return env.place_all(np.tile(to_actions(scene, both), (len(seeds), 1, 1)))[1]
 
     def refined(gap: Floats, thickness: Floats, gradients: int) -> tuple[float, Floats]:
         search = LocalSearch(gap)
@@ -85,7 +83,7 @@ def fit_fixed(scene: Scene, actions: Floats, rounds: int = ROUNDS) -> Floats:
             search.update(*_mean(scene, search.candidate, thickness))
         return search.score, search.design
 
-    gap, wishes = 0.5 * (np.clip(actions[:, 0], -1.0, 1.0) + 1.0), actions[:, 1]
+    gap, wishes = 0.5 * (np.clip(sizes[:, 0], -1.0, 1.0) + 1.0), sizes[:, 1]
     score, gap = refined(gap, pieces(wishes), LONG)
     for _ in range(rounds):
         changes = [(n, wish) for n in range(len(wishes)) for wish in PREFERENCES]
@@ -232,13 +230,13 @@ def main() -> None:
     fitted = fit_rule(scene, rng)
     policy = rule(scene, fitted)
     spacing, _ = _layouts_of(policy, scene, SELECTION_SEEDS)
-    low, high = scene.spacing
-    gaps = 2.0 * (spacing.mean(axis=0) - low) / (high - low) - 1.0
+    gaps = relative(spacing.mean(axis=0), scene.spacing)
     env = DominoChain(scene)
     observed = np.ones((scene.count - 1, *(env.observation_space.shape or ())), np.float32)
     place = np.arange(scene.count - 1) / (scene.count - 1)
     observed[:, env.observation_layout["placed"].start] = place
-    plan = fit_fixed(scene, np.stack([gaps, policy(observed)[:, 1]], axis=1))
+    desired = rule_sizes(scene, fitted)(observed)[:, 1]
+    plan = fit_fixed(scene, np.stack([gaps, desired], axis=1))
     best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, open_loop(scene, plan)])
     document = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
     write_text(PATH, json.dumps(document, indent=1) + "\n")

@@ -1,16 +1,18 @@
 """Fill the tables of scenes, methods and public names into their pages.
 
 ``python docs/pages.py`` writes the text between the comments ``<!-- name -->`` and ``<!-- end -->``
-of README.md, docs/scenes/index.md, docs/methods.md and docs/reference.md. MkDocs calls `on_files`
-and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with a figure, and one
-for the public names of every package.
+of README.md and of docs/scenes/index.md, environments.md, methods.md and reference.md. MkDocs calls
+`on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with a
+figure, and one for the public names of every package.
 """
 
 from __future__ import annotations
 
 import ast
+import csv
+import inspect
 import re
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files as package_files
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
+from agents.rollout import last_infos
+from domino_env import DominoChain, DominoChainVector
 from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
@@ -117,6 +121,10 @@ def filled_pages() -> dict[Path, str]:
             "scenes": scene_table("../../domino_env", columns, tuple(columns)),
             "keys": key_table(),
         },
+        "docs/environments.md": {
+            "chain": class_sections(DominoChain, "Action space", "Observation space", "Rewards"),
+            "returns": return_table(),
+        },
         "docs/methods.md": {
             "methods": method_sections(),
             "peers": [f"- `{name}` needs {package}" for name, (_, package) in THIRD_PARTY.items()],
@@ -210,6 +218,52 @@ def key_table() -> list[str]:
             value = "" if default is None else f"`{default}`"
             lines.append((place, f"`{key}`", field["description"] + choice, value))
     return markdown_table(("table", "key", "meaning", "default"), lines)
+
+
+def class_sections(kind: type, *titles: str) -> list[str]:
+    """Return some sections of the docstring of an environment."""
+    _, *sections = (inspect.getdoc(kind) or "").split("## ")
+    chosen = [f"### {text}".rstrip() for text in sections if text.partition("\n")[0] in titles]
+    return "\n\n".join(chosen).splitlines()
+
+
+def return_table() -> list[str]:
+    """Return the table of observations, actions and returns in all scenes.
+
+    Returns are means over episodes [%]. References react to what is random in the scene, or are
+    planned for it.
+    """
+    with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
+        references = [line for line in csv.DictReader(file) if not line["seed"]]
+    lines = []
+    for name, record in best_known().items():
+        scene = de.load_scene(name)
+        env, rng = DominoChain(scene), np.random.default_rng(0)
+        (size,), (entries,) = env.action_space.shape, env.observation_space.shape
+        gain, uniform = scene.as_placed.criterion.gain, scene.uniform().score
+        others = {
+            line["policy"]: gain(np.array(float(line["score"])), uniform)
+            for line in references
+            if line["scene"] == name and line["policy"] != "uniform"
+        }
+        if not others:
+            others = {"best known": gain(np.array(record.score), uniform)}
+        seeds = range(4 if scene.criterion.simulates_anew and not scene.placement_draws else 256)
+        mean_gains = []
+        for spread in (1.0, 0.0):
+            policy = partial(_random_actions, rng, spread, size)
+            vector = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+            mean_gains.append(np.mean(last_infos(policy, vector, "gain", seed=[*seeds])))
+        known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
+        numbers = (f"{100.0 * value + 0.0:.1f}" for value in mean_gains)
+        lines.append((f"`{name}`", entries, size, *numbers, known))
+    names = "scene", "observation", "action", "random", "zeros", "best known, or references"
+    return markdown_table(names, lines)
+
+
+def _random_actions(rng: np.random.Generator, spread: float, size: int, observations: Any) -> Any:
+    """Return uniform random actions (B, A) within ±spread."""
+    return spread * rng.uniform(-1.0, 1.0, (len(observations), size))
 
 
 def method_sections() -> list[str]:

@@ -7,7 +7,7 @@
     layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
     wave = de.simulate(layout, de.Physics(friction=0.25, push=8.0))
 
-    env = gymnasium.make("DominoChain-v1", scene="sprint")
+    env = gymnasium.make("DominoChain-v2", scene="sprint")
 
 Names are imported when they are first used. Importing the package registers the functions that draw
 results, and the environments with Gymnasium.

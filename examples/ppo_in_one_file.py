@@ -23,7 +23,7 @@ SCENE, NUM_ENVS, STEPS = "varied", 256, 64
 
 def make(num_envs):
     settings = {"scene": SCENE, "autoreset_mode": "SameStep"}
-    return gymnasium.make_vec("DominoChain-v1", num_envs=num_envs, **settings)
+    return gymnasium.make_vec("DominoChain-v2", num_envs=num_envs, **settings)
 
 
 def network(inputs, outputs):

@@ -42,7 +42,7 @@ def train(steps=2_000_000, seed=0):
 
 def gains(model, scenes):
     """Return the gains over the uniform baselines; less than -1 where the wave stops."""
-    env, gains = gymnasium.make("DominoChain-v1", scene=SCENE), []
+    env, gains = gymnasium.make("DominoChain-v2", scene=SCENE), []
     for scene in scenes:
         observation, over = env.reset(options={"scene": scene})[0], False
         while not over:

@@ -27,7 +27,7 @@ from domino_env.view.animation import write_gif
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-ENVIRONMENT, SCENE, NUM_ENVS, ROLLOUT = "domino_env:DominoChain-v1", "sprint", 16, 128
+ENVIRONMENT, SCENE, NUM_ENVS, ROLLOUT = "domino_env:DominoChain-v2", "sprint", 16, 128
 
 
 class Curve(BaseCallback):

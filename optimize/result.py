@@ -11,7 +11,8 @@ import numpy as np
 from domino_env.core.files import amount
 from domino_env.core.results import document, versions
 from domino_env.core.types import Floats
-from domino_env.scenes.uniform import UniformBaseline, gain
+from domino_env.scenes.objectives.base import Objective
+from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.notebook import SceneResult
 
 Trace = tuple[tuple[int, int, float, float], ...]  # see `SearchResult.trace`
@@ -64,8 +65,8 @@ class SearchResult(SceneResult):
 
     @property
     def gain(self) -> float | None:
-        """Score over that of the uniform baseline, minus 1; None if one of the waves stops."""
-        return gain(self.score, self.uniform.score)
+        """Gain over the uniform baseline, see `Scene.gain`; None if one of the waves stops."""
+        return self.scene.gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
         score = self.scene.format_with_gain(self.score, self.wave)
@@ -83,10 +84,11 @@ class SearchResult(SceneResult):
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time."""
         times, scores = np.array(self.trace)[:, 2:].T
+        criterion = self.scene.criterion
         settings = f"{self.method}, seed {self.seed}, {amount(self.evaluations, 'layout')}"
-        lines = {f"uniform baseline {self.uniform.score:.4f}": self.uniform.score}
-        curves = {f"{self.method} {scores[-1]:.4f}": scores}
-        draw_scores(axes, times, curves, lines, self.scene.unit, f"seconds of search ({settings})")
+        lines = {"uniform baseline": self.uniform.score}
+        curves = {f"{self.method} {criterion.displayed(scores[-1]):.4f}": scores}
+        draw_scores(axes, times, curves, lines, criterion, f"seconds of search ({settings})")
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of summary.json, in SI units, as a dict."""
@@ -115,7 +117,7 @@ def draw_scores(
     times: Floats,
     curves: Mapping[str, Floats],
     lines: Mapping[str, float],
-    unit: str,
+    criterion: Objective,
     clock: str,
 ) -> None:
     """Draw scores over the course of a search or a training, as steps.
@@ -130,24 +132,29 @@ def draw_scores(
         Scores (K,) by label, at most two; first those of the best layout so far.
     lines
         Constant scores for comparison by label, at most two; first that of the uniform baseline.
-    unit
-        Unit of the scores.
+    criterion
+        Objective whose `displayed` numbers of the scores are drawn.
     clock
         Label of the time axis.
     """
     from domino_env.core.colours import BEST_KNOWN, RESULT, SKY, UNIFORM
-    from domino_env.core.plot_style import LEGEND, set_time_axis
+    from domino_env.core.plot_style import LEGEND, set_time_axis, set_wide_axis
 
+    displayed = criterion.displayed
     for (label, value), colour in zip(lines.items(), (UNIFORM, BEST_KNOWN), strict=False):
-        axes.axhline(value, color=colour, label=label)
+        axes.axhline(displayed(value), color=colour, label=f"{label} {displayed(value):.4f}")
     for (label, scores), colour in zip(curves.items(), (RESULT, SKY), strict=False):
-        axes.step(times, scores, color=colour, where="post", label=label)
-    ends = [next(iter(curves.values()))[-1], *lines.values()]
-    # show the final scores, with room for the legend below them, not the low ones at the beginning
-    if min(ends) > 0.0:
-        low, high = min(ends), max(ends)
+        axes.step(times, displayed(scores), color=colour, where="post", label=label)
+    ends = displayed(np.array([next(iter(curves.values()))[-1], *lines.values()]))
+    low, high = ends.min(), ends.max(initial=ends.min(), where=np.isfinite(ends))
+    # show the final scores, with room for the legend, not the bad ones at the beginning
+    if not criterion.unit:  # errors, of which the lowest are the best
+        if not set_wide_axis(axes, ends):
+            room = 0.1 * (high - low) + 0.01 * low
+            axes.set_ylim(max(low - room, 0.0), high + 9.0 * room)
+    elif low > 0.0:
         axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
     set_time_axis(axes, times)
     axes.set_xlabel(clock)
-    axes.set_ylabel(f"score [{unit}]" if unit else "score")
+    axes.set_ylabel(criterion.quantity())
     axes.legend(loc="best", ncols=len(curves) + len(lines), **LEGEND)

@@ -21,7 +21,7 @@ from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, uniform_layouts
 from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
@@ -277,14 +277,14 @@ def progress_line(
         Function of the evaluator that updates the line and calls `callback`.
     """
     name, uniform = f"{scene.name}, {method}", scene.uniform().score
+    criterion = scene.criterion
     options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": BAR_FORMAT, "leave": False}
     with progress_bar(progress, line=PLAIN_FORMAT, dynamic_ncols=True, **options) as line:
 
         def update(evaluator: Evaluator) -> None:
             score = evaluator.best_score
-            own_gain = gain(score, uniform)
-            text = f"best {score:.5f} {scene.unit}".rstrip()
-            text += "" if own_gain is None else f", {own_gain:+z.2%} against uniform"
+            comparison = criterion.compare(score, uniform, "uniform")
+            text = ", ".join(filter(None, (f"best {criterion.label(score, 5)}", comparison)))
             if score <= 0.0:
                 text = f"no layout succeeds yet, best score {score:.3f}"
             line.set_postfix_str(text, refresh=False)

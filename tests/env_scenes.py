@@ -31,6 +31,14 @@ def play(env, policy, **reset):
     return np.array(actions), np.array(observations), np.array(rewards), info
 
 
+def size_of(entry, bounds, uniform):
+    """Return the gap or thickness [m] of an entry of an action, by the formula of the page."""
+    end = bounds[0] if entry < 0.0 else bounds[1]
+    span, size = abs(np.log(end / uniform)), min(abs(entry), 1.0)
+    slope = min(1.0, span)
+    return uniform * np.exp(np.sign(entry) * size * (slope + (span - slope) * size**2))
+
+
 def scaled(scene, factor):
     """Return the scene with all lengths multiplied by a factor, and the same waves in its units."""
     physics = scene.physics.replace(push=scene.physics.push / np.sqrt(factor))

@@ -251,10 +251,12 @@ def test_the_reference_is_complete(pages):
 
 
 GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}
+FILLED = re.compile(r"<!-- \w+ -->\n.*?<!-- end -->", re.DOTALL)  # by `docs/pages.py`
 
 
 def test_hand_written_pages_are_short_and_name_the_next_page():
     written = {page: text for page, text in PAGES.items() if page not in GENERATED}
+    written["environments.md"] = FILLED.sub("", written["environments.md"])
     assert sum(len(text.split()) for text in written.values()) <= 24_000
     for page, text in written.items():
         assert text.count("\n") <= (110 if page == "README.md" else 150), page

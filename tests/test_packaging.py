@@ -55,7 +55,7 @@ assert {"domino_env", "optimize", "agents"} <= sys.modules.keys()
     ("import domino_env as de; de.Layout([0.02], 0.0075); de.Physics()", "numba scipy"),
     ("import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))",
      "torch cvxpy cma matplotlib pygame scipy.optimize"),
-    ("import gymnasium.vector; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
+    ("import gymnasium.vector; env = gymnasium.make('domino_env:DominoChain-v2', scene='gentle');"
      "env.reset(); env.step(env.action_space.sample())", "PIL matplotlib pygame"),
     ("import optimize; optimize.search, optimize.METHODS",
      "cma scipy.optimize tqdm matplotlib cvxpy"),

@@ -120,14 +120,12 @@ def describe(rollout: Rollout) -> str:
     """
     from agents.rollout import evaluation_seeds
     from agents.scripted import plan
-    from domino_env.scenes.uniform import format_gain, gain
     from optimize.experiments.best_known import best_known
 
-    scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
-    unit = f" {scene.unit}" if scene.unit and score > 0.0 else ""  # a wave that stops: no speed
-    text = f"{scene.name}: score {score:.6f}{unit} ({rollout.wave.outcome.name})"
-    if rollout.gain is not None:
-        text += f", {format_gain(rollout.gain)} the uniform baseline ({uniform:.6f})"
+    scene, score, criterion = rollout.scene, rollout.score, rollout.scene.criterion
+    outcome, uniform = rollout.wave.outcome.name, rollout.uniform.score
+    texts = [f"{scene.name}: {criterion.label(score)} ({outcome})"]
+    texts.append(criterion.compare(score, uniform, "the uniform baseline", detailed=True))
     known = best_known().get(scene.name)
     best: float | None = None if known is None else known.score
     reference = "the best known"
@@ -135,7 +133,6 @@ def describe(rollout: Rollout) -> str:
         best, reference = None, f"the open-loop plan over the same {number} episodes"
         with suppress(ValueError):  # there is no plan for the scene
             best = plan(scene).score
-    difference = None if best is None else gain(score, best)
-    if difference is not None:
-        text += f", {format_gain(difference, 3)} {reference} ({best:.6f})"
-    return f"{text}; built in {rollout.seconds * 1e3:.1f} ms"
+    if best is not None:
+        texts.append(criterion.compare(score, best, reference, 3, detailed=True))
+    return f"{', '.join(filter(None, texts))}; built in {rollout.seconds * 1e3:.1f} ms"

@@ -7,7 +7,7 @@ and thickness in metres; height and density if they differ), or a .json file.
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from domino_env.cli import options
 
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         options.write_json(result, "-")
         return 0
     lines = [*_table(wave), *_summary(wave), chosen.line]
-    lines += _evaluation_lines(evaluation) if scene else []
+    lines += _evaluation_lines(evaluation, scene) if scene else []
     lines += rigid_summary(rigid, wave) if rigid else []
     lines += [noise_summary(noise)] if noise else []
     print("\n".join(lines))
@@ -128,32 +128,31 @@ def _summary(wave: Wave) -> list[str]:
     return lines
 
 
-def _evaluation(wave: Wave, scene: Scene) -> dict[str, object]:
+def _evaluation(wave: Wave, scene: Scene) -> dict[str, Any]:
     """Return the violated rules of a scene, or else the scores of wave and uniform baseline."""
-    from domino_env.scenes.uniform import gain
-
     violations = scene.violations(wave.layout)
-    result: dict[str, object] = {"scene": scene.name, "violations": violations}
+    result: dict[str, Any] = {"scene": scene.name, "violations": violations}
     if not violations and wave.physics == scene.physics:
         score, uniform = scene.score(wave), scene.uniform().score
         result |= {"score": score, "uniform_score": uniform}
-        if (relative := gain(score, uniform)) is not None:
-            result["gain"] = relative
+        if (gain := scene.gain(score, uniform)) is not None:
+            result["gain"] = gain
     return result
 
 
-def _evaluation_lines(result: dict[str, object]) -> list[str]:
+def _evaluation_lines(result: dict[str, Any], scene: Scene) -> list[str]:
     """Return the result of `_evaluation` in lines of text."""
-    name, violations = result["scene"], result["violations"]
-    if isinstance(violations, list) and violations:
-        return [f"not a layout of scene '{name}': {sentence}" for sentence in violations]
+    name, criterion = scene.name, scene.criterion
+    if result["violations"]:
+        return [f"not a layout of scene '{name}': {sentence}" for sentence in result["violations"]]
     if "score" not in result:
         return [f"no score on '{name}': these are not the friction, gravity and push of the scene"]
-    uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
-    comparison = f"no gain over {uniform}: a score of 0 or less is no success"
-    if "gain" in result:
-        comparison = f"{result['gain']:+z.2%} against {uniform}"
-    return [f"score {result['score']:.6f} on '{name}', {comparison}"]
+    score, uniform = result["score"], result["uniform_score"]
+    comparison = criterion.compare(score, uniform, "the uniform baseline", detailed=True)
+    if not comparison:
+        reference = f"the uniform baseline ({uniform:.6f})"
+        comparison = f"no gain over {reference}: a score of 0 or less is no success"
+    return [f"{criterion.label(score)} on '{name}', {comparison}"]
 
 
 def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:

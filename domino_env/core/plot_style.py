@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -167,6 +168,20 @@ def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
         axes.set_xscale("log")
         label_plainly(axes.xaxis, (1, 3))
     axes.set_xlim(begin, max(times[-1], 1e-3))  # Matplotlib warns of equal limits
+
+
+def set_wide_axis(axes: Axes, values: Floats) -> bool:
+    """Set a logarithmic y axis if positive values differ by more than a factor of 20.
+
+    Values that are not finite are ignored. Return True if the axis is logarithmic.
+    """
+    values = values[np.isfinite(values)]
+    if not len(values) or values.max() <= 20.0 * values.min():
+        return False
+    axes.set_yscale("log")
+    axes.set_ylim(0.5 * values.min(), 5.0 * values.max())  # with space for a legend
+    label_plainly(axes.yaxis, (1,) if values.max() > 1e3 * values.min() else (1, 3))
+    return True
 
 
 def label_plainly(axis: Axis, digits: Sequence[float]) -> None:

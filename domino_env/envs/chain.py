@@ -1,4 +1,4 @@
-"""Environments in which one action places one domino: DominoChain-v1, single and vector."""
+"""Environments in which one action places one domino: DominoChain-v2, single and vector."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 
 from domino_env.core.checks import numbers, require
 from domino_env.core.files import as_text
@@ -16,7 +15,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import object_array
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import action_entries, check_actions
-from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Indices, Infos
+from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Infos
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
@@ -39,13 +38,24 @@ class DominoChain(DominoEnv):
 
     ## Action space
     `Box(-1, 1, (A,), float32)`, with the entries of this table that the scene leaves free, in this
-    order. -1 is the smallest value and 1 the largest; other actions are clipped.
+    order; other actions are clipped.
 
-    | entry     | meaning                                     | unit                     |
-    |-----------|---------------------------------------------|--------------------------|
-    | gap       | free gap in front of the leading domino     | m, or heights            |
-    | thickness | thickness of the domino that is placed      | m, or heights            |
-    | growth    | its height over that of the previous domino | 1                        |
+    | entry       | meaning                                                | unit          |
+    |-------------|--------------------------------------------------------|---------------|
+    | gap         | free gap in front of the leading domino                | m, or heights |
+    | thickness   | thickness of the domino that is placed, without a stock| m, or heights |
+    | preferences | one for each kind of pieces in a stock, thin to thick  | 1             |
+    | growth      | its height over that of the previous domino            | 1             |
+
+    An entry of 0 is the value of the uniform baseline, -1 the smallest value and 1 the largest. In
+    between, the logarithm of the ratio of the value x to that of the baseline u is a cubic of the
+    entry e. Between 0 and 1
+
+        ln(x / u) = e (s + (l - s) e²),    l = ln(largest / u),    s = min(1, l)
+
+    and between -1 and 0 likewise, with l = ln(u / smallest) and the sign changed. So the same
+    change of a small entry is everywhere about the same ratio, and the bounds are reached too.
+    Actions of 0 build the uniform baseline.
 
     If the scene has `in_heights`, a gap is in heights of the shorter of the two dominoes at it, a
     thickness in heights of the domino itself.
@@ -59,10 +69,12 @@ class DominoChain(DominoEnv):
       `bounds_ahead()` returns these bounds.
     - A largest change: the gap differs from the previous gap by at most this value.
     - Lists, steps: the nearest allowed value is taken.
-    - A stock: the nearest thickness that is left in the stock, or in the hand if the scene has one,
-      is taken; the thinner of two equally near ones.
+    - A stock: of the pieces that are left in the stock, or in the hand if the scene has one, the
+      kind with the largest preference is taken; of equal ones that of the uniform baseline, or the
+      one that was drawn first.
 
-    Scenes with a length and also lists, a stock or a largest change are rejected.
+    If narrowed bounds exclude the value of the baseline, an entry of 0 is the nearest bound. Scenes
+    with a length and also lists, a stock or a largest change are rejected.
 
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
@@ -75,8 +87,8 @@ class DominoChain(DominoEnv):
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
     | lead        | 1    | lead over a wave at the reference speed, over 10 h       | -100, 100 |
     | speed       | 1    | mean speed over the reference speed, minus 1; 0 at first | -1, 20    |
-    | lateness    | 1    | delay of the last hit from the schedule, over three      | -1, 1     |
-    |             |      | tolerances                                               |           |
+    | lateness    | 1    | sign(x) ln(1 + abs(x)) of the delay x of the last hit    | -10, 10   |
+    |             |      | from the schedule, in tolerances                         |           |
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
     | length_left | 1    | remaining length over the length                         | 0, 1      |
     | pitch_left  | 1    | remaining mean pitch: -1 the smallest, 1 the largest     | -1, 1     |
@@ -118,22 +130,28 @@ class DominoChain(DominoEnv):
     - If the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
       (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
     - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
-    - If hits have a schedule ("tempo"), Φ_k = 100 ((S_k - 1) + (1 - S_u) k / (N - 1)) / S_u, where
-      S_k is the score if all later hits are on time and S_u that of the uniform baseline.
-    - If pieces are drawn in random order, X_k and T_k are those of the baseline with one order, and
-      v is its mean speed over many orders; the rewards on the baseline are then not exactly 0.
+    - If dominoes are from a stock, the rest of the chain has the mean thickness of the pieces that
+      remain, and the gaps of the baseline.
+    - If hits have a schedule ("tempo"), Φ_k = 10 (log10(S_k) - log10(S_u) k / (N - 1)), where S_k is
+      the score if all later hits are on time, and at least 1e-4, and S_u that of the uniform
+      baseline. The unit is the decibel.
+    - If pieces are drawn in random order, T_k is the mean over the orders of seeds 0 to 63, and v
+      the mean speed over these orders; the rewards on the baseline are then not exactly 0.
     - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
 
-    | score          | gain                                                        |
-    |----------------|-------------------------------------------------------------|
-    | more than 0    | score / score of the uniform baseline - 1                   |
-    | 0 or less      | score - 1: the wave stops or violates a limit of the scene  |
+    | score       | gain                                                                   |
+    |-------------|------------------------------------------------------------------------|
+    | more than 0 | S / S_u - 1 for the score S of the layout and S_u of the baseline      |
+    |             | with a schedule: log10(max(S, 1e-4) / S_u) / 10                        |
+    | 0 or less   | S - 1: the wave stops or violates a limit of the scene                 |
+    |             | with a schedule: S + log10(1e-4 / S_u) / 10                            |
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
-    `Scene.score`). Its return is between -200 and -100, below that of every layout that completes.
-    The return orders layouts as `scene.score` does and does not depend on the size of the dominoes.
+    `Scene.score`). Its return is below that of every layout that completes; without a schedule it
+    is between -200 and -100. The return orders layouts as `scene.score` does and does not depend on
+    the size of the dominoes.
     If the score of the uniform baseline is 0 or less, the gain is the difference of the two scores,
     where positive scores are divided by √(g h) if they are speeds and by h if they are heights.
 
@@ -177,6 +195,11 @@ class DominoChain(DominoEnv):
     of the reset.
 
     ## Version history
+    - v2: an action of 0 is the uniform baseline, with a logarithmic scale to the bounds; in v1
+      actions were linear between the bounds. With a schedule the gain is a logarithm; in v1 it was
+      a ratio, which is nearly constant far from the schedule, and `lateness` was clipped at three
+      tolerances. A stock has an entry for each kind of pieces; in v1 the nearest thickness to one
+      entry was taken. Rewards take the pieces into account that remain.
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
       the reference speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
       was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.
@@ -217,7 +240,7 @@ class DominoChain(DominoEnv):
     Examples
     --------
     >>> import gymnasium, domino_env
-    >>> env = gymnasium.make("DominoChain-v1", scene="sprint")
+    >>> env = gymnasium.make("DominoChain-v2", scene="sprint")
     >>> observation, info = env.reset(seed=0)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
@@ -307,7 +330,7 @@ class DominoChainVector(DominoVectorEnv):
     Examples
     --------
     >>> import gymnasium, domino_env
-    >>> envs = gymnasium.make_vec("DominoChain-v1", num_envs=1024, scene="sprint")
+    >>> envs = gymnasium.make_vec("DominoChain-v2", num_envs=1024, scene="sprint")
     >>> observations, infos = envs.reset(seed=0)
     """
 
@@ -328,9 +351,6 @@ class DominoChainVector(DominoVectorEnv):
     ) -> None:
         source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         super().__init__(num_envs, source, render_mode, autoreset_mode)
-        self._rules = self._batch.rules
-        self._given_speed: float | None = None  # reference speed of all episodes, if given
-        self._load_scenes(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
         self._set_spaces(action_entries(self.source.first), self.observation_layout.space)
@@ -341,22 +361,22 @@ class DominoChainVector(DominoVectorEnv):
 
         Its shape is (B,) if scenes are sampled. A number may be set, for all environments.
         """
-        speeds: Floats = self._rules["reference_speed"]
-        return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
+        speeds: Floats = self.source.rules["reference_speed"]
+        return float(speeds[0]) if self.distribution is None else speeds[self._batch.scene]
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        baseline = self.source.speed[self._scene_indices[0]]
+        baseline = self.source.speed[self._batch.scene[0]]
         hint = f"the mean speed of the uniform baseline is {baseline:.6g} m/s"
         require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
-        self._given_speed = float(speed)
-        self._rules["reference_speed"] = speed
+        self.source.reference_speed = float(speed)
+        self.source.rules["reference_speed"] = speed
 
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        envs, indices, source = np.flatnonzero(mask), self._scene_indices.copy(), self.source
+        envs, indices, source = np.flatnonzero(mask), self._batch.scene.copy(), self.source
         layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
             scenes = self._value_per_env("scene", options.get("scene"), Scene)
@@ -367,8 +387,8 @@ class DominoChainVector(DominoVectorEnv):
         starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
         for b, start in starts:
             _check_start(start, cast("Scene", source.scenes[indices[b]]), source.rtol, b)
-        self._scene_indices = indices  # from here on nothing is rejected
-        self._load_scenes(envs)
+        self._batch.scene[:] = indices  # from here on nothing is rejected
+        source.begin_layouts(self._batch, envs)
         self._randomise(envs, generators, dict(starts))
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
         for b, start in starts:
@@ -393,20 +413,6 @@ class DominoChainVector(DominoVectorEnv):
                 f"for each of the {self.num_envs} environments"
             )
         return values
-
-    def _load_scenes(self, envs: Indices) -> None:
-        """Copy rules, features and baselines of the environments' sampled scenes to the batch."""
-        batch, source, indices = self._batch, self.source, self._scene_indices[envs]
-        if self.distribution is None:
-            return
-        _as_integers(self._rules)[envs] = _as_integers(source.rules)[indices]
-        if self._given_speed is not None:
-            self._rules["reference_speed"][envs] = self._given_speed
-        for name in ("features", "uniform_left", "schedule"):
-            getattr(batch, name)[envs] = getattr(source, name)[indices]
-        batch.thickness[envs, 0] = source.first_thickness[indices]
-        if len(batch.height) == self.num_envs:  # else all environments share the heights
-            batch.height[envs] = source.rules["unit"][indices, None]
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place a domino in every running environment; see `DominoVectorEnv.advance`."""
@@ -495,7 +501,8 @@ class DominoChainVector(DominoVectorEnv):
         ValueError
             For actions of another shape or with entries that are not finite.
         """
-        batch, shape = self._batch._replace(errors=self._batch.errors[:0]), self._placing_shape
+        shape, batch = self._placing_shape, self._batch
+        batch = batch._replace(errors=batch.errors[:0], order=batch.order.copy())
         mask, pairs = np.ones(self.num_envs, np.bool_), shape[1]
         kernels.place_batch(0, self.num_envs, batch, mask, check_actions(actions, shape))
         height = np.broadcast_to(batch.height, batch.thickness.shape)
@@ -512,8 +519,8 @@ class DominoChainVector(DominoVectorEnv):
         ----------
         actions
             (B, P, A) actions of that call. Outside [-1, 1] the derivatives are those at the nearer
-            bound. The choice of the nearest value of a list or stock is not differentiated: its
-            derivative counts as 1.
+            bound, and for entries that leave the baseline at a bound those for 0. The choice of the
+            nearest value of a list counts as the identity, and preferences have derivative 0.
         derivatives
             (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 
@@ -534,10 +541,37 @@ class DominoChainVector(DominoVectorEnv):
         kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
 
+    def at_bounds(self, actions: Floats) -> Bools:
+        """Return a mask of entries of actions that choose a bound of the scene and no nearer value.
+
+        Parameters
+        ----------
+        actions
+            (B, P, A), as for `place_all`.
+
+        Returns
+        -------
+        ndarray
+            (B, P, A) booleans: True outside [-1, 1], and where the uniform baseline is at the bound
+            for entries of this sign.
+        """
+        source, scenes, first = self.source, self._batch.scene, self.source.first
+        rules, uniform = source.rules[scenes, None], source.uniform[scenes, : actions.shape[1]]
+        mask, column = np.abs(actions) > 1.0, 0
+        free = first.free_spacing, first.free_thickness and first.stock is None, first.free_height
+        for name, is_free in zip(("gap", "thickness", "growth"), free, strict=True):
+            if is_free:
+                entries = actions[..., column if name != "growth" else -1]
+                below = (entries < 0.0) & (uniform[name] <= rules[f"{name}_low"])
+                above = (entries > 0.0) & (uniform[name] >= rules[f"{name}_high"])
+                mask[..., column if name != "growth" else -1] |= below | above
+                column += 1
+        return mask
+
     @property
     def _placing_shape(self) -> tuple[int, ...]:
         """Shape (B, P, A) of the actions of `place_all`."""
-        longest = int(self._batch.rules["count"].max())
+        longest = int(self.source.rules["count"][self._batch.scene].max())
         return self.num_envs, longest - 1, *(self.single_action_space.shape or ())
 
 
@@ -564,8 +598,3 @@ def _check_start(layout: Layout, scene: Scene, rtol: float, env: int) -> None:
             violations = [f"its wave stops: {wave.explanation}; leave out the last dominoes"]
     if violations:
         raise ValueError(f"the layout to start from in environment {env}: {'; '.join(violations)}")
-
-
-def _as_integers(records: NDArray[np.record]) -> NDArray[np.uint64]:
-    """Return a view of records (S,) as integers (S, K), which NumPy copies three times as fast."""
-    return records.view(np.uint64).reshape(len(records), -1)

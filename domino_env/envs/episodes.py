@@ -110,10 +110,15 @@ class EpisodeResults:
     def returns(self) -> Floats:
         """Gains over the uniform baseline, (E,) [%]; cached, so `simulate` has to come first.
 
-        A score of 0 or less, or such a baseline, counts as it is, see `DominoChain`.
+        A score of 0 or less counts as the gain of the lowest success, plus the score.
         """
-        relative = np.where(self.score > 0.0, self.score / self.unit, self.score)
-        return 100.0 * (relative - np.where(self.baseline > 0.0, 1.0, self.baseline))
+        gain, unit = self.scenes[0].as_placed.criterion.gain, self.unit
+
+        def value(score: Floats) -> Floats:
+            return gain(np.maximum(score, 0.0), unit) + np.minimum(score, 0.0)
+
+        baseline = np.where(self.baseline > 0.0, 0.0, value(self.baseline))
+        return 100.0 * (value(self.score) - baseline)
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the last info of each episode, an array (E,) for each key."""

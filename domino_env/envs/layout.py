@@ -1,4 +1,4 @@
-"""Environments in which one action is a whole layout: DominoLayout-v1, single and vector."""
+"""Environments in which one action is a whole layout: DominoLayout-v2, single and vector."""
 
 from __future__ import annotations
 
@@ -25,22 +25,23 @@ class DominoLayout(DominoEnv):
     """A chain of dominoes, placed by one action: for bandits and black-box search.
 
     ## Description
-    Scenes and scores are those of `DominoChain-v1`; an episode is one step, which places the whole
+    Scenes and scores are those of `DominoChain-v2`; an episode is one step, which places the whole
     layout and simulates it.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
-    them free. -1 is the smallest and 1 the largest value; other actions are clipped. If the scene
-    has a total length, the layout is the nearest one (in metres) of this length. Other rules narrow
-    the bounds from the first domino to the last, as in `DominoChain-v1`. If pieces are drawn in
-    random order, each thickness of the action is replaced by the nearest in hand.
+    them free. With a stock, the thicknesses are replaced by the N - 1 preferences for the first
+    kind of pieces, then those for the next. The scale is that of `DominoChain-v2`: 0 is the uniform
+    baseline, -1 the smallest and 1 the largest value; other actions are clipped. If the scene has a
+    total length, the layout is the nearest one (in metres) of this length. Other rules narrow the
+    bounds from the first domino to the last.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
 
     ## Rewards
-    100 times the gain, as the return of `DominoChain-v1`. On a floor (`floor_friction`) the layout
+    100 times the gain, as the return of `DominoChain-v2`. On a floor (`floor_friction`) the layout
     is simulated free-standing, which takes some 130 ms of one core in `table`, with forty dominoes.
 
     ## Starting state
@@ -51,9 +52,10 @@ class DominoLayout(DominoEnv):
 
     ## Info
     Empty after a reset. After the step it has `score`, `gain`, `outcome`, `layout` and `wave`, as
-    in `DominoChain-v1`.
+    in `DominoChain-v2`.
 
     ## Version history
+    - v2: actions and gains are those of `DominoChain-v2`.
     - v1: the reward of a wave that stops is 100 (score - 1).
     - v0: first version.
 
@@ -75,7 +77,7 @@ class DominoLayout(DominoEnv):
     Examples
     --------
     >>> import gymnasium, domino_env
-    >>> env = gymnasium.make("DominoLayout-v1", scene="sprint")
+    >>> env = gymnasium.make("DominoLayout-v2", scene="sprint")
     >>> observation, info = env.reset(seed=0)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
@@ -124,7 +126,7 @@ class DominoLayoutVector(DominoVectorEnv):
         if self.distribution is not None:
             raise ValueError(
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "
-                "an action would change with its number of dominoes: use DominoChain-v1"
+                "an action would change with its number of dominoes: use DominoChain-v2"
             )
         first = self.source.first
         self._batch.rules["length"] = 0.0  # left to `_project`

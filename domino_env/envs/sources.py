@@ -5,25 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from domino_env.core.checks import require, require_choice
-from domino_env.core.types import Floats
-from domino_env.envs.spaces import FEATURE_LIMIT, action_entries
-from domino_env.kernels.step.batch import RULES
+from domino_env.core.types import Floats, Ints
+from domino_env.envs.spaces import FEATURE_LIMIT, ObservationLayout, action_entries, closeness
+from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
+from domino_env.kernels.step import environment as kernels
+from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, UNIFORM, Batch
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.objectives.robust import LEAST_GAP
+from domino_env.scenes.objectives.tempo import LEAST_SCORE
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import uniform_layouts
 
 Generators = Callable[[int], np.random.Generator]  # returns the generator of an environment
 SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
 
 COUNT_FACTOR = 2  # largest count of a scene given to a reset, over the largest sampled count
+MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
+POOL_RTOL = 1e-12  # relative error of the arrival times of baselines of a pool
 
 
 class SceneSource:
@@ -68,6 +74,8 @@ class SceneSource:
         RULES of each scene, (S,). Their "score_unit" divides positive scores in the gain: the score
         of the uniform baseline or, if that is not positive, √(g h), h or 1, by the unit of the
         objective.
+    reference_speed
+        Reference speed of observations in all scenes [m/s]; None for that of each baseline.
     features
         Observed numbers of each scene, scaled to [-1, 1] over their ranges, (S, F); F = 0 if the
         scene is fixed.
@@ -75,12 +83,13 @@ class SceneSource:
         Thickness of the first domino of each scene, (S,) [m].
     score, speed
         Score and mean speed [m/s] of the uniform baseline of each scene, (S,).
+    uniform
+        UNIFORM of each domino of the uniform baseline of each scene, (S, N).
     schedule
-        Scheduled arrival times [s], and intervals scaled to [-1, 1], (S, N, 2); 0 without a
-        schedule.
-    uniform_left
-        Length [m] and time [s] that the uniform baseline has left with k dominoes placed,
-        (S, N, 2).
+        Scheduled arrival times [s], and intervals scaled to [-1, 1], (S, N, 2); (S, 0, 2) without
+        a schedule.
+    observation_layout
+        Slice of each part of an observation, by name.
 
     Raises
     ------
@@ -120,11 +129,15 @@ class SceneSource:
         self.window = min(int(window), count - 1)
         size = self.pool_size + 2 * num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
+        self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
+        self.num_envs = int(num_envs)
+        self.reference_speed: float | None = None
         self.scenes: list[Scene | None] = [None] * size
-        self.rules = np.zeros(size, RULES)
+        self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.score, self.speed = np.zeros((3, size))
-        self.schedule, self.uniform_left = np.zeros((2, size, self.longest, 2))
+        scheduled = 0 if self.first.as_placed.tempo is None else self.longest
+        self.schedule = np.zeros((size, scheduled, 2))
         if isinstance(scene, Scene):
             self._store(0, scene, np.empty(0))
 
@@ -133,9 +146,9 @@ class SceneSource:
         if self.distribution is None:
             return 0
         i = self.indices[int(len(self.indices) * generator.random())]
-        if self.scenes[i] is None:
-            pool = shared_pool(self.distribution)
-            self._store(i, pool.scene(i), pool.features[i])
+        if self.scenes[i] is None:  # the more environments, the sooner all scenes are used
+            first = i - i % self.num_envs
+            self._store_pool(range(first, min(first + self.num_envs, self.pool_size)))
         return i
 
     def add(self, env: int, scene: Scene, present: int) -> int:
@@ -174,21 +187,71 @@ class SceneSource:
 
     def _store(self, i: int, scene: Scene, features: Floats) -> None:
         """Store scene i with its features and its uniform baseline."""
-        baseline, typical = scene.uniform(), typical_speed(scene)
-        speed, positions = baseline.wave.mean_speed, baseline.layout.positions
-        if scene.hand and scene.criterion.is_mean_speed:  # a mean over orders of the pieces
-            speed = baseline.score
-        times = baseline.wave.arrival_times
+        baseline, layout = scene.uniform(), scene.uniform().layout
+        times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
+        if scene.hand and speed > 0.0:  # means over orders of the pieces
+            times = uniform_layouts(scene).mean_arrival_times(layout.spacing)
+            speed = baseline.score if scene.criterion.is_mean_speed else speed
         if not speed > 0.0:  # the wave of the baseline stops
-            times = positions / typical
-        unit = baseline.score
-        if not unit > 0.0:
-            unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
-        self.scenes[i] = scene
-        self.rules[i] = _make_rules(scene, self.rtol, speed if speed > 0.0 else typical, unit)
+            times = layout.positions / typical_speed(scene)
+        self._store_sizes(i, scene, features, layout.spacing, layout.thickness[1:], layout.height)
+        left = layout.positions[-1] - layout.positions
+        if scene.stock is not None and scene.free_thickness:  # of the gaps alone
+            left = np.append(np.cumsum(layout.spacing[::-1])[::-1], 0.0)
+        self.uniform["length_left"][i, : scene.count] = left
+        self._store_times(np.array([i]), times[None], np.array([speed]), np.array([baseline.score]))
+
+    def _store_pool(self, indices: range) -> None:
+        """Store some scenes of the pool; their baselines are simulated as one batch."""
+        assert self.distribution is not None
+        pool, new = shared_pool(self.distribution), [i for i in indices if self.scenes[i] is None]
+        for i in new:
+            scene = pool.scene(i)
+            criterion = scene.criterion
+            if not (criterion.is_mean_speed and criterion.limits is None and scene.is_homogeneous):
+                self._store(i, scene, pool.features[i])
+                continue
+            spacing, thickness, _ = uniform_layouts(scene).sizes_at(pool.points[i : i + 1])
+            height = np.full(scene.count, scene.height)
+            self._store_sizes(i, scene, pool.features[i], spacing[0], thickness[0], height)
+            positions = np.append(0.0, np.cumsum(spacing + thickness))
+            self.uniform["length_left"][i, : scene.count] = positions[-1] - positions
+        new = [i for i in new if not self.score[i] > 0.0]
+        if new:
+            self._simulate_baselines(np.array(new))
+
+    def _simulate_baselines(self, indices: Ints) -> None:
+        """Simulate the baselines of scenes by actions of 0, and store their arrival times."""
+        number, everything = len(indices), np.ones(len(indices), np.bool_)
+        batch = self.new_batch(number)._replace(rules=self.rules.copy())
+        batch.rules["rtol"], batch.scene[:] = POOL_RTOL, indices
+        self.begin_layouts(batch, np.arange(number))
+        observations = np.zeros((number, *(self.observation_layout.space.shape or ())), np.float32)
+        actions, times = np.zeros((number, action_entries(self.first))), [np.zeros(number)]
+        answer = observations, np.zeros(number), np.zeros(number, np.bool_)
+        kernels.reset_batch(0, number, batch, everything, np.zeros(number, np.int64), observations)
+        while (batch.episodes["phase"] == RUNNING).any():
+            kernels.step_batch(0, number, batch, actions, *answer)
+            times.append(batch.states["time"].copy())
+        score = batch.episodes["score"]
+        self._store_times(indices, np.transpose(times), score, score)
+
+    def _store_sizes(
+        self,
+        i: int,
+        scene: Scene,
+        features: Floats,
+        spacing: Floats,
+        thickness: Floats,
+        height: Floats,
+    ) -> None:
+        """Store scene i, and the sizes of its uniform baseline [m].
+
+        They are gaps (N-1,), thicknesses of dominoes 1 … N-1 and heights (N,).
+        """
+        self.scenes[i], self.rules[i] = scene, _make_rules(scene, self.rtol)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
-        self.score[i], self.speed[i] = baseline.score, speed
         tempo = scene.as_placed.tempo
         if tempo is not None:
             scheduled = np.append(0.0, tempo.schedule(scene.count))
@@ -197,8 +260,84 @@ class SceneSource:
             middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)  # not 0 if all equal
             self.schedule[i, : scene.count, 0] = scheduled
             self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
-        left = positions[-1] - positions, times[-1] - times
-        self.uniform_left[i, : scene.count] = np.transpose(left)
+        uniform = self.uniform[i, : scene.count]
+        behind, ahead = height[:-1], height[1:]
+        uniform["gap"][:-1] = spacing / np.minimum(behind, ahead) if scene.in_heights else spacing
+        uniform["thickness"][:-1] = thickness / ahead if scene.in_heights else thickness
+        uniform["growth"][:-1] = ahead / behind
+
+    def _store_times(self, indices: Ints, times: Floats, speed: Floats, score: Floats) -> None:
+        """Store arrival times (S, N) [s], mean speeds [m/s] and scores of baselines of S scenes.
+
+        Entries beyond the number of dominoes of a scene are not used.
+        """
+        for i, hits, mean_speed, value in zip(indices.tolist(), times, speed, score, strict=True):
+            scene = cast("Scene", self.scenes[i])
+            typical = typical_speed(scene)
+            unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
+            rules, count = self.rules[i], scene.count
+            rules["uniform_speed"] = mean_speed if mean_speed > 0.0 else typical
+            rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
+            rules["score_unit"] = value if value > 0.0 else unit
+            self.uniform["time_left"][i, :count] = hits[count - 1] - hits[:count]
+        self.score[indices], self.speed[indices] = score, speed
+
+    def begin_layouts(self, batch: Batch, envs: Ints) -> None:
+        """Write the first domino of the scenes of some environments into a batch."""
+        scenes = batch.scene[envs]
+        batch.thickness[envs, 0] = self.first_thickness[scenes]
+        if len(batch.height) == len(batch.scene):  # else environments share the heights
+            batch.height[envs] = self.rules["unit"][scenes, None]
+
+    def new_batch(self, num_envs: int) -> Batch:
+        """Return the arrays of environments before their first reset; scenes are shared."""
+        scene, longest = self.first, self.longest
+        kinds, stock = _allowed_thicknesses(scene), scene.stock is not None and scene.free_thickness
+        features = () if self.distribution is None else self.distribution.features
+        own_height = scene.growth is not None or "height" in features
+        # a power of two for the whole chain, or for the part that influences the wave
+        ring_size = 1 << min(longest, MAX_RING - 1).bit_length()
+        contact = CONTACT if scene.ground is None else UNEVEN_CONTACT
+        batch = Batch(
+            scene=np.zeros(num_envs, np.int64),
+            rules=self.rules,
+            entries=self.observation_layout.starts,
+            features=self.features,
+            uniform=self.uniform,
+            schedule=self.schedule,
+            closeness=closeness(longest),
+            gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
+            kinds=kinds,
+            box=np.tile(kinds[1, : kinds.shape[1] * stock], (num_envs, 1)),
+            order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
+            errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
+            rings=np.zeros((num_envs, ring_size), contact),
+            states=np.zeros(num_envs, STATE),
+            episodes=np.zeros(num_envs, EPISODE),
+            spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
+            thickness=np.full((num_envs, longest), scene.first_thickness),
+            height=np.full((num_envs if own_height else 1, longest), scene.height),
+            density=np.full((1, longest), scene.density),
+        )
+        if scene.ground is None:
+            return batch
+        _, tilt = scene.ground.rise_and_tilt(np.empty(0), batch.thickness[0, :1])
+        return batch._replace(
+            rise=np.zeros((num_envs, longest - 1)),
+            tilt=np.full((num_envs, longest), tilt[0]),
+            places=np.zeros((num_envs, longest)),
+            curve=scene.ground.curve,
+        )
+
+
+def _allowed_thicknesses(scene: Scene) -> Floats:
+    """Return the thicknesses of a list or stock [m], and their numbers (inf for a list), (2, K)."""
+    if scene.stock is not None:
+        box = scene.stock.without(scene.first_thickness)
+        kinds = np.array([box.thickness, box.count], dtype=np.float64)
+        return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
+    values = scene.thickness_values or ()
+    return np.array([values, np.full(len(values), np.inf)], dtype=np.float64)
 
 
 @lru_cache(maxsize=8)  # distributions
@@ -231,19 +370,15 @@ def typical_speed(scene: Scene) -> float:
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
-def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[Any, ...]:
-    """Return the fields of RULES of a scene.
-
-    speed: of the uniform baseline, and reference of observations [m/s]. unit: divisor of positive
-    scores in the gain.
-    """
+def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
+    """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
     growth, tempo = scene.growth or (1.0, 1.0), scene.as_placed.tempo
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
         "hand": scene.hand,
         "rtol": rtol,
-        "uniform_speed": speed,
-        "reference_speed": speed,
+        "uniform_speed": 0.0,
+        "reference_speed": 0.0,
         "length": scene.length or 0.0,
         "gap_low": scene.spacing[0],
         "gap_high": scene.spacing[1],
@@ -258,7 +393,9 @@ def _make_rules(scene: Scene, rtol: float, speed: float, unit: float) -> tuple[A
         "in_heights": scene.in_heights,
         "rewards_steps": scene.criterion.rewards_speed,
         "tolerance": 0.0 if tempo is None else tempo.tolerance,
-        "score_unit": unit,
+        "score_unit": 0.0,
+        "least_score": LEAST_SCORE,
+        "fixed": not (scene.hand or scene.placement_deviation),
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }
     return tuple(values[name] for name in RULES.names or ())

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require
 from domino_env.core.types import Floats
-from domino_env.kernels.step import observation
+from domino_env.kernels.step import action, observation
 from domino_env.scenes.scene import Scene
 
 DECAY_LENGTHS = (1.0, 2.0, 4.0, 8.0)  # [dominoes] of near_start and near_end
@@ -46,7 +46,7 @@ class ObservationLayout(dict[str, slice]):
             "front": (1, 0.0, observation.FRONT_LIMIT),
             "lead": (1, -observation.LEAD_LIMIT, observation.LEAD_LIMIT),
             "speed": (1, -1.0, observation.SPEED_LIMIT),
-            "lateness": (has_schedule, -1.0, 1.0),
+            "lateness": (has_schedule, -observation.LATE_LIMIT, observation.LATE_LIMIT),
             "intervals": (window * has_schedule, -1.0, 1.0),
             "length_left": (has_length, 0.0, 1.0),
             "pitch_left": (has_length, -1.0, 1.0),
@@ -85,7 +85,16 @@ def closeness(count: int) -> NDArray[np.float32]:
 
 def action_entries(scene: Scene) -> int:
     """Return the number of entries of the action that places one domino."""
-    return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)
+    thicknesses = 1 if scene.stock is None else len(scene.stock.thickness)
+    return scene.free_spacing + thicknesses * scene.free_thickness + scene.free_height
+
+
+def gap_entries(scene: Scene, gaps: Floats) -> Floats:
+    """Return the entries of actions that choose gaps [m] of any shape, unless rules narrow them."""
+    entries = np.empty(np.shape(gaps))
+    values, uniform = np.ascontiguousarray(gaps, np.float64).ravel(), scene.uniform().layout
+    action.encode_values(values, *scene.spacing, float(uniform.spacing[0]), entries.reshape(-1))
+    return entries
 
 
 def check_actions(actions: ArrayLike, shape: tuple[int, ...] | None) -> Floats:

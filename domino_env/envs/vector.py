@@ -20,9 +20,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.episodes import EpisodeResults, object_array, placed_layout
 from domino_env.envs.sources import Generators, SceneSource
-from domino_env.envs.spaces import ObservationLayout, check_actions, closeness
-from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
-from domino_env.kernels.step.batch import EPISODE, RULES, Batch
+from domino_env.envs.spaces import check_actions
 from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
@@ -32,7 +30,6 @@ Infos = dict[str, NDArray[Any]]
 
 RTOL = 1e-6  # default relative error of the arrival times
 WINDOW = 8  # default number of gaps and thicknesses that are observed
-MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
 
 
 class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
@@ -84,13 +81,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.source = source
-        num_features = source.features.shape[1]
-        self.observation_layout = ObservationLayout(source.first, source.window, num_features)
-        self._batch = _new_batch(source, self.observation_layout, self.num_envs)
+        self.observation_layout = source.observation_layout
+        self._batch = source.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
         self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
-        # scene of each environment; before the first reset, a sampled one
-        self._scene_indices = np.full(self.num_envs, source.sample(np.random.default_rng(0)))
+        # before the first reset, all environments have one scene of those that are sampled
+        self._batch.scene[:] = source.sample(np.random.default_rng(0))
+        source.begin_layouts(self._batch, np.arange(self.num_envs))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
         self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
@@ -116,7 +113,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         return self.source.distribution
 
     def _scene(self, env: int) -> Scene:
-        return cast("Scene", self.source.scenes[self._scene_indices[env]])
+        return cast("Scene", self.source.scenes[self._batch.scene[env]])
 
     # reset ----------------------------------------------------------------------------------------
 
@@ -356,10 +353,11 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
         The whole layout is simulated again in three cases: the score is not the mean speed of the
         wave; the error estimate exceeds the tolerance, as only a new simulation can be more exact;
-        or the layout is uniform, for which `simulate` has another algorithm.
+        or the layout is uniform, for which `simulate` has another algorithm. The score of the
+        uniform baseline is known.
         """
         batch, episodes = self._batch, self._episodes[envs]
-        scenes = self._scene_indices[envs]
+        scenes = self._batch.scene[envs]
         results = EpisodeResults(
             scenes=[self._scene(env) for env in envs],
             baseline=self.source.score[scenes],
@@ -373,8 +371,11 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             reach=episodes["reach"],
             score=episodes["score"],
         )
-        if episodes["uncertain"].any():
-            results.simulate(np.flatnonzero(episodes["uncertain"]).tolist())
+        as_uniform = episodes["as_uniform"]
+        results.score[as_uniform] = results.baseline[as_uniform]
+        unknown = episodes["uncertain"] & ~as_uniform
+        if unknown.any():
+            results.simulate(np.flatnonzero(unknown).tolist())
             self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         if self.distribution is not None:
@@ -399,15 +400,16 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         """Return the chain of an environment, by its index, at its latest hit."""
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
         sizes = batch.spacing[env], batch.thickness[env], batch.height[env % len(batch.height)]
-        hand = np.repeat(batch.kinds[0], batch.hand[env].astype(int))  # empty without a hand
+        hand = self._scene(env).hand  # its pieces follow those placed in the order of the draw
+        kinds = np.sort(batch.order[env, placed : placed + hand])
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
         return rendering.Snapshot(
             layout=placed_layout(self._scene(env), placed, *sizes),
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
-            uniform_speed=float(self.source.speed[self._scene_indices[env]]),
+            uniform_speed=float(self.source.speed[self._batch.scene[env]]),
             wave=wave,
-            hand=hand,
+            hand=batch.kinds[0, kinds],
         )
 
     def render(self) -> tuple[Any, ...] | None:
@@ -561,56 +563,3 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self._renderer.close()
-
-
-def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> Batch:
-    """Return the arrays of the environments, before their first reset."""
-    scene, longest, distribution = source.first, source.longest, source.distribution
-    kinds, features = _allowed_thicknesses(scene), distribution.features if distribution else ()
-    own_height = scene.growth is not None or "height" in features
-    # a power of two for the whole chain, or for the part that influences the wave
-    ring_size = 1 << min(longest, MAX_RING - 1).bit_length()
-    num_scenes = 1 if distribution is None else num_envs
-    contact = CONTACT if scene.ground is None else UNEVEN_CONTACT
-    batch = Batch(
-        rules=np.zeros(num_scenes, RULES),
-        entries=layout.starts,
-        uniform_left=np.zeros((num_scenes, longest, 2)),
-        schedule=np.zeros((num_scenes, longest, 2)),
-        features=np.zeros((num_envs, source.features.shape[1]), np.float32),
-        closeness=closeness(longest),
-        gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
-        kinds=kinds,
-        box=np.tile(kinds[1], (num_envs, 1)),
-        hand=np.zeros((num_envs, kinds.shape[1])),
-        order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
-        errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
-        rings=np.zeros((num_envs, ring_size), contact),
-        states=np.zeros(num_envs, STATE),
-        episodes=np.zeros(num_envs, EPISODE),
-        spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
-        thickness=np.full((num_envs, longest), scene.first_thickness),
-        height=np.full((num_envs if own_height else 1, longest), scene.height),
-        density=np.full((1, longest), scene.density),
-    )
-    for name in ("rules", "uniform_left", "schedule"):
-        getattr(batch, name)[0] = getattr(source, name)[0]
-    if scene.ground is None:
-        return batch
-    _, tilt = scene.ground.rise_and_tilt(np.empty(0), batch.thickness[0, :1])
-    return batch._replace(
-        rise=np.zeros((num_envs, longest - 1)),
-        tilt=np.full((num_envs, longest), tilt[0]),
-        places=np.zeros((num_envs, longest)),
-        curve=scene.ground.curve,
-    )
-
-
-def _allowed_thicknesses(scene: Scene) -> Floats:
-    """Return the thicknesses of a list or stock [m], and their numbers (inf for a list), (2, K)."""
-    if scene.stock is not None:
-        box = scene.stock.without(scene.first_thickness)
-        kinds = np.array([box.thickness, box.count], dtype=np.float64)
-        return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
-    values = scene.thickness_values or ()
-    return np.array([values, np.full(len(values), np.inf)], dtype=np.float64)

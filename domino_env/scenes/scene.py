@@ -17,7 +17,7 @@ from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.objectives.robust import add_errors
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import format_toml
-from domino_env.scenes.uniform import UniformBaseline, best_uniform, format_gain, gain
+from domino_env.scenes.uniform import UniformBaseline, best_uniform
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 SCORE_RTOL = 1e-10  # relative tolerance of reported scores; that of searches may be larger
@@ -284,6 +284,24 @@ class Scene(Specification):
             return np.zeros(self.count - 1)
         return self.placement_deviation * generator.standard_normal(self.count - 1)
 
+    def gain(self, score: float, reference: float) -> float | None:
+        """Return the gain of a score over a reference, such as that of the uniform baseline.
+
+        Parameters
+        ----------
+        score, reference
+            Two scores of the scene.
+
+        Returns
+        -------
+        float or None
+            score / reference - 1, or with a schedule of hits a tenth of the decimal logarithm of
+            score / reference; None if one of the scores is 0 or less, as without a success.
+        """
+        if min(score, reference) <= 0.0:
+            return None
+        return float(self.criterion.gain(np.array(score), np.array(reference)))
+
     def format_score(self, score: float, wave: Wave) -> str:
         """Format a score with its unit.
 
@@ -305,7 +323,7 @@ class Scene(Specification):
         return "violates a limit of the scene" if violates_limit else self.criterion.failure
 
     def format_with_gain(self, score: float, wave: Wave) -> str:
-        """Format a score with its unit and, if there is one, its gain over the uniform baseline.
+        """Format a score with its unit, and compare it with the uniform baseline.
 
         Parameters
         ----------
@@ -317,11 +335,11 @@ class Scene(Specification):
         Returns
         -------
         str
-            Text such as "0.828550 m/s, 3.18% over uniform".
+            Text such as "0.828550 m/s, 3.18% over uniform", with a schedule of hits such as
+            "RMS error 1.42904 ms, 18.73 ms with uniform".
         """
-        relative = gain(score, self.uniform().score)
-        suffix = "" if relative is None else f", {format_gain(relative)} uniform"
-        return self.format_score(score, wave) + suffix
+        comparison = self.criterion.compare(score, self.uniform().score, "uniform")
+        return ", ".join(filter(None, (self.format_score(score, wave), comparison)))
 
     def uniform(self, seconds: float | None = None) -> UniformBaseline:
         """Return the best layout with equal gaps, computed once for equal scenes.

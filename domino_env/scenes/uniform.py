@@ -80,26 +80,8 @@ class UniformBaseline:
     __repr__ = dataclass_repr
 
 
-def format_gain(value: float, digits: int = 2) -> str:
-    """Format a gain as "3.18% over", "0.29% below" or "level with"."""
-    if abs(value) < 0.5 * 0.1 ** (digits + 2):  # it would be rounded to 0%
-        return "level with"
-    return f"{abs(value):.{digits}%} {'over' if value >= 0.0 else 'below'}"
-
-
 def gain(score: float, reference: float) -> float | None:
-    """Return the gain of a score over a reference, such as that of the uniform baseline.
-
-    Parameters
-    ----------
-    score, reference
-        Scores of two layouts in one scene.
-
-    Returns
-    -------
-    float or None
-        score / reference - 1; None if one of them is 0 or less, as without a success.
-    """
+    """Return the gain of a speed over another; None if one of them is 0. See `Scene.gain`."""
     return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
 
 

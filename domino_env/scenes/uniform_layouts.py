@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Outcome
 from domino_env.scenes.rules import is_listed
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.waves import LayoutBatch, Waves
@@ -23,6 +24,7 @@ PREFIX_RTOL = 1e-11  # relative tolerance of the arrival times of prefixes
 MAX_BATCH = 4_000_000  # [dominoes] simulated in one call, which takes some 200 MB
 FIRST_PREFIX = 64  # [dominoes] in the first prefixes; those with unsteady waves are doubled
 PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, over which scores are means
+ORDER_RTOL = 1e-8  # relative tolerance of mean arrival times over orders
 WINDOW = 4  # the last 1/WINDOW of a prefix has to be steady
 
 
@@ -216,6 +218,16 @@ class UniformLayouts:
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""
         return self.scene.batch(*self.sizes_at(point[None])).layout(0)
+
+    def mean_arrival_times(self, spacing: Floats) -> Floats:
+        """Return the mean arrival times (N,) [s] of waves that complete, over all `orders`.
+
+        spacing: gaps (N-1,) [m].
+        """
+        gaps = np.tile(spacing, (len(self.orders), 1))
+        waves = self.scene.batch(gaps, self.orders, rtol=ORDER_RTOL).simulate(record=True)
+        completed = waves.arrival_times[waves.outcome == Outcome.PROPAGATED]
+        return np.asarray(completed.mean(axis=0))
 
     @property
     def extendable(self) -> bool:

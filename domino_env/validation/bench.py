@@ -28,8 +28,8 @@ from domino_env.rigid.simulation import largest_difference
 
 Call = Callable[[], object]
 ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (  # names, and arguments of `make`
-    ("DominoChain-v1", {"scene": "sprint"}),
-    ("DominoChain-v1", {"scene": "varied"}),
+    ("DominoChain-v2", {"scene": "sprint"}),
+    ("DominoChain-v2", {"scene": "varied"}),
     ("CartPole-v1", {}),
 )
 
@@ -93,9 +93,10 @@ def time_long_layouts_and_batches() -> Iterator[str]:
 
 
 def time_environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
-    """Yield lines on steps of environments by random actions, resets included.
+    """Yield lines on steps of environments, resets included.
 
-    Steps of vector environments are compared with the simulation of as many intervals between hits.
+    Vector environments take turns with the simulation of layouts whose gaps are the same actions,
+    of which the time per interval between hits is compared with that of a step.
 
     Parameters
     ----------
@@ -104,28 +105,37 @@ def time_environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
     steps
         Steps of a vector environment in a call; single environments take ten times as many.
     """
-    scene = de.load_scene("sprint")
-    spacing = np.random.default_rng(0).uniform(*scene.spacing, (num_envs, scene.count - 1))
-    simulation = partial(de.simulate_batch, spacing, 0.0075, scene.physics, rtol=1e-6, record=False)
-    intervals = int(np.sum(simulation().hit - 1))
+    batches: dict[str, tuple[Any, list[Any]]] = {}  # vector environments and their actions
     for name, options in ENVIRONMENTS:
         title = " ".join([name, *options.values()])
         wrapped = gymnasium.make(name, **options)
         space: Any = wrapped.action_space
         space.seed(0)
         actions = [space.sample() for _ in range(1000)]
-        batches = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
             (seconds,) = median_times(partial(_play, env, actions, 10 * steps), turns=7)
             yield format_line(f"step of one {title}, {kind}", seconds / (10 * steps))
-        vector = gymnasium.make_vec(
-            name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
-        )
-        vector.reset(seed=0)
-        play = partial(_play_vector, vector, batches, steps)
-        played, simulated = median_times(play, simulation, turns=7)
-        each = played / (steps * num_envs)
-        ratio = simulated / intervals / each  # time of an interval over that of a step
+        kinds = {"random": [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(39)]}
+        if options:
+            kinds["zero"] = [np.zeros((num_envs, *space.shape), np.float32)]
+        for kind, samples in kinds.items():
+            vector = gymnasium.make_vec(
+                name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
+            )
+            vector.reset(seed=0)
+            batches[f"{title}, {kind} actions"] = vector, samples
+    scene = de.load_scene("sprint")
+    places = de.DominoChainVector(num_envs, scene)
+    gaps = places.place_all(
+        np.stack(batches[f"{ENVIRONMENTS[0][0]} sprint, random actions"][1], 1)
+    )[0]
+    simulation = partial(de.simulate_batch, gaps, 0.0075, scene.physics, rtol=1e-6, record=False)
+    intervals = int(np.sum(simulation().hit - 1))
+    plays = [partial(_play_vector, vector, samples, steps) for vector, samples in batches.values()]
+    simulated, *played = median_times(simulation, *plays, turns=7)
+    for title, seconds in zip(batches, played, strict=True):
+        each = seconds / (steps * num_envs)
+        ratio = simulated / intervals / each
         remark = f"{1.0 / each:,.0f} steps per second, {ratio:.2f} of bare simulation"
         yield format_line(f"step of {num_envs} {title}, per environment", each, remark)
 

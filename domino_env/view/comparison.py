@@ -22,7 +22,7 @@ STEPS = 32  # of time in an interval between hits; linear interpolation is withi
 MARGIN = 1e-5  # fraction of an interval left out at each of its ends
 SIZES = "spacing", "thickness", "height", "positions"  # of a layout
 WAVE_FIELDS = "hit", "mean_speed", "explanation", "flushes"  # of a wave
-RUN_FIELDS = "trace", "learning", "verification", "score_text", "unit"  # of a compared layout
+RUN_FIELDS = "trace", "learning", "verification", "score_text", "quantity"  # of a compared layout
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class ComparedLayout:
     wave
         Wave of the layout.
     trace
-        (seconds, best score) of the search that found the layout; None without a search.
+        (seconds, `quantity`) of the search that found the layout; None without a search.
     learning
-        (dominoes placed, score of the policy) of the training; None without one.
+        (dominoes placed, `quantity` of the policy) of the training; None without one.
     verification
         `simulator`, `verdict`, and `last`: pairs of a floor and the relative difference of the time
         of the last hit, None if there was no such hit; None without a verification.
@@ -46,8 +46,8 @@ class ComparedLayout:
         Score in the scene; None without a scene, and for a layout that breaks its rules.
     score_text
         The score as text with its unit; None without a score.
-    unit
-        Unit of the score.
+    quantity
+        Name and unit of the numbers that are shown of scores.
     """
 
     name: str
@@ -57,7 +57,7 @@ class ComparedLayout:
     verification: dict[str, Any] | None = None
     score: float | None = None
     score_text: str | None = None
-    unit: str = "m/s"
+    quantity: str = "score [m/s]"
 
 
 def require_compared(compared: Sequence[ComparedLayout]) -> None:
@@ -133,7 +133,7 @@ def headline(compared: Sequence[ComparedLayout]) -> dict[str, str]:
         `winner`: the sentence; `results`: the results from the best layout to the worst.
     """
     scored = all(entry.score is not None for entry in compared)
-    by_speed = not scored or {entry.unit for entry in compared} == {"m/s"}
+    by_speed = not scored or {entry.quantity for entry in compared} == {"score [m/s]"}
     # equal merits stay in their order
     ranked = sorted(zip(_merits(compared), compared, strict=True), key=lambda pair: -pair[0])
     highest, best = ranked[0]

@@ -158,8 +158,14 @@ def read_compared(
 def _with_score(entry: ComparedLayout, scene: Scene, score: float | None = None) -> ComparedLayout:
     """Return a compared layout with its score in the scene, which is computed if None is given."""
     score = scene.score(entry.wave) if score is None else score
-    text = scene.format_score(score, entry.wave)
-    return replace(entry, score=score, score_text=text, unit=scene.unit)
+    text, criterion = scene.format_score(score, entry.wave), scene.criterion
+    curves: dict[str, Any] = {}
+    for name in ("trace", "learning"):
+        if curve := getattr(entry, name):
+            table = np.array([curve[0], criterion.displayed(curve[1])])
+            curves[name] = tuple(table[:, np.isfinite(table[1])].tolist())
+    quantity = criterion.quantity()
+    return replace(entry, score=score, score_text=text, quantity=quantity, **curves)
 
 
 def _curve(

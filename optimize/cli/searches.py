@@ -97,7 +97,8 @@ def _best_known(result: SearchResult) -> str:
     shortfall = (best.score - accurate_score(scene, result.layout)) / abs(best.score)
     if shortfall < -MIN_GAIN:
         return f"{score}: this search is better; --update-best stores its layout"
-    difference = "reached" if shortfall < EQUAL_SCORE else f"shortfall {shortfall:.4%}"
+    difference = f"shortfall {shortfall:.4%}" if scene.unit else "not reached"
+    difference = "reached" if shortfall < EQUAL_SCORE else difference
     return f"{score}, by {best.method}: {difference}"
 
 

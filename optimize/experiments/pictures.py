@@ -15,6 +15,7 @@ from domino_env.core import plot_style
 from domino_env.core.colours import BEST_KNOWN, FAINT, UNIFORM
 from domino_env.core.files import amount
 from domino_env.core.types import Floats
+from domino_env.scenes.objectives.base import Objective
 from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label
@@ -70,6 +71,7 @@ def draw_curves(
     handles: dict[str, Any] = {}
     for (title, curves), axes in zip(panels.items(), all_axes, strict=True):
         plot_style.style(axes, title)
+        axes.set_ylabel(labels[1] if axes is all_axes[0] else "")
         prepare(axes, title)
         axes.set_xlabel(labels[0])
         for method, (x, y, band) in curves.items():
@@ -85,42 +87,53 @@ def draw_curves(
             if band is not None:
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             handles[method] = axes.plot(x, y, **line)[0]
-    all_axes[0].set_ylabel(labels[1])
     figure.legend([*handles.values()], [*handles], loc="outside right center", **plot_style.LEGEND)
     plot_style.write_png(figure, path)
 
 
 def draw_over_time(experiment: Experiment, path: Path) -> None:
-    """Draw the shortfall from the best known against time, or evaluations, for each problem."""
+    """Draw the shortfall from the best known, or the RMS error, against time or evaluations."""
     times = experiment.curve_times()
     panels: dict[str, dict[str, Curve]] = {}
+    errors: dict[str, str] = {}  # label of the axis, by problems with RMS errors
     ends: dict[str, list[float]] = {}  # median shortfalls at the end, by method
     for problem, method in product(experiment.problems, experiment.methods):
         if runs := experiment.runs(method, problem):
             shortfalls = 100.0 * np.array([experiment.shortfalls(r, times) for r in runs])
             median, low, high = _median_and_range(shortfalls)
-            panels.setdefault(problem, {})[method] = (times, median, (low, high))
             ends.setdefault(method, []).append(median[-1])
+            criterion = runs[0].criterion
+            if not criterion.unit:
+                errors[problem] = criterion.quantity()
+                scores = [experiment.best_scores(r, times) for r in runs]
+                median, low, high = _median_and_range(criterion.displayed(scores))
+            panels.setdefault(problem, {})[method] = (times, median, (low, high))
     best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]
     # smallest and largest shortfall that are drawn [%]
     lowest, highest = np.clip(0.5 * min(map(min, ends.values())), 1e-4, 1.0), 30.0
 
-    def prepare(axes: Axes, _: str) -> None:
-        axes.set(xscale="log", yscale="log", ylim=(lowest, highest))
+    def prepare(axes: Axes, problem: str) -> None:
+        axes.set_xscale("log")
         plot_style.label_plainly(axes.xaxis, (1, 3) if times[-1] < 1e3 * times[0] else (1,))
         axes.set_xlim(times[0], 1.1 * times[-1])  # with space for the last marker
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
+        if problem in errors:
+            plot_style.set_wide_axis(axes, _ends(panels[problem]))
+            axes.set_ylabel(errors[problem])
+        else:
+            axes.set(yscale="log", ylim=(lowest, highest))
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
+    name = "RMS error" if len(errors) == len(panels) else "Shortfall from the best known"
     headings = (
-        f"Shortfall from the best known against {clock}",
+        f"{name} against {clock}",
         f"{experiment.tasks[0].limit} for each run, {experiment.describe_seeds(MEDIANS)}",
     )
     draw_curves(path, panels, headings, (clock, "shortfall from the best known"), prepare, best)
 
 
-def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
-    """Draw gains or scores in a panel for each setting, over all values of the other settings.
+def draw_over_settings(experiment: Experiment, path: Path, name: str, criterion: Objective) -> None:
+    """Draw gains or RMS errors in a panel for each setting, over all values of the other settings.
 
     Of two settings with few values and one method, there is a curve for each value of the other.
 
@@ -132,10 +145,11 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         PNG file.
     name
         Name of the scene that was varied.
-    unit
-        Unit of its score; empty for a score without unit, which is drawn instead of the gain.
+    criterion
+        Objective of that scene. If its scores have no unit, `displayed` numbers are drawn.
     """
-    keys, quantity = experiment.keys, "gain over uniform" if unit else "score"
+    keys, unit = experiment.keys, criterion.unit
+    quantity = "gain over uniform" if unit else criterion.quantity()
     places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
     groups, methods = experiment.describe_seeds(MEDIANS), experiment.methods
     # a curve for each value of the other setting
@@ -154,7 +168,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         curve = f"{other} = {text}" if split else r.method
         heights = points.setdefault((key, curve), {}).setdefault(places[key][r.labels[key]], [])
         if not unit:
-            heights.append(r.score)
+            heights.append(float(r.criterion.displayed(r.score)))
         elif r.gain is not None:
             heights.append(100.0 * r.gain)
     panels: dict[str, dict[str, Curve]] = {}
@@ -174,6 +188,8 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         elif min(ticks.values()) > 0.0 and np.median([*ticks.values()]) < 0.2 * max(ticks.values()):
             axes.set_xscale("log")  # most values are far below the largest
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
+        if not unit:
+            plot_style.set_wide_axis(axes, _ends(panels[key]))
 
     curves = list(dict.fromkeys(curve for _, curve in points)) if split else methods
     draw_curves(path, panels, headings, ("", quantity), prepare, curves[:MAX_COLOURS])
@@ -253,6 +269,11 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
 def _median_and_range(values: Floats) -> tuple[Any, Any, Any]:
     """Return the median over the first axis, and the smallest and the largest value."""
     return np.median(values, axis=0), values.min(axis=0), values.max(axis=0)
+
+
+def _ends(panel: Mapping[str, Curve]) -> Floats:
+    """Return the ends of all bands of a panel, one after the other."""
+    return np.concatenate([end for _, _, band in panel.values() for end in band or ()])
 
 
 def _places(values: Iterable[Label]) -> dict[Label, float]:

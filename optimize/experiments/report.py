@@ -5,7 +5,7 @@ The report of a comparison has curves over time, that of a sweep curves over the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +23,13 @@ TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "
 PAGE = """# {title}
 
 {runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
-*shortfall* from the best known score; *to 1 %* and *to 0.1 %* are the {clock} until a run came \
-this close to it.
+*shortfall* from the best known; *to 1 %* and *to 0.1 %* are the {clock} until the score of a run \
+came this close to it.{note}
 
 ![{title}]({picture})
 {sections}
 """
+SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
 
 
 def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
@@ -54,7 +55,7 @@ def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
     scene = read_scene(experiment.tasks[0].scene)
     title = f"{scene.name}, swept over {', '.join(experiment.keys)}"
     write_runs(experiment, folder / "sweep.csv")
-    draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.unit)
+    draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.criterion)
     write_text(folder / "sweep.md", page(experiment, title, "sweep.png"))
     return SWEEP_FILES
 
@@ -101,42 +102,48 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
     sections = ["", *table(experiment, experiment.problems)] if experiment.keys else []
     for problem in () if experiment.keys else experiment.problems:
         r = next(r for r in experiment.results if r.problem == problem)
-        best = f"best known {experiment.best[problem]:.5f}"
-        uniform = f"Uniform baseline {r.uniform_score:.5f}"
-        sections += ["", f"## {problem}", "", f"{uniform}, {best}.", ""]
+        uniform, best = map(r.criterion.displayed, (r.uniform_score, experiment.best[problem]))
+        text = f"Uniform baseline {uniform:.5f}, best known {best:.5f}."
+        sections += ["", f"## {problem}", "", text, ""]
         sections += table(experiment, [problem])
     sections += failures_section(experiment)
     return PAGE.format(
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
         clock="seconds" if experiment.clock == "seconds" else "layouts simulated",
+        note=SCHEDULE * any(not r.criterion.unit for r in experiment.results),
         sections="\n".join(sections),
     )  # fmt: skip
 
 
-def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
+def table(experiment: Experiment, problems: Sequence[str]) -> list[str]:
     """Return a Markdown table: a line for each problem and method, the best method first."""
+    criteria = {r.problem: r.criterion for r in experiment.results if r.problem in problems}
+    quantity = ", ".join(dict.fromkeys(criterion.quantity() for criterion in criteria.values()))
+    relative = ["gain", "shortfall"] * any(c.unit for c in criteria.values())  # in per cent
     names = (
-        *experiment.keys, "method", "score", "worst", "uniform", "gain", "shortfall", "to 1 %",
-        "to 0.1 %", "layouts simulated",
+        *experiment.keys, "method", quantity, "worst", "uniform", *relative, "to 1 %", "to 0.1 %",
+        "layouts simulated",
     )  # fmt: skip
     time_format = "{:.2g} s" if experiment.clock == "seconds" else "{:.0f}"
     lines: list[tuple[object, ...]] = []
-    for problem in problems:
+    for problem, criterion in criteria.items():
         groups = [runs for m in experiment.methods if (runs := experiment.runs(m, problem))]
         for runs in sorted(groups, key=lambda runs: -np.median([r.score for r in runs])):
+            scores = [r.score for r in runs]
             gains = [r.gain for r in runs if r.gain is not None]
             shortfalls = [s for r in runs if (s := experiment.shortfall(r)) is not None]
+            gain = f"{np.median(gains):+z.2%}" if gains else "–"
+            shortfall = f"{np.median(shortfalls):.3%}" if shortfalls else "–"
             # infinite if half of the runs never came so near
             times = [np.median([experiment.time_to(r, s) for r in runs]) for s in (1e-2, 1e-3)]
             lines.append((
                 *(f"{v:.6g}" if isinstance(v, float) else v for v in runs[0].labels.values()),
                 f"`{runs[0].method}`",
-                f"{np.median([r.score for r in runs]):.5f}",
-                f"{min(r.score for r in runs):.5f}",
-                f"{runs[0].uniform_score:.5f}",
-                f"{np.median(gains):+z.2%}" if gains else "–",
-                f"{np.median(shortfalls):.3%}" if shortfalls else "–",
+                f"{np.median(criterion.displayed(scores)):.5f}",
+                f"{criterion.displayed(min(scores)):.5f}",
+                f"{criterion.displayed(runs[0].uniform_score):.5f}",
+                *[gain, shortfall][: len(relative)],
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
                 f"{np.median([r.evaluations for r in runs]):.0f}",
             ))  # fmt: skip
@@ -165,12 +172,15 @@ def summarise(study: Study) -> list[str]:
     results = study.results().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {study.begun}"
     text = [f"{study.name}: {about}", describe_labels(study.settings)]
-    names = ("problem", "method", "tasks", "best", "median", "uniform", "gain")
+    names = ("problem", "method", "tasks", "quantity", "best", "median", "uniform", "gain")
     lines = []
     for group, runs in group_runs(results, "problem", "method").items():
         best = max(runs, key=lambda r: r.score)
         scores = best.score, np.median([r.score for r in runs]), best.uniform_score
-        gain = "" if best.gain is None else f"{best.gain:+z.2%}"
-        lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain))
+        gain, quantity = "" if best.gain is None else f"{best.gain:+z.2%}", "gain"
+        if best.uniform_score:  # it is 0 if scenes are sampled, whose scores are gains
+            quantity, scores = best.criterion.quantity(), best.criterion.displayed(scores)
+            gain *= bool(best.criterion.unit)
+        lines.append((*group, str(len(runs)), quantity, *map("{:.6g}".format, scores), gain))
     table = ["", *text_table(names, lines, right=names[2:])] if lines else []
     return [*map(one_line, filter(None, text)), *table]

@@ -18,6 +18,7 @@ from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
+from domino_env.scenes.objectives.base import Objective
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import GRADIENT_COST, Evaluator, TraceEntry
 from optimize.searching import compile_simulations, find_baseline, search
@@ -41,7 +42,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     score, uniform_score
         Scores of the best layout, and of the uniform baseline.
     gain
-        score / uniform_score - 1; None if one of the two scores is 0 or less.
+        Gain over the uniform baseline, see `Scene.gain`.
     outcome
         Name of the `Outcome` of the best layout's wave.
     mean_speed
@@ -90,6 +91,11 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     def problem(self) -> str:
         """Name of the problem: the labels if there are any, else the name of the scene."""
         return describe_labels(self.labels) or self.scene_name
+
+    @property
+    def criterion(self) -> Objective:
+        """Objective of the scene."""
+        return read_scene(self.scene).criterion
 
     @property
     def layout(self) -> Layout:

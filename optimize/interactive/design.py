@@ -13,7 +13,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import UniformBaseline, best_point, gain, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
 from domino_env.view.animation import require_drawable
 from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import BestKnown, best_known
@@ -21,6 +21,7 @@ from optimize.experiments.best_known import BestKnown, best_known
 SPACING, THICKNESS = "spacing", "thickness"
 NAME, TITLE = "own", "your own scene"  # of a scene that was changed or made from a layout
 GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
+UNIFORM = "result of the uniform baseline (best equal gaps)"
 NORMALISED = "normalised score (100 %: best known layout)"
 
 
@@ -231,13 +232,14 @@ class Design:
         is_speed = scene.unit == "m/s"
         text = COMPUTING if score is None else scene.format_score(score, wave)
         numbers = {"mean speed" if is_speed else "result": text}
-        if is_speed:
-            numbers[GAIN] = COMPUTING
+        numbers[GAIN if is_speed else UNIFORM] = COMPUTING
+        if self.uniform is not None and not is_speed:
+            numbers[UNIFORM] = scene.format_score(self.uniform.score, self.uniform.wave)
         if is_speed and score is not None and self.uniform is not None:
-            own_gain, best = gain(score, self.uniform.score), known_best(scene)
+            own_gain, best = scene.gain(score, self.uniform.score), known_best(scene)
             # + 0.0 changes -0.0 to 0.0
             numbers[GAIN] = "–" if own_gain is None else f"{round(own_gain, 4) + 0.0:+.2%}"
-            known_gain = gain(best.score, self.uniform.score) if best else None
+            known_gain = scene.gain(best.score, self.uniform.score) if best else None
             if own_gain is not None and known_gain:
                 numbers[NORMALISED] = f"{round(own_gain / known_gain, 3) + 0.0:.1%}"
         if wave.hit == wave.layout.count:

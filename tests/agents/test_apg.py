@@ -13,7 +13,7 @@ from agents import closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
 from agents.apg import require_smooth
 from agents.closed_loop import random_parts
-from agents.rollout import SEEDS_PER_TRAINING, build
+from agents.rollout import SEEDS_PER_TRAINING, episode_scores
 from agents.sb3 import Learner
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)
@@ -44,8 +44,9 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
     with torch.no_grad():
         policy.action_net.bias += 0.1  # away from the uniform baseline
         policy.action_net.weight.mul_(20.0 if random_parts(scene) else 5.0)  # larger reactions
-        if name == "draw":  # always requests one thickness
-            policy.action_net.weight[1], policy.action_net.bias[1] = 0.0, 0.1
+        if name == "draw":  # always prefers the same thickness
+            policy.action_net.weight[1:] = 0.0
+            policy.action_net.bias[1:] = torch.tensor([-0.1, 0.9, 0.1])
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
             monkeypatch.setattr(closed_loop, "shipped_references", lambda: numbers)
     learner.env.seed(SEEDS_PER_TRAINING)
@@ -59,8 +60,8 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
     def loss(bias: torch.Tensor) -> float:
         with torch.no_grad():
             layer.bias.copy_(bias)
-        score = build(learner.policy(), scene, seeds=seeds).score
-        return -100.0 * score / scene.uniform().score
+        scores = episode_scores(learner.policy(), scene, seeds)
+        return -100.0 * float(scene.as_placed.criterion.gain(scores, scene.uniform().score).mean())
 
     for i in np.argsort(-np.abs(gradient))[:2]:
         step = torch.eye(len(start))[i] * 1e-3

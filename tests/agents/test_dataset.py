@@ -23,7 +23,7 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
     with monkeypatch.context() as patched:
         patched.setattr(dataset, "run_experiment", interrupted)
         assert main(words) != 0
-    monkeypatch.delitem(gymnasium.registry, "DominoChain-v1")  # as in the command
+    monkeypatch.delitem(gymnasium.registry, "DominoChain-v2")  # as in the command
     assert main(words) == 0
     assert "3 scenes of `varied-course`" in capsys.readouterr().out
     table = parquet.read_table(tmp_path / dataset.LAYOUTS).to_pylist()

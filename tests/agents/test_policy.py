@@ -106,7 +106,7 @@ def test_an_archive_is_evaluated_without_running_its_code(tmp_path, monkeypatch,
     kind = getattr(sb3, algorithm, None) or getattr(pytest.importorskip("sb3_contrib"), algorithm)
     path = tmp_path / "model.zip"
     for name in ("sprint", "varied"):
-        env = gymnasium.make("DominoChain-v1", scene=name)
+        env = gymnasium.make("DominoChain-v2", scene=name)
         options = {} if algorithm == "ARS" else {"policy_kwargs": {"net_arch": [16]}}
         model = kind("MlpPolicy", env, seed=3, device="cpu", **options)
         model.save(path)
@@ -146,7 +146,7 @@ def _doubled():
 def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path):
     sb3, torch = pytest.importorskip("stable_baselines3"), pytest.importorskip("torch")
     path = tmp_path / "model.zip"
-    env = gymnasium.make("DominoChain-v1", scene="sprint")
+    env = gymnasium.make("DominoChain-v2", scene="sprint")
     for options in ({"activation_fn": torch.nn.ELU}, {"features_extractor_class": _doubled()}):
         sb3.PPO("MlpPolicy", env, device="cpu", policy_kwargs=options).save(path)
         with pytest.raises(ValueError, match=r"model\.zip: its .*; add --trust"):

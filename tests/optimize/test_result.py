@@ -50,6 +50,18 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result):
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 
+@pytest.mark.parametrize(("budget", "scale"), [(3, "linear"), (50, "log")])
+def test_a_search_with_a_schedule_shows_errors(budget, scale):
+    result = search("tempo", budget=budget)
+    axes = result.figure().axes[-1]
+    uniform, steps = axes.get_lines()
+    late = result.scene.tempo.error(result.wave.arrival_times[None])[0]
+    assert steps.get_ydata()[-1] == pytest.approx(max(1e3 * late, 1e-6), rel=1e-3)
+    assert axes.get_yscale() == scale
+    low, high = axes.get_ylim()
+    assert low < steps.get_ydata()[-1] <= uniform.get_ydata()[0] < high
+
+
 def test_a_linear_axis_of_a_search_begins_at_0(scenes):
     assert search(scenes["both"], "uniform").figure().axes[-1].get_xlim()[0] == 0.0
 

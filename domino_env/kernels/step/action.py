@@ -1,27 +1,68 @@
 """Actions: numbers in [-1, 1] for the gap, thickness and growth of the next domino.
 
-An action has one entry for each of these that is free, in this order. `decode` scales the entries
-to the bounds that the rules still leave; `encode` is its inverse, `decode_back` its reverse mode.
+An action has one entry for each of these that is free, in this order; with a stock, one entry for
+each kind of pieces in place of the thickness. `decode` scales the entries to the bounds that the
+rules still leave; `encode` is its inverse, `decode_back` its reverse mode.
+
+An entry of 0 is the value of the uniform baseline, and entries of -1 and 1 are the bounds. Between
+0 and 1 the logarithm of the ratio to the baseline is a cubic in the entry e,
+
+    ln(value / uniform) = e (s + (l - s) e²),    l = ln(high / uniform),    s = min(SLOPE, l),
+
+and likewise between 0 and -1. So equal changes of entries near 0 are equal ratios, small enough for
+the noise with which algorithms explore, and the bounds are still reached.
 """
+
+import math
 
 import numpy as np
 
-from domino_env.kernels.jit import always_inline, internal
+from domino_env.kernels.jit import always_inline, entry_point, internal
+from domino_env.kernels.step.batch import rules_of, uniform_of
+
+SLOPE = 1.0  # largest derivative of the logarithm of a value with respect to its entry, at 0
 
 
 @always_inline
-def scale_entry(entry, low, high):
-    """Return the value of an entry, scaled from [-1, 1] to [low, high] and clipped."""
-    value = low + 0.5 * (min(max(entry, -1.0), 1.0) + 1.0) * (high - low)
+def bend(entry, span):
+    """Return the logarithm of a ratio for an entry from 0 to 1; `span` is that for 1."""
+    slope = min(SLOPE, span)
+    return entry * (slope + (span - slope) * entry * entry)
+
+
+@always_inline
+def unbend(logarithm, span):
+    """Return the entry from 0 to 1 for the logarithm of a ratio, by the root of the cubic."""
+    if logarithm >= span:
+        return 1.0
+    excess = span - SLOPE
+    if excess <= 1e-6:  # the cubic term is no larger than rounding, or there is none
+        return logarithm / span
+    p = SLOPE / excess
+    root = math.asinh(1.5 * logarithm / SLOPE * math.sqrt(3.0 / p)) / 3.0
+    return min(2.0 * math.sqrt(p / 3.0) * math.sinh(root), 1.0)
+
+
+@always_inline
+def scale_entry(entry, low, high, uniform):
+    """Return the value of an entry: `uniform` for 0, low for -1, high for 1."""
+    centre = min(max(uniform, low), high)
+    if entry >= 0.0:
+        value = centre * math.exp(bend(min(entry, 1.0), math.log(high / centre)))
+    else:
+        value = centre * math.exp(-bend(min(-entry, 1.0), math.log(centre / low)))
     return min(max(value, low), high)
 
 
 @always_inline
-def entry_for(value, low, high):
+def entry_for(value, low, high, uniform):
     """Return the entry for a value, or for the nearer bound; 0 for equal bounds."""
-    if not low < high:
-        return 0.0
-    return min(max(2.0 * (value - low) / (high - low) - 1.0, -1.0), 1.0)
+    centre = min(max(uniform, low), high)
+    if value > centre:
+        return unbend(math.log(value / centre), math.log(high / centre)) if high > centre else 0.0
+    if value < centre and centre > low:
+        return -unbend(math.log(centre / max(value, low)), math.log(centre / low))
+    return 0.0
 
 
 @always_inline
@@ -70,35 +111,68 @@ def gap_bounds(rules, spacing, n, distance, thickness):
 
 
 @internal
-def nearest_kind(kinds, pieces, thickness):
-    """Return the index of the nearest thickness of which there are pieces."""
+def nearest_kind(kinds, thickness):
+    """Return the index of the nearest of some thicknesses."""
     best, least = 0, np.inf
     for k in range(len(kinds)):
-        if pieces[k] > 0.0 and abs(kinds[k] - thickness) < least:
+        if abs(kinds[k] - thickness) < least:
             best, least = k, abs(kinds[k] - thickness)
     return best
 
 
+@internal
+def restock(batch, b, given):
+    """Put all pieces back into the box, and draw the hand after `given` dominoes."""
+    for k in range(batch.box.shape[1]):
+        batch.box[b, k] = batch.kinds[1, k]
+    for n in range(given):
+        batch.box[b, nearest_kind(batch.kinds[0], batch.thickness[b, n + 1])] -= 1.0
+    for j in range(given, min(given + rules_of(batch, b).hand, batch.order.shape[1])):
+        batch.box[b, batch.order[b, j]] -= 1.0
+
+
 @always_inline
-def pieces_of(rules, batch, b):
-    """Return the numbers of pieces that can be placed, by kind: in the hand if there is one."""
-    return batch.hand[b] if rules.hand > 0 else batch.box[b]
+def mean_piece(rules, batch, b):
+    """Return the mean thickness of the pieces in the box and in the hand of environment b [m]."""
+    kinds, placed = batch.kinds[0], batch.episodes[b].placed
+    number, total = 0.0, 0.0
+    for k in range(len(kinds)):
+        number, total = number + batch.box[b, k], total + batch.box[b, k] * kinds[k]
+    for j in range(placed, min(placed + rules.hand, batch.order.shape[1])):
+        number, total = number + 1.0, total + kinds[batch.order[b, j]]
+    return total / number if number > 0.0 else 0.0
 
 
 @internal
-def restock(batch, b):
-    """Put all pieces back into the box."""
-    for k in range(batch.kinds.shape[1]):
-        batch.box[b, k], batch.hand[b, k] = batch.kinds[1, k], 0.0
+def take_from_hand(preferences, batch, b, n, hand):
+    """Return the preferred kind in the hand, which are pieces n … n+hand-1 of the order of drawing.
+
+    Of equally preferred pieces, the one drawn first is taken. It becomes piece n of the order, and
+    the next piece is drawn.
+    """
+    order = batch.order[b]
+    best = n
+    for j in range(n + 1, min(n + hand, len(order))):
+        if preferences[order[j]] > preferences[order[best]]:
+            best = j
+    kind = order[best]
+    for j in range(best, n, -1):
+        order[j] = order[j - 1]
+    order[n] = kind
+    if n + hand < len(order):
+        batch.box[b, order[n + hand]] -= 1.0
+    return kind
 
 
 @internal
-def draw(batch, b, first, last):
-    """Move pieces first … last - 1 of the random order, if there is one, into the hand."""
-    for j in range(first, min(last, batch.order.shape[1])):
-        k = batch.order[b, j]
-        batch.box[b, k] -= 1.0
-        batch.hand[b, k] += 1.0
+def take_from_box(preferences, box, usual):
+    """Return the preferred kind in the box; of equally preferred ones `usual`, else the first."""
+    best = usual
+    for k in range(len(box)):
+        if box[k] > 0.0 and (not box[best] > 0.0 or preferences[k] > preferences[best]):
+            best = k
+    box[best] -= 1.0
+    return best
 
 
 @internal
@@ -117,30 +191,35 @@ def decode(action, rules, batch, b, n, distance, layout):
 
     The batch has the lists of allowed gaps and thicknesses, if any, and the rest of a stock.
     """
-    spacing, height = layout.spacing, layout.height
-    column = len(action) - 1
+    spacing, height, uniform = layout.spacing, layout.height, uniform_of(batch, b)[n]
+    growths = int(rules.growth_low < rules.growth_high)
     behind = height[n]  # and ahead: heights
     if rules.grows:
         growth = rules.growth_low
-        if rules.growth_low < rules.growth_high:
-            growth = scale_entry(action[column], rules.growth_low, rules.growth_high)
-            column -= 1
+        if growths:
+            low, high = rules.growth_low, rules.growth_high
+            growth = scale_entry(action[len(action) - 1], low, high, uniform.growth)
         height[n + 1] = behind * growth
     ahead = height[n + 1]
-    thickness = rules.thickness_low
-    if rules.thickness_low < rules.thickness_high:
+    thickness, kinds = rules.thickness_low, batch.box.shape[1]
+    if kinds > 0:
+        preferences = action[len(action) - growths - kinds :]
+        if rules.hand > 0:
+            k = take_from_hand(preferences, batch, b, n, rules.hand)
+        else:
+            usual = nearest_kind(batch.kinds[0], uniform.thickness)
+            k = take_from_box(preferences, batch.box[b], usual)
+        thickness = batch.kinds[0, k]
+    elif rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
-        thickness = scale_entry(action[column], low, high)
+        entry = action[len(action) - growths - 1]
+        thickness = scale_entry(entry, low, high, uniform.thickness)
         if batch.kinds.shape[1] > 0:
-            pieces = pieces_of(rules, batch, b)
-            k = nearest_kind(batch.kinds[0], pieces, thickness)
-            pieces[k] -= 1.0
-            draw(batch, b, n + rules.hand, n + rules.hand + 1)
-            thickness = batch.kinds[0, k]
+            thickness = batch.kinds[0, nearest_kind(batch.kinds[0], thickness)]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, thickness)
-        gap = scale_entry(action[0], low, high)
+        gap = scale_entry(action[0], low, high, uniform.gap)
         if len(batch.gap_values) > 0:
             gap = nearest_within(batch.gap_values, low, high, gap)
     if rules.in_heights:
@@ -157,31 +236,54 @@ def add_placement_error(rules, errors, b, n, spacing):
 
 
 @always_inline
-def encode(rules, spacing, n, distance, target, action):
+def encode(rules, batch, b, spacing, n, distance, target, action):
     """Write the action that comes nearest to a given gap n and domino n+1.
 
     target: gap, thickness, and heights of dominoes n and n+1 [m].
     """
     gap, thickness, behind, ahead = target[0], target[1], target[2], target[3]
+    uniform, kinds = uniform_of(batch, b)[n], batch.box.shape[1]
     if rules.in_heights:
         gap, thickness = gap / min(behind, ahead), thickness / ahead
     column = len(action) - 1
     if rules.growth_low < rules.growth_high:
-        action[column] = entry_for(ahead / behind, rules.growth_low, rules.growth_high)
+        low, high = rules.growth_low, rules.growth_high
+        action[column] = entry_for(ahead / behind, low, high, uniform.growth)
         column -= 1
     low, high = thickness_bounds(rules, len(spacing) - n, distance)
-    if rules.thickness_low < rules.thickness_high:
-        action[column] = entry_for(thickness, low, high)
+    if kinds > 0:
+        action[column + 1 - kinds + nearest_kind(batch.kinds[0], thickness)] = 1.0
+    elif rules.thickness_low < rules.thickness_high:
+        action[column] = entry_for(thickness, low, high, uniform.thickness)
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, min(max(thickness, low), high))
-        action[0] = entry_for(gap, low, high)
+        action[0] = entry_for(gap, low, high, uniform.gap)
 
 
 @always_inline
-def scale_entry_back(entry, low, high, bar):
-    """Return derivatives of `scale_entry` by entry, low and high, times the bar of its value."""
-    fraction = 0.5 * (min(max(entry, -1.0), 1.0) + 1.0)
-    return 0.5 * (high - low) * bar, (1.0 - fraction) * bar, fraction * bar
+def scale_entry_back(entry, low, high, uniform, bar):
+    """Return derivatives of `scale_entry` by entry, low and high, times the bar of its value.
+
+    Beyond [-1, 1] the derivative by the entry is that at the nearer end; where the baseline leaves
+    no values on one side of 0, it is that at 0.
+    """
+    centre, size = min(max(uniform, low), high), min(abs(entry), 1.0)
+    above, below = math.log(high / centre), math.log(centre / low)
+    span = above if entry >= 0.0 else below
+    slope, cube = min(SLOPE, span), size * size * size
+    value_bar = scale_entry(entry, low, high, uniform) * bar
+    entry_bar = value_bar * (slope + 3.0 * (span - slope) * size * size)
+    if uniform in (low, high) and span == 0.0:
+        entry_bar = value_bar * min(SLOPE, above + below)
+    fraction = cube if span > SLOPE else size  # derivative of the logarithm by the span
+    low_bar = value_bar * fraction / low if entry < 0.0 else 0.0
+    high_bar = value_bar * fraction / high if entry >= 0.0 else 0.0
+    centre_bar = value_bar * (1.0 - fraction) / centre
+    if uniform <= low:
+        low_bar += centre_bar
+    elif uniform >= high:
+        high_bar += centre_bar
+    return entry_bar, low_bar, high_bar
 
 
 @always_inline
@@ -193,13 +295,14 @@ def narrow_bounds_back(low, high, least, most, low_bar, high_bar):
 
 
 @internal
-def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar):
+def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_bars, action_bar):
     """Write the derivatives by an action from those by gap n and domino n+1.
 
-    distance: from pivot 0 to pivot n. bars: direct derivatives by gap, thickness and height.
+    uniform: UNIFORM of domino n. kinds: number of kinds of a stock. distance: from pivot 0 to pivot
+    n. bars: direct derivatives by gap, thickness and height.
     later_bars: derivatives through later dominoes by the distance to pivot n+1, gap n and the
     height of n+1; replaced by those by the distance to pivot n, gap n-1 and the height of n.
-    Beyond [-1, 1] the derivatives are those at the nearer end. Lists and stocks are not supported.
+    The choice of a value of a list counts as the identity; entries for kinds have derivative 0.
     """
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]
@@ -220,7 +323,9 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, thickness)
-        action_bar[0], low_bar, high_bar = scale_entry_back(action[0], low, high, gap_bar)
+        action_bar[0], low_bar, high_bar = scale_entry_back(
+            action[0], low, high, uniform.gap, gap_bar
+        )
         if rules.length > 0.0:
             shift_bar = narrow_bounds_back(
                 rules.gap_low, rules.gap_high, pitch_low - thickness, pitch_high - thickness,
@@ -231,10 +336,12 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
         if rules.largest_change > 0.0 and n > 0:
             before_bar += low_bar if low > rules.gap_low else 0.0
             before_bar += high_bar if high < rules.gap_high else 0.0
-    if rules.thickness_low < rules.thickness_high:
+    if not kinds and rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
-        action_bar[k], low_bar, high_bar = scale_entry_back(action[k], low, high, thickness_bar)
+        action_bar[k], low_bar, high_bar = scale_entry_back(
+            action[k], low, high, uniform.thickness, thickness_bar
+        )
         if rules.length > 0.0:
             distance_bar -= narrow_bounds_back(
                 rules.thickness_low, rules.thickness_high,
@@ -244,6 +351,14 @@ def decode_back(action, rules, n, distance, layout, bars, later_bars, action_bar
         behind_bar += ahead / behind * height_bar
         if free_growth:
             action_bar[column], _, _ = scale_entry_back(
-                action[column], rules.growth_low, rules.growth_high, behind * height_bar
-            )
+                action[column], rules.growth_low, rules.growth_high, uniform.growth,
+                behind * height_bar,
+            )  # fmt: skip
     later_bars[0], later_bars[1], later_bars[2] = distance_bar, before_bar, behind_bar
+
+
+@entry_point
+def encode_values(values, low, high, uniform, entries):
+    """Write the entries for values between fixed bounds."""
+    for i in range(len(values)):
+        entries[i] = entry_for(values[i], low, high, uniform)

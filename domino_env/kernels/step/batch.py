@@ -34,7 +34,16 @@ RULES = record_type(  # of a scene
     rewards_steps=np.bool_,  # else all rewards but the last are 0
     tolerance=float,  # RMS error that halves the score [s], if hits have a schedule, else 0
     score_unit=float,  # score by which a success is divided in the gain
+    least_score=float,  # scores of hits on a schedule that are smaller count as this in the gain
+    fixed=np.bool_,  # the same layout has the same score in every episode
     score_is_speed=np.bool_,  # known when the wave ends, without another simulation
+)
+UNIFORM = record_type(  # domino k of the uniform baseline
+    gap=float,  # after it, in the unit of the bounds; like the next two, the values of entries of 0
+    thickness=float,  # of domino k+1, in the unit of the bounds
+    growth=float,  # of domino k+1
+    length_left=float,  # from domino k to the last one [m]; with a stock, of the gaps alone
+    time_left=float,  # from the hit of domino k to that of the last one [s]
 )
 EPISODE = record_type(  # besides its ring and state
     distance=float,  # first pivot to last [m]
@@ -46,23 +55,24 @@ EPISODE = record_type(  # besides its ring and state
     phase=int,
     outcome=int,
     uncertain=np.bool_,  # the score must be computed from the whole layout
+    as_uniform=np.bool_,  # the layout is the uniform baseline, whose score is known
 )
 
 
 class Batch(NamedTuple):
     """Arrays of B environments, and those that they share."""
 
-    rules: NDArray[np.record]  # (1,) RULES, or (B,) if each has its own scene
+    scene: NDArray[np.int64]  # (B,) index of the scene of each environment, of S
+    rules: NDArray[np.record]  # (S,) RULES
     entries: NDArray[np.record]  # (1,) OBSERVATION
-    features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 if the scene is fixed
-    uniform_left: NDArray[np.float64]  # (1, N, 2) or (B, N, 2), see `expected_gain`
-    schedule: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) arrival times [s]; intervals, -1 to 1
+    features: NDArray[np.float32]  # (S, F) of sampled scenes; F = 0 if the scene is fixed
+    uniform: NDArray[np.record]  # (S, N) UNIFORM
+    schedule: NDArray[np.float64]  # (S, N, 2) arrival times [s]; intervals, -1 to 1; or (S, 0, 2)
     closeness: NDArray[np.float32]  # (N, C) exp(-k / c) of k dominoes to an end, for C lengths c
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
     kinds: NDArray[np.float64]  # (2, K) allowed thicknesses; pieces of each, or inf
-    box: NDArray[np.float64]  # (B, K) pieces that are still in the box
-    hand: NDArray[np.float64]  # (B, K) pieces in hand
-    order: NDArray[np.int16]  # (B, P) kinds of all pieces in the order of the draw; or (B, 0)
+    box: NDArray[np.float64]  # (B, K) pieces of a stock that are still in the box; or (B, 0)
+    order: NDArray[np.int16]  # (B, P) kinds of all pieces, those placed, in hand, to draw; (B, 0)
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
     rings: NDArray[np.record]  # (B, R) CONTACT or UNEVEN_CONTACT
     states: NDArray[np.record]  # (B,) STATE
@@ -80,13 +90,19 @@ class Batch(NamedTuple):
 @always_inline
 def rules_of(batch, b):
     """Return the rules of environment b."""
-    return batch.rules[b if len(batch.rules) > 1 else 0]
+    return batch.rules[batch.scene[b]]
+
+
+@always_inline
+def uniform_of(batch, b):
+    """Return the uniform baseline (N,) of environment b."""
+    return batch.uniform[batch.scene[b]]
 
 
 @always_inline
 def schedule_of(batch, b):
     """Return the schedule of environment b."""
-    return batch.schedule[b if len(batch.schedule) > 1 else 0]
+    return batch.schedule[batch.scene[b]]
 
 
 @always_inline

@@ -11,16 +11,45 @@ from domino_env.kernels.fall import configure, start_chain
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 from domino_env.kernels.step import action
-from domino_env.kernels.step.batch import OVER, RUNNING, layout_in, rules_of, schedule_of
+from domino_env.kernels.step.batch import (
+    OVER,
+    RUNNING,
+    layout_in,
+    rules_of,
+    schedule_of,
+    uniform_of,
+)
 from domino_env.kernels.step.observation import observe
+
+SAME_SIZE = 1e-12  # [m] largest difference, by rounding, of sizes from those of the baseline
 
 
 @internal
-def close_episode(rules, state, episode, n, outcome, layout):
+def is_as_uniform(rules, uniform, layout):
+    """Return True if a complete layout is the uniform baseline, except for rounding."""
+    for n in range(len(layout.spacing)):
+        behind, ahead = layout.height[n], layout.height[n + 1]
+        gap, thickness = uniform[n].gap, uniform[n].thickness
+        if rules.in_heights:
+            gap, thickness = gap * min(behind, ahead), thickness * ahead
+        if (
+            abs(layout.spacing[n] - gap) > SAME_SIZE
+            or abs(layout.thickness[n + 1] - thickness) > SAME_SIZE
+            or abs(ahead - uniform[n].growth * behind) > SAME_SIZE
+        ):
+            return False
+    return True
+
+
+@internal
+def close_episode(rules, uniform, state, episode, n, outcome, layout):
     """Write score and outcome of a wave that completed, or stopped with leader n."""
     count = len(layout.thickness)
     episode.phase, episode.outcome = OVER, outcome
     episode.uncertain = not rules.score_is_speed
+    # if the wave stops, the rest of the layout is not that of the baseline
+    complete = episode.placed + 1 == count
+    episode.as_uniform = rules.fixed and complete and is_as_uniform(rules, uniform, layout)
     if outcome == PROPAGATED:
         episode.reach = 1.0
         episode.score = episode.distance / state.time
@@ -61,7 +90,7 @@ def stand_on_ground(batch, curve, b, layout, n):
 
 
 @always_inline
-def fall_onto_next(rules, batch, b, lanes, layout, tape):
+def fall_onto_next(rules, uniform, batch, b, lanes, layout, tape):
     """Simulate the fall of the leader onto the domino just written in the layout."""
     ring, state, episode = batch.rings[b], batch.states[b], batch.episodes[b]
     count, first = len(layout.thickness), episode.placed
@@ -71,21 +100,23 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
     for n in range(first, last + 1):
         outcome = next_fall(layout, lanes, ring, n, state, tape)
         if outcome != PROPAGATED or n + 1 == count:
-            close_episode(rules, state, episode, n, outcome, layout)
+            close_episode(rules, uniform, state, episode, n, outcome, layout)
             break
 
 
 @always_inline
-def expected_gain(rules, uniform_left, state, episode):
+def expected_gain(rules, uniform, batch, b):
     """Return the gain [%] if the rest of the chain were that of the uniform baseline.
 
-    uniform_left: (N, 2) length [m] and time [s] from domino k of the baseline to its last one.
+    uniform: UNIFORM of the domino placed last.
     """
-    uniform_length, time = uniform_left[episode.placed]
-    length = uniform_length
+    state, episode = batch.states[b], batch.episodes[b]
+    length, time = uniform.length_left, uniform.time_left
     if rules.length > 0.0:  # the remaining length, at the speed of the baseline there
         length = rules.length - episode.distance
-        time *= length / uniform_length
+        time *= length / uniform.length_left
+    elif batch.box.shape[1] > 0:  # with the pieces that remain
+        length += (rules.count - 1 - episode.placed) * action.mean_piece(rules, batch, b)
     speed = (episode.distance + length) / (state.time + time)
     return 100.0 * (speed / rules.uniform_speed - 1.0)
 
@@ -94,17 +125,17 @@ def expected_gain(rules, uniform_left, state, episode):
 def gain_in_tempo(rules, episode):
     """Return the part of the gain [%] that the dominoes placed so far contribute.
 
-    Each contributes the same part of the gain without errors of arrival times, 1 / score_unit - 1,
-    and the errors reduce the score. With all dominoes placed it is the gain of the layout.
+    Each contributes the same part of the gain of a layout without errors of arrival times, and the
+    errors reduce it. With all dominoes placed it is the gain of the layout.
     """
     pairs = rules.count - 1
     score = 1.0 / (1.0 + math.sqrt(episode.lateness / pairs) / rules.tolerance)
-    most = 1.0 / rules.score_unit
-    return 100.0 * ((score - 1.0) * most + (most - 1.0) * episode.placed / pairs)
+    most = -math.log10(rules.score_unit)
+    return 10.0 * (math.log10(max(score, rules.least_score)) + most * episode.placed / pairs)
 
 
 @always_inline
-def step_reward(rules, batch, b):
+def step_reward(rules, uniform, batch, b):
     """Return the reward of a step that did not end the episode: the change of expected gain."""
     episode = batch.episodes[b]
     if rules.tolerance > 0.0:
@@ -113,8 +144,7 @@ def step_reward(rules, batch, b):
         return gain_in_tempo(rules, episode) - episode.reward_sum
     if not rules.rewards_steps:
         return 0.0
-    left = batch.uniform_left[b if len(batch.uniform_left) > 1 else 0]
-    return expected_gain(rules, left, batch.states[b], episode) - episode.reward_sum
+    return expected_gain(rules, uniform[episode.placed], batch, b) - episode.reward_sum
 
 
 @entry_point
@@ -128,24 +158,20 @@ def reset_batch(first, last, batch, chosen, given, observations):
     for b in range(first, last):
         if not chosen[b]:
             continue
-        rules, layout = rules_of(batch, b), layout_in(batch, b)
-        episode, box = batch.episodes[b], batch.box[b]
-        ring, state = batch.rings[b], batch.states[b]
+        rules, uniform, layout = rules_of(batch, b), uniform_of(batch, b), layout_in(batch, b)
+        episode, ring, state = batch.episodes[b], batch.rings[b], batch.states[b]
         configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
         start_chain(layout, rules.push, ring, state)
         episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
         episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
-        action.restock(batch, b)
+        action.restock(batch, b, given[b])
         for i in range(given[b]):
-            if len(box) > 0:
-                box[action.nearest_kind(batch.kinds[0], box, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
-            fall_onto_next(rules, batch, b, lanes, layout, tape)
+            fall_onto_next(rules, uniform, batch, b, lanes, layout, tape)
             if episode.phase == OVER:
                 break
-            episode.reward_sum += step_reward(rules, batch, b)
-        action.draw(batch, b, given[b], given[b] + rules.hand)
+            episode.reward_sum += step_reward(rules, uniform, batch, b)
         observe(batch, b, layout, observations[b])
 
 
@@ -165,15 +191,15 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         rewards[b], ended[b] = 0.0, False
         if episode.phase != RUNNING:
             continue
-        layout = layout_in(view, b)
+        layout, uniform = layout_in(view, b), uniform_of(view, b)
         action.decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
         action.add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
-        fall_onto_next(rules, view, b, lanes, layout, tape)
+        fall_onto_next(rules, uniform, view, b, lanes, layout, tape)
         if episode.phase == OVER:
             ended[b] = True
         else:
-            rewards[b] = step_reward(rules, view, b)
+            rewards[b] = step_reward(rules, uniform, view, b)
             episode.reward_sum += rewards[b]
         observe(view, b, layout, observations[b])
     keep_alive(own_lanes)
@@ -188,14 +214,15 @@ def place_batch(first, last, batch, chosen, actions):
         if not chosen[b]:
             continue
         rules, layout, distance = rules_of(view, b), layout_in(view, b), 0.0
-        action.restock(view, b)
-        action.draw(view, b, 0, rules.hand)
+        action.restock(view, b, 0)
         for n in range(len(layout.spacing)):
             action.decode(actions[b, n], rules, view, b, n, distance, layout)
             action.add_placement_error(rules, view.errors, b, n, layout.spacing)
             distance += layout.spacing[n] + layout.thickness[n + 1]
         episode = view.episodes[b]
         episode.placed, episode.phase, episode.uncertain = len(layout.spacing), OVER, True
+        uniform = uniform_of(view, b)
+        episode.as_uniform = rules.fixed and is_as_uniform(rules, uniform, layout)
 
 
 @entry_point
@@ -207,14 +234,17 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
     view, actions, later_bars = borrow(batch), borrow(actions), np.zeros(3)
     distances = np.zeros(actions.shape[1] + 1)
     for b in range(first, last):
-        rules, layout = rules_of(view, b), layout_in(view, b)
-        pairs = len(layout.spacing)
+        rules, uniform, layout = rules_of(view, b), uniform_of(view, b), layout_in(view, b)
+        pairs, kinds = len(layout.spacing), view.box.shape[1]
         for n in range(pairs):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
         later_bars[:] = 0.0
         for n in range(pairs - 1, -1, -1):
             taken, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
-            action.decode_back(taken, rules, n, distances[n], layout, bar, later_bars, action_bar)
+            action.decode_back(
+                taken, rules, uniform[n], kinds, n, distances[n], layout, bar, later_bars,
+                action_bar,
+            )  # fmt: skip
 
 
 @entry_point
@@ -227,7 +257,7 @@ def encode_batch(first, last, batch, target, actions):
         episode = batch.episodes[b]
         if episode.phase == RUNNING:
             rules, spacing, n = rules_of(batch, b), layout_in(batch, b).spacing, episode.placed
-            action.encode(rules, spacing, n, episode.distance, target[b], actions[b])
+            action.encode(rules, batch, b, spacing, n, episode.distance, target[b], actions[b])
 
 
 @entry_point

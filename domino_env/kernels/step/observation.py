@@ -9,9 +9,8 @@ from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.step.batch import OVER, rules_of, schedule_of
 
 # sizes at which these parts are clipped
-FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT, LATE_LIMIT = 50.0, 100.0, 20.0, 50.0, 10.0
 LEAD_UNIT = 10.0  # heights per unit of `lead`
-LATENESS_UNIT = 3.0  # tolerances per unit of `lateness`
 ENTRIES = (
     "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
     "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
@@ -42,9 +41,13 @@ def observe_wave(rules, state, episode, start, observation):
 
 @always_inline
 def observe_tempo(rules, schedule, state, placed, start, observation):
-    """Write the delay of the last hit from the schedule, and the next intervals of the schedule."""
-    late = (state.time - schedule[placed, 0]) / (LATENESS_UNIT * rules.tolerance)
-    observation[start.lateness] = min(max(late, -1.0), 1.0)
+    """Write the delay of the last hit from the schedule, and the next intervals of the schedule.
+
+    The delay is scaled by sign(x) ln(1 + |x|), with x in tolerances.
+    """
+    late = (state.time - schedule[placed, 0]) / rules.tolerance
+    late = math.copysign(math.log1p(abs(late)), late)
+    observation[start.lateness] = min(max(late, -LATE_LIMIT), LATE_LIMIT)
     for j in range(start.window):
         i = placed + 1 + j
         observation[start.intervals + j] = schedule[i, 1] if i < rules.count else 0.0
@@ -131,7 +134,9 @@ def observe(batch, b, layout, observation):
         )
     if start.hand >= 0:
         for k in range(batch.kinds.shape[1]):
-            observation[start.hand + k] = batch.hand[b, k] / rules.hand
+            observation[start.hand + k] = 0.0
+        for j in range(placed, min(placed + rules.hand, batch.order.shape[1])):
+            observation[start.hand + batch.order[b, j]] += 1.0 / rules.hand
     if start.stock >= 0:
         for k in range(batch.kinds.shape[1]):
             observation[start.stock + k] = batch.box[b, k] / max(batch.kinds[1, k], 1.0)
@@ -140,5 +145,5 @@ def observe(batch, b, layout, observation):
         observation[start.near_start + j] = batch.closeness[placed, j]
         observation[start.near_end + j] = batch.closeness[pairs - placed, j]
     for j in range(batch.features.shape[1]):
-        observation[start.features + j] = batch.features[b, j]
+        observation[start.features + j] = batch.features[batch.scene[b], j]
     observe_ground(batch, batch.curve, b, observation)

@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.models import Value, about
 from domino_env.core.results import dataclass_repr
@@ -182,7 +182,7 @@ class Objective(ABC):
     name: ClassVar[str]
     """Value of the key `objective` in scene files."""
     unit: ClassVar[str] = ""
-    """Unit of the score of a success."""
+    """Unit of the score of a success; without a unit, gains are not shown in per cent."""
     table: ClassVar[type[Value] | None] = None
     """Type of `settings`; None if the objective has no table."""
     failure: ClassVar[str] = "no success"
@@ -261,9 +261,54 @@ class Objective(ABC):
         """Return the derivatives of the scores of waves; those of scores up to 0 are not used."""
         return ScoreGradient.zero(batch)
 
-    @abstractmethod
+    def gain(self, score: Floats, reference: Floats) -> Floats:
+        """Return the gains of scores of 0 or more over references of more than 0."""
+        return score / reference - 1.0
+
+    def displayed(self, score: ArrayLike) -> Any:
+        """Return the numbers (…) that tables and pictures show of scores (…)."""
+        return np.asarray(score)[()]
+
+    def quantity(self) -> str:
+        """Return the name of the `displayed` numbers, with their unit."""
+        return f"score [{self.unit}]"
+
+    def label(self, score: float, digits: int = 6) -> str:
+        """Format a score as "score 0.828550 m/s"; one of 0 or less, a failure, has no unit."""
+        return f"score {score:.{digits}f}" + f" {self.unit}" * (score > 0.0)
+
+    def compare(
+        self, score: float, reference: float, name: str, digits: int = 2, detailed: bool = False
+    ) -> str:
+        """Compare a score with a reference in words.
+
+        Parameters
+        ----------
+        score, reference
+            Two scores.
+        name
+            Name of the reference.
+        digits
+            Number of decimals of a gain in per cent.
+        detailed
+            True to add the score of the reference to a gain.
+
+        Returns
+        -------
+        str
+            Text such as "3.18% over uniform"; empty if one of the scores is 0 or less.
+        """
+        if min(score, reference) <= 0.0:
+            return ""
+        gain = score / reference - 1.0
+        text = f"{abs(gain):.{digits}%} {'over' if gain >= 0.0 else 'below'} {name}"
+        if abs(gain) < 0.5 * 0.1 ** (digits + 2):  # it would be rounded to 0%
+            text = f"level with {name}"
+        return text + f" ({reference:.6f})" * detailed
+
     def format_score(self, score: float, wave: Wave) -> str:
         """Format the score of a success with its unit."""
+        return self.label(score)
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:

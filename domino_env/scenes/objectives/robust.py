@@ -23,8 +23,11 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 
 LARGEST_DRAWS = 100_000  # largest number of draws of one layout
 MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
-SHARED_ATTRIBUTES = {"unit", "failure", "rewards_speed", "needs_arrivals"}
-"""Attributes that a mean over draws shares with the objective whose scores it averages."""
+SHARED_ATTRIBUTES = {
+    "unit", "failure", "rewards_speed", "needs_arrivals",
+    "gain", "displayed", "quantity", "label", "compare",
+}  # fmt: skip
+"""Attributes and methods that a mean over draws shares with the objective that it averages."""
 LEAST_GAP = 0.0002  # [m] smallest gap with a placement error
 
 
@@ -271,6 +274,6 @@ class MeanOverDraws(Objective):
         return mean.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
 
     def format_score(self, score: float, wave: Wave) -> str:
-        """Format the mean score with its unit and the number of draws."""
-        unit = f" {self.unit}" if self.unit else ""
-        return f"mean score {score:.6f}{unit} over {self.draws} draws of placement noise"
+        """Format the mean score, or the RMS error whose score it is, and the number of draws."""
+        text = f"{'mean ' * bool(self.unit)}{self.label(score)}"
+        return f"{text} over {self.draws} draws of placement noise"

@@ -8,13 +8,17 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from domino_env.core.checks import numbers
 from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Outcome, Wave, WaveBatch
+from domino_env.physics.wave import Outcome, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import LayoutBatch, Waves
+
+LEAST_SCORE = 1e-4  # smaller scores count as this in gains
+LEAST_ERROR = 1e-6  # [ms] smaller errors are rounding
 
 
 class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type: ignore[misc]
@@ -170,10 +174,32 @@ class InTempo(Objective):
         gradient = waves.pullback(propagated * self.settings.gradient(times))
         return ScoreGradient.from_gradient(batch.along_ground(gradient))
 
-    def format_score(self, score: float, wave: Wave) -> str:
-        """Format the root-mean-square error of the hits; less than 1 ns is rounding."""
-        error = float(self.settings.error(wave.arrival_times[None])[0])
-        return "RMS error below 1 ns" if error < 1e-9 else f"RMS error {1e3 * error:.6g} ms"
+    def gain(self, score: Floats, reference: Floats) -> Floats:
+        """Return log₁₀(score / reference) / 10, which is not constant far from the schedule."""
+        return np.asarray(0.1 * np.log10(np.maximum(score, LEAST_SCORE) / reference))
+
+    def displayed(self, score: ArrayLike) -> Any:
+        """Return the root-mean-square errors of scores [ms], infinite for scores of 0 or less."""
+        with np.errstate(divide="ignore"):
+            error = 1e3 * self.settings.tolerance * (1.0 / np.maximum(score, 0.0) - 1.0)
+        return np.maximum(error, LEAST_ERROR)
+
+    def quantity(self) -> str:
+        """Return the name of the errors, with their unit."""
+        return "RMS error [ms]"
+
+    def label(self, score: float, digits: int = 6) -> str:
+        """Format the error of a score as "RMS error 18.7318 ms"."""
+        if score <= 0.0:
+            return super().label(score, digits)
+        error = self.displayed(score)
+        return f"RMS error {'below 1 ns' if error <= LEAST_ERROR else f'{error:.{digits}g} ms'}"
+
+    def compare(
+        self, score: float, reference: float, name: str, digits: int = 2, detailed: bool = False
+    ) -> str:
+        """Return the error of the reference, such as "18.73 ms with uniform"."""
+        return f"{self.label(reference, 4).removeprefix('RMS error ')} with {name}"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:

@@ -231,16 +231,17 @@
   };
   // gains are over the last layout that completes, the uniform baseline if there is a scene
   const base = compared.findLast((entry) => entry.mean_speed > 0);
+  const gains = base && compared.length > 1 && compared.every((entry) => entry.quantity.startsWith("score"));
   // scores that are not speeds have a column of their texts
   const scored = compared.some((entry) => entry.score_text && !entry.score_text.endsWith("m/s"));
-  const head = ["layout", ...(scored ? ["result"] : []), "mean speed", ...(base && compared.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
+  const head = ["layout", ...(scored ? ["result"] : []), "mean speed", ...(gains ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "outcome"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();
   compared.forEach((entry, k) => {
     const line = body.insertRow(), t = entry.arrivals[entry.arrivals.length - 1];
     const gain = !entry.mean_speed ? "–" : entry === base ? "0" : signed(entry.mean_speed / base.mean_speed - 1);
-    const cells = [entry.name, ...(scored ? [entry.score_text ?? "–"] : []), entry.mean_speed ? entry.mean_speed.toFixed(5) + " m/s" : "–", ...(base && compared.length > 1 ? [gain] : []), t == null ? "never" : (t * 1000).toFixed(2) + " ms",
+    const cells = [entry.name, ...(scored ? [entry.score_text ?? "–"] : []), entry.mean_speed ? entry.mean_speed.toFixed(5) + " m/s" : "–", ...(gains ? [gain] : []), t == null ? "never" : (t * 1000).toFixed(2) + " ms",
       entry.positions[entry.positions.length - 1].toFixed(4) + " m", entry.thickness.length, entry.friction, entry.push.toFixed(2) + " rad/s", entry.outcome];
     cells.forEach((text, j) => {
       const cell = line.insertCell();
@@ -265,13 +266,13 @@
     const line = `<svg xmlns="http://www.w3.org/2000/svg" width="34" height="8"><path d="M0 4H34" stroke="${colour(k)}" stroke-width="2.5" stroke-dasharray="${dashes[k % 5].join(" ")}"/></svg>`;
     return `url("data:image/svg+xml,${encodeURIComponent(line)}") no-repeat left center`;
   }
-  // draws series over x in the box `id`; label: of the x axis
-  function chart(id, x, series, label, logarithmic = false) {
+  // draws series over x in the box `id`; label: of the x axis; logarithmic, upright: x, y is logarithmic
+  function chart(id, x, series, label, logarithmic = false, upright = false) {
     const box = $(id);
     box.textContent = "";
     const plot = new uPlot({
-      width: Math.max(box.clientWidth, 240), height: 240, scales: { x: { time: false, ...(logarithmic ? { distr: 3, log: 10 } : {}) } },
-      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui", values: (u, ticks) => ticks.map((v) => (v == null ? "" : short(v))) }, { ...axis(), font: "12px system-ui" }],
+      width: Math.max(box.clientWidth, 240), height: 240, scales: { x: { time: false, ...(logarithmic ? { distr: 3, log: 10 } : {}) }, y: upright ? { distr: 3, log: 10 } : {} },
+      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui", values: (u, ticks) => ticks.map((v) => (v == null ? "" : short(v))) }, { ...axis(), font: "12px system-ui", ...(upright ? { size: 76, values: (u, ticks) => ticks.map((v) => (v == null ? "" : short(v))) } : {}) }],
       legend: { markers: { width: 0, fill: (u, i) => swatch(series[i - 1].colour ?? i - 1) } },
       series: [{ label, value: (u, v) => (v == null ? "" : String(+v.toPrecision(4))) },
         ...series.map((s, k) => ({ label: s.name, stroke: colour(s.colour ?? k), width: 2, dash: dashes[(s.colour ?? k) % 5], points: { show: false }, paths: s.steps ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (u, v) => (v == null ? "" : v.toPrecision(4)) }))],
@@ -308,8 +309,13 @@
     chart("energy", e.time, [{ name: "released by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
       { name: "lost in hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
       ...(compared[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
-    drawRuns("search", "Search: best score so far", (entry) => entry.trace, true, "seconds of search");
-    drawRuns("learning", "Training: score of the policy", (entry) => entry.learning, false, "dominoes placed");
+    drawRuns("search", "Best layout of the search", (entry) => entry.trace, true, "seconds of search");
+    drawRuns("learning", "Policy in training", (entry) => entry.learning, false, "dominoes placed");
+  }
+  // returns true if values differ by more than a factor of 20
+  function wide(values) {
+    const known = values.filter((v) => v != null);
+    return Math.max(...known) > 20 * Math.min(...known);
   }
   // draws the curve that `curveOf` returns for each layout that has one; the best score so far is a step function
   function drawRuns(id, name, curveOf, steps, label) {
@@ -317,10 +323,11 @@
     $(id + "box").hidden = !runs.length;
     if (!runs.length) return;
     const [x, y] = joined(runs.map(({ curve }) => ({ x: curve[0], y: curve[1], hold: steps })));
-    const unit = runs[0].entry.unit;
-    $(id + "name").textContent = name + (unit ? ` [${unit}]` : "");
+    const quantity = runs[0].entry.quantity;
+    $(id + "name").textContent = `${name}: ${quantity}`;
     // scores below zero are of waves that stop; they are left out
-    chart(id, x, runs.map(({ entry, k }, j) => ({ name: entry.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
+    chart(id, x, runs.map(({ entry, k }, j) => ({ name: entry.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0],
+      !quantity.startsWith("score") && wide(y.flat()));
   }
   const verified = compared.filter((entry) => entry.verification);
   if (verified.length) {

@@ -61,13 +61,27 @@ def test_the_two_ends_of_a_long_layout_are_printed(output_of, tmp_path):
     ]  # fmt: skip
 
 
-def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(output_of, file, tmp_path):
-    scene = de.load_scene("sprint")
-    layout = scene.layout(0.012)
+@pytest.mark.parametrize("name", ["sprint", "tempo"])
+def test_a_layout_is_compared_with_the_uniform_baseline_of_a_scene(output_of, tmp_path, name):
+    scene = de.load_scene(name)
+    layout = scene.layout(0.012, scene.thickness[1])
     layout.to_csv(tmp_path / "own.csv")
-    text = output_of("simulate", tmp_path / "own.csv", "--scene", "sprint")
+    words = "simulate", tmp_path / "own.csv", "--scene", name
     score, uniform = scene.score(layout), scene.uniform().score
-    assert f"score {score:.6f} on 'sprint', {score / uniform - 1:+.2%} against" in text
+    result = json.loads(output_of(*words, "--json"))
+    assert (result["score"], result["gain"]) == pytest.approx((score, scene.gain(score, uniform)))
+    shown = f"score {score:.6f} m/s on 'sprint', {1.0 - score / uniform:.2%} below"
+    if name == "tempo":
+        late, best = (
+            scene.tempo.error(w.arrival_times[None])[0]
+            for w in (scene.simulate(layout), scene.uniform().wave)
+        )
+        shown = f"RMS error {1e3 * late:.6g} ms on 'tempo', {1e3 * best:.4g} ms with"
+    assert f"{shown} the uniform baseline" in output_of(*words)
+
+
+def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(output_of, file, tmp_path):
+    de.load_scene("sprint").layout(0.012).to_csv(tmp_path / "own.csv")
     text = output_of("simulate", file, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
     assert "score" not in text

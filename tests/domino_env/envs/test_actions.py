@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from env_scenes import SCENES
+from env_scenes import SCENES, size_of
 
 from domino_env import DominoChain, DominoChainVector
 
@@ -12,8 +12,12 @@ NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magni
 @pytest.mark.parametrize("name", [*NAMES, "tempo-noise"])
 @pytest.mark.parametrize("drift", [-0.4, 0.0, 0.4])
 def test_place_all_equals_single_steps(name, drift):
-    scene = SCENES[name].replace(placement_deviation=0.0, placement_draws=0)
-    env, together = DominoChain(scene), DominoChainVector(2, SCENES[name])
+    noisy = SCENES[name]
+    uniform = noisy.uniform().layout
+    scene = noisy.replace(placement_deviation=0.0, placement_draws=0)
+    if noisy.placement_deviation:  # its baseline too is planned for noise
+        scene = scene.with_uniform([uniform.spacing[0], uniform.thickness[1]])
+    env, together = DominoChain(scene), DominoChainVector(2, noisy)
     size = (scene.count - 1, *env.action_space.shape)
     actions = drift + np.random.default_rng(1).normal(0.0, 0.6, size)
     env.reset()
@@ -25,8 +29,55 @@ def test_place_all_equals_single_steps(name, drift):
     together.reset(seed=0)
     parts = together.place_all(np.stack([0.0 * actions, actions]))
     sizes = layout.spacing, layout.thickness[1:], layout.height[1:]
-    for part, wanted in zip(parts, sizes, strict=True):
+    equal = uniform.spacing, uniform.thickness[1:], uniform.height[1:]
+    for part, wanted, baseline in zip(parts, sizes, equal, strict=True):
         np.testing.assert_array_equal(part[1, :placed], wanted)
+        np.testing.assert_allclose(part[0], baseline, rtol=1e-12)
+
+
+def test_entries_are_logarithmic_about_the_uniform_baseline():
+    scene = SCENES["sprint-thickness"]
+    env, uniform = DominoChainVector(1, scene), scene.uniform().layout
+    for entries in ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0), (0.3, -0.7), (-0.01, 2.0)):
+        env.reset()
+        env.step([entries])
+        layout = env.snapshot(0).layout
+        gap = size_of(entries[0], scene.spacing, uniform.spacing[0])
+        thickness = size_of(entries[1], scene.thickness, uniform.thickness[1])
+        assert layout.spacing[0] == pytest.approx(gap, rel=1e-12)
+        assert layout.thickness[1] == pytest.approx(thickness, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "tempo", "uphill", "box"])
+def test_actions_towards_a_layout_place_it(name):
+    scene, rng = SCENES[name], np.random.default_rng(3)
+    env, noise = DominoChainVector(1, scene, autoreset_mode="SameStep"), 0.3
+    shape = 1, scene.count - 1, *env.single_action_space.shape
+    env.reset()
+    parts = [part[0] for part in env.place_all(rng.uniform(-noise, noise, shape))]
+    layout = scene.layout(*parts[: 2 + (scene.growth is not None)])
+    env.reset()
+    ended = [False]
+    while not ended[0]:
+        *_, ended, _, infos = env.step(env.actions_towards(layout))
+    built = infos["final_info"]["layout"][0]
+    np.testing.assert_allclose(built.spacing, layout.spacing, rtol=1e-9)
+    np.testing.assert_allclose(built.thickness, layout.thickness, rtol=1e-9)
+    np.testing.assert_allclose(built.height, layout.height, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, s in SCENES.items() if not (s.hand or s.placement_deviation)]
+)
+def test_actions_of_zero_build_the_uniform_baseline(name):
+    scene = SCENES[name]
+    env, returned, over = DominoChain(scene), 0.0, False
+    env.reset(seed=0)
+    while not over:
+        _, reward, over, _, info = env.step(np.zeros(env.action_space.shape))
+        returned += reward
+    assert returned == 0.0
+    assert info["score"] == scene.uniform().score or scene.uniform().score <= 0.0
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -42,8 +93,9 @@ def test_derivatives_by_actions_match_finite_differences(name):
             return (np.stack(env.place_all(changed), axis=-1) * derivatives).sum()
 
         total(actions)
-        exact = env.place_all_vjp(actions, derivatives)
-        for place in np.ndindex(shape):
+        exact, defined = env.place_all_vjp(actions, derivatives), env.at_bounds(actions)
+        for place in np.argwhere(~defined):
+            place = tuple(place)
             step = np.zeros(shape)
             step[place] = 1e-7
             difference = (total(actions + step) - total(actions - step)) / 2e-7

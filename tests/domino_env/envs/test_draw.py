@@ -29,7 +29,7 @@ def parts(env, observation):
 
 
 @pytest.mark.parametrize("size", [STOCK.hand, None])
-def test_an_action_takes_the_nearest_piece_in_hand_and_no_piece_is_lost(size):
+def test_an_action_takes_the_preferred_piece_in_hand_and_no_piece_is_lost(size):
     env = DominoChain(SCENE.replace(stock=STOCK.replace(hand=size)))
     rng = np.random.default_rng(0)
     for seed in range(5):
@@ -41,12 +41,10 @@ def test_an_action_takes_the_nearest_piece_in_hand_and_no_piece_is_lost(size):
             assert hand + box + counts(placed) == pytest.approx(STOCK.count, abs=1e-5)
             drawn = order[: n + size] if size else order
             assert hand + counts(placed[1:]) == pytest.approx(counts(drawn), abs=1e-5)
-            action = rng.uniform(-1.0, 1.0, 2) * (1.0, n % 2)  # 0: thin and thick are equally near
-            desired = KINDS[0] + 0.5 * (action[1] + 1.0) * (KINDS[-1] - KINDS[0])
-            held = KINDS[hand > 0.5]
+            action = rng.uniform(-1.0, 1.0, 4)
             observation, _, ended, _, info = env.step(action)
             last = (info["layout"] if ended else env.snapshot().layout).thickness[-1]
-            assert last == held[np.argmin(np.abs(held - desired))]
+            assert last == KINDS[np.argmax(np.where(hand > 0.5, action[1:], -2.0))]
             if ended:
                 break
 
@@ -54,14 +52,16 @@ def test_an_action_takes_the_nearest_piece_in_hand_and_no_piece_is_lost(size):
 def test_a_hand_of_the_whole_stock_equals_no_hand():
     whole = SCENE.replace(stock=STOCK.replace(hand=sum(STOCK.count)))
     free = SCENE.replace(stock=STOCK.replace(hand=None))
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (COUNT - 1, 2))
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (COUNT - 1, 4))
+    # bounds of the gap, as the baselines of the two scenes have other gaps
+    actions[:, 0] = np.where(np.arange(COUNT - 1) % 4, 1.0, -1.0)
     infos = [play(DominoChain(scene), lambda k: actions[k], seed=2)[3] for scene in (whole, free)]
     assert infos[0]["layout"] == infos[1]["layout"]
     assert infos[0]["score"] == infos[1]["score"]
 
 
 def test_chain_and_layout_environments_place_a_plan_alike():
-    actions = np.random.default_rng(3).uniform(-1.0, 1.0, (2, COUNT - 1))
+    actions = np.random.default_rng(3).uniform(-1.0, 1.0, (4, COUNT - 1))
     chain, whole = DominoChainVector(4, SCENE), DominoLayoutVector(4, SCENE)
     for envs in (chain, whole):
         envs.reset(seed=10)
@@ -101,15 +101,36 @@ def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_in_drawn_order()
     assert DominoChain(SCENE).reference_speed == uniform.score
 
 
+@pytest.mark.parametrize("scene", [SCENE, SCENE.replace(stock=STOCK.replace(hand=None))])
+def test_rewards_expect_the_pieces_that_remain(scene):
+    """The length after each step is that of the whole layout if later gaps are uniform."""
+    uniform = scene.uniform()
+    env, gap = DominoChain(scene, rtol=1e-10), uniform.layout.spacing.mean()
+    actions = np.random.default_rng(4).uniform(-0.5, 0.5, (COUNT - 1, 4))
+    *_, rewards, info = play(env, actions.__getitem__, seed=1)
+    layout, times = info["layout"], info["wave"].arrival_times
+    if scene.hand:
+        thickness = scene.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])
+        batch = scene.batch(np.full(thickness.shape, gap), thickness, rtol=1e-10)
+        expected_times = batch.simulate(record=True).arrival_times.mean(axis=0)
+    else:
+        expected_times = uniform.wave.arrival_times
+    left = np.append(np.cumsum(uniform.layout.spacing[::-1])[::-1], 0.0)
+    pieces = KINDS @ STOCK.count - FIRST[0]  # the sum of their thicknesses [m]
+    for k in range(1, COUNT - 1):
+        rest = COUNT - 1 - k
+        mean = (pieces - layout.thickness[1 : k + 1].sum()) / (sum(STOCK.count) - 1 - k)
+        length = layout.positions[k] + left[k] + rest * mean
+        speed = length / (times[k] + expected_times[-1] - expected_times[k])
+        assert rewards[:k].sum() == pytest.approx(100.0 * (speed / uniform.score - 1.0), abs=1e-6)
+
+
 def test_rollouts_and_the_baseline_are_means_over_the_same_orders():
     rollout = ScriptedPolicy("uniform").build(SCENE)
-    gap = np.interp(rollout.layout.spacing[0], SCENE.spacing, (-1.0, 1.0))
     scores = SCENE.score_placed(rollout.layout, EVALUATION_SEEDS)
     assert rollout.score == rollout.uniform.score == scores.mean() != SCENE.uniform().score
-    orders = SCENE.orders([*map(np.random.default_rng, EVALUATION_SEEDS[:3])])
-    desired = np.interp(orders, KINDS[[0, -1]], (-1.0, 1.0))
     env = DominoChainVector(3, SCENE)
     env.reset(seed=EVALUATION_SEEDS[0])
-    for pieces in desired.T:  # as they come
-        info = env.step(np.stack([np.full(3, gap), pieces], axis=1))[4]
+    for _ in range(COUNT - 1):  # pieces as they come
+        info = env.step(np.zeros((3, 4)))[4]
     assert info["score"] == pytest.approx(scores[:3], rel=1e-5)

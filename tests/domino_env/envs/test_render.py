@@ -12,7 +12,7 @@ from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR
 
 
 def played(mode: str, steps: int, scene: str = "sprint") -> gymnasium.Env:
-    env = gymnasium.make("DominoChain-v1", scene=scene, render_mode=mode)
+    env = gymnasium.make("DominoChain-v2", scene=scene, render_mode=mode)
     env.reset(seed=0)
     for _ in range(steps):
         env.step(np.full(env.action_space.shape, -0.1, dtype=np.float32))
@@ -52,7 +52,7 @@ if {hidden}:
     sys.modules["pygame"] = None
 import gymnasium, domino_env
 from gymnasium.utils.env_checker import check_env
-env = gymnasium.make("DominoChain-v1", scene="gentle")
+env = gymnasium.make("DominoChain-v2", scene="gentle")
 check_env(env.unwrapped)
 print(*env.metadata["render_modes"])
 """

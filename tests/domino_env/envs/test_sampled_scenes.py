@@ -129,7 +129,7 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         DominoChain("sprint").reset(options={"scene": scene})
     with pytest.raises(ValueError, match="give one Scene for all, or a list with one for each of"):
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
-    with pytest.raises(ValueError, match="use DominoChain-v1"):
+    with pytest.raises(ValueError, match="use DominoChain-v2"):
         DominoLayout(SMALL)
 
 

@@ -157,7 +157,7 @@ def test_every_environment_has_its_own_seed():
 
 
 def test_gymnasium_makes_and_wraps_vector_environments():
-    env = gymnasium.make_vec("DominoChain-v1", num_envs=4, scene="sprint", autoreset_mode=SAME)
+    env = gymnasium.make_vec("DominoChain-v2", num_envs=4, scene="sprint", autoreset_mode=SAME)
     assert isinstance(env.unwrapped, DominoChainVector)
     assert env.metadata["autoreset_mode"] is SAME
     env = gymnasium.wrappers.vector.RecordEpisodeStatistics(env)
@@ -166,7 +166,7 @@ def test_gymnasium_makes_and_wraps_vector_environments():
         *_, infos = env.step(np.zeros((4, 1), np.float32))
     gain = infos["final_info"]["gain"]
     np.testing.assert_allclose(infos["episode"]["r"], 100.0 * gain, atol=1e-3)
-    listed = gymnasium.make_vec("DominoLayout-v1", num_envs=2, scene="gentle")
+    listed = gymnasium.make_vec("DominoLayout-v2", num_envs=2, scene="gentle")
     assert isinstance(listed.unwrapped, DominoLayoutVector)
 
 

@@ -44,6 +44,22 @@ def test_a_layout_meets_its_own_arrival_times():
     assert scene.tempo.score(late[None])[0] == pytest.approx(1.0 / (1.0 + math.sqrt(25.0 / 8.0)))
 
 
+@pytest.mark.parametrize("name", ["tempo", "tempo-noise"])
+def test_scores_of_a_schedule_are_shown_as_the_errors_that_have_them(name):
+    scene = de.load_scene(name)
+    criterion, errors = scene.criterion, np.array([1e-6, 1.5, 20.0])  # [ms]
+    scores = 1.0 / (1.0 + 1e-3 * errors / scene.as_placed.tempo.tolerance)
+    np.testing.assert_allclose(criterion.displayed(scores), errors, rtol=1e-9)
+    assert np.all(criterion.displayed([0.0, -0.5, -np.inf]) == np.inf)
+    _, close, far = scores
+    assert criterion.label(close) == "RMS error 1.5 ms"
+    assert criterion.label(1.0) == "RMS error below 1 ns"
+    assert criterion.label(-0.5, 1) == "score -0.5"
+    assert criterion.compare(close, far, "uniform") == "20 ms with uniform"
+    assert scene.gain(close, far) == pytest.approx(0.1 * math.log10(close / far))
+    assert scene.gain(0.0, far) is scene.gain(close, -0.5) is None
+
+
 # robust -----------------------------------------------------------------------------------------
 
 

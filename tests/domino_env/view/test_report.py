@@ -56,8 +56,12 @@ def test_headline_names_the_best_layout_in_any_order():
     # the best score where scores are no speeds
     (slow,) = (one for one in COMPARED if one is not fast)
     scored = [
-        dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
-        dataclasses.replace(slow, score=0.5, score_text="RMS error 1 ms", unit=""),
+        dataclasses.replace(
+            fast, score=0.2, score_text="RMS error 4 ms", quantity="RMS error [ms]"
+        ),
+        dataclasses.replace(
+            slow, score=0.5, score_text="RMS error 1 ms", quantity="RMS error [ms]"
+        ),
     ]
     assert headline(scored)["winner"] == f"{slow.name.capitalize()} has the best score"
     assert comparison_data(scored)["best"] == 1
@@ -94,13 +98,17 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
         comparison_data([])
 
 
-def test_a_training_has_its_curve_and_a_shipped_layout_its_verification(tmp_path):
+@pytest.mark.parametrize(("name", "shown"), [
+    ("sprint", ([1.0, 10.0, 30.0], [-0.1, 0.5, 0.8])),
+    ("tempo", ([10.0, 30.0], pytest.approx([1.0, 0.25]))),  # RMS errors [ms]
+])  # fmt: skip
+def test_a_training_has_its_curve_and_a_shipped_layout_its_verification(tmp_path, name, shown):
     from optimize.experiments.best_known import best_known
 
-    best_known()["sprint"].layout.to_csv(tmp_path / "layout.csv")
-    (tmp_path / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
-    (entry, _), _ = read_compared([tmp_path], de.load_scene("sprint"))
-    assert entry.learning == ([10.0, 30.0], [0.5, 0.8])
+    best_known()[name].layout.to_csv(tmp_path / "layout.csv")
+    (tmp_path / "progress.csv").write_text("steps,score\n1,-0.1\n10,0.5\n30,0.8\n")
+    (entry, _), _ = read_compared([tmp_path], de.load_scene(name))
+    assert entry.learning == shown
     assert "AGREES" in entry.verification["verdict"]
 
 

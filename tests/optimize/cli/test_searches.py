@@ -5,6 +5,8 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 from domino_env.core.progress import progress_bar
 from optimize import search
 from optimize.experiments.best_known import best_known
@@ -53,10 +55,16 @@ def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     assert "%" not in text
 
 
-def test_the_progress_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch):
+@pytest.mark.parametrize(("scene", "words"), [
+    ("both", r"best score 0\.\d+ m/s, \d.*% (over|below) uniform"),
+    ("tempo", r"best RMS error \d.* ms, 18\.73 ms with uniform"),
+])  # fmt: skip
+def test_the_progress_line_compares_the_best_with_uniform(
+    capsys, scenes, monkeypatch, scene, words
+):
     at_once = functools.partial(progress_bar, mininterval=0.0)
     monkeypatch.setattr("optimize.searching.progress_bar", at_once)
-    search(scenes["both"], "random", 4000, progress=True)
+    search(scenes.get(scene, scene), "random", 4000, progress=True)
     shown = capsys.readouterr().err
-    assert "both, random" in shown
-    assert re.search(r"%\|.*best 0.\d+ m/s, [+-]\d.*% against uniform", shown)
+    assert f"{scene}, random" in shown
+    assert re.search(rf"%\|.*{words}", shown)

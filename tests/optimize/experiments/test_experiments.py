@@ -266,20 +266,29 @@ def test_the_report_of_a_sweep_has_all_runs(scenes, swept, tmp_path):
 @pytest.mark.parametrize(("scene", "axes"), [
     ("spacing", ["objective=mean_speed,toppled", "row.count=5,6"]),
     ("dead", ["physics.push=0.3,0.5"]),
-], ids=["words", "dead"])  # fmt: skip
+    ("tempo", ["tempo.tolerance=0.001,0.002"]),
+], ids=["words", "dead", "tempo"])  # fmt: skip
 def test_sweeps_of_words_and_without_gains_are_drawn(scenes, scene, axes, tmp_path):
-    experiment = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
+    swept_scene = scenes.get(scene) or de.load_scene(scene)
+    experiment = sweep(swept_scene, axes, methods=["uniform"], budget=1)
     report.write_sweep(experiment, tmp_path)
-    assert (tmp_path / "sweep.png").stat().st_size > 10_000
+    pictures.draw_over_time(experiment, tmp_path / "gaps.png")
+    for name in ("sweep.png", "gaps.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
     page = report.page(experiment, "Swept", "sweep.png")
     assert ("–" in page) == (scene == "dead")  # it has no gain
+    header, _, *lines = report.table(experiment, experiment.problems)
+    assert ("gain" in header) == (scene != "tempo")
+    if scene == "tempo":  # the tolerance changes scores, not errors
+        assert len({line.split("|")[3] for line in lines}) == 1 < len(lines)
+        assert "RMS error [ms]" in header
 
 
 def test_two_settings_have_a_curve_for_each_value_of_the_other(scenes, tmp_path, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(pictures, "draw_curves", lambda *arguments: drawn.extend(arguments[-1]))
     swept = sweep(scenes["spacing"], ["physics.push=5,8", "row.count=5"], ["uniform"], budget=1)
-    pictures.draw_over_settings(swept, tmp_path, "spacing", "m/s")
+    pictures.draw_over_settings(swept, tmp_path, "spacing", scenes["spacing"].criterion)
     assert drawn == ["row.count = 5", "physics.push = 5", "physics.push = 8"]
 
 

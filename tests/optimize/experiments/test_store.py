@@ -186,7 +186,7 @@ def test_the_command_lists_studies_and_shows_results(output_of, path, result):
     shown = output_of("studies", "show", "friction", "--store", path)
     assert "evaluations = 300" in shown
     cells = next(line.split() for line in shown.splitlines() if line.startswith("both"))
-    assert cells[1:] == ["random", "3", "0.7", "0.6", "0.5", "+40.00%"]
+    assert cells[1:] == ["random", "3", "score", "[m/s]", "0.7", "0.6", "0.5", "+40.00%"]
     assert not {"\x1b", "\x9b"} & set(shown)
     assert "\\x1b[31mred" in shown
 
