@@ -22,9 +22,10 @@ import msgspec
 import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
+from agents.draw import shipped_references
 from agents.evaluation import evaluate_gains, read_search_scores
 from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, read_summary
-from agents.rollout import Rollout
+from agents.rollout import Rollout, evaluation_seeds
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.third_party import load_fit, train_third_party
 from agents.training import train
@@ -43,7 +44,7 @@ from optimize.methods import registry
 from optimize.searching import compile_simulations
 
 Target = Scene | SceneDistribution
-SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied")
+SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied", "draw", "tempo-noise")
 BASELINES = ("ramp", "cma", "auto")  # scripted policy and searches without learning
 SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
@@ -51,6 +52,7 @@ ENVIRONMENT = "DominoChain-v2"  # its version fixes rewards, observations and sc
 TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorithm of `domino train`
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
+PERFECT_TEMPO = 1.0  # score without errors of the arrival times
 STOPPED_GAIN = -1.0  # gain of searches and scripted policies whose wave stops, and their least gain
 
 
@@ -234,7 +236,7 @@ def benchmark_tasks(
         Scenes, scene distributions that have a test set, or their names.
     algorithms
         Learning algorithms, also third-party ones (`agents.third_party`), scripted policies and
-        search methods.
+        search methods. In a random scene the last two are replaced, see `others`.
     seeds
         Number of seeds, from `FIRST_SEED` on; a scripted policy runs once.
     steps
@@ -260,9 +262,24 @@ def benchmark_tasks(
         BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
         for target in targets
-        for name in algorithms
+        for name in (*filter(is_learner, algorithms), *others(target, algorithms))
         if seed == FIRST_SEED or name not in SCRIPTED
     ]
+
+
+def is_random(target: Target) -> bool:
+    """Return True for a scene whose episodes differ, by placement noise or an order of pieces."""
+    return isinstance(target, Scene) and len(evaluation_seeds(target)) > 1
+
+
+def others(target: Target, algorithms: Sequence[str]) -> list[str]:
+    """Return scripted policies and searches among algorithms, or the references of a random scene.
+
+    References are the open-loop plan, and the policy that reacts to what is random.
+    """
+    if isinstance(target, Scene) and is_random(target):
+        return ["plan", "rule" if target.hand else "controller"]
+    return [name for name in algorithms if not is_learner(name)]
 
 
 def is_learner(name: str) -> bool:
@@ -326,11 +343,14 @@ def machine_versions() -> dict[str, str]:
 def best_known_score(result: TaskResult) -> float:
     """Return the best known score of a result's target; -inf if there is none.
 
-    For a scene distribution it is the median gain in the test set.
+    For a scene distribution it is the median gain in the test set, for a random scene the score
+    with all that is random known.
     """
     target = read_target(result.scene)
     if isinstance(target, Scene):
-        return known_score(result)
+        if not is_random(target):
+            return known_score(result)
+        return float(shipped_references()["hindsight"]) if target.hand else PERFECT_TEMPO
     tests = load_test_set(target.name)
     scores = read_search_scores(target.name, len(tests))
     if scores is None:

@@ -16,10 +16,10 @@ import numpy as np
 from agents import benchmark
 from agents.benchmark import Target, best_known_score, is_learner, read_target, target_hash
 from agents.scripted import SCRIPTED
+from domino_env import Scene
 from domino_env.core.files import errors_with_path, write_text
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_any
-from domino_env.scenes.uniform import gain
 from optimize.experiments import estimates
 from optimize.experiments.experiment import Experiment, best_of_problems
 from optimize.experiments.report import failures_section
@@ -134,10 +134,12 @@ def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
 def _result(line: Mapping[str, str], scene: str) -> TaskResult:
     """Return the result in a line of the table of runs."""
     score, uniform = float(line["score"]), float(line["uniform"])  # 0 if scenes are sampled
+    target = read_target(scene)
+    gain = target.gain(score, uniform) if isinstance(target, Scene) else score
     trace = [(n, 0, seconds, value) for n, seconds, value in json.loads(line["trace"])]
     return TaskResult(
         key=line["key"], scene_name=line["scene"], method=line["algorithm"], seed=int(line["seed"]),
-        score=score, uniform_score=uniform, gain=gain(score, uniform) if uniform else score,
+        score=score, uniform_score=uniform, gain=gain,
         outcome="", mean_speed=0.0, spacing=(), thickness=(), height=(),
         evaluations=int(line["steps"]), falls=0, seconds=float(line["processor_seconds"]),
         trace=trace, versions=json.loads(line["versions"]), scene=scene,

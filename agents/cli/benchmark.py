@@ -9,8 +9,10 @@ folder in runs/benchmark. The same command executes missing runs, continues stop
 rewrites the page. Runs in the table benchmark.csv of the output folder are not repeated and remain
 on the page. After Ctrl-C the page has all complete runs. Times are processor times.
 
-The default scenes are sprint, course, sprint-thickness, ideal and varied. In varied every episode
-has a new scene, and scores are those in the test set.
+The default scenes are sprint, course, sprint-thickness, ideal, varied, draw and tempo-noise. In
+varied every episode has a new scene, and scores are those in the test set. In draw and tempo-noise
+episodes are random: scores are means over 200 episodes, and the open-loop plan and the rule or the
+controller take the place of searches.
 """
 
 from __future__ import annotations

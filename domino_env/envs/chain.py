@@ -132,8 +132,8 @@ class DominoChain(DominoEnv):
     - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
     - If dominoes are from a stock, the rest of the chain has the mean thickness of the pieces that
       remain, and the gaps of the baseline.
-    - If hits have a schedule ("tempo"), Φ_k = 10 (log10(S_k) - log10(S_u) k / (N - 1)), where S_k is
-      the score if all later hits are on time, and at least 1e-4, and S_u that of the uniform
+    - If hits have a schedule ("tempo"), Φ_k = 10 log10(S_k) - 10 log10(S_u) k / (N - 1), where S_k
+      is the score if all later hits are on time, and at least 1e-4, and S_u that of the uniform
       baseline. The unit is the decibel.
     - If pieces are drawn in random order, T_k is the mean over the orders of seeds 0 to 63, and v
       the mean speed over these orders; the rewards on the baseline are then not exactly 0.
