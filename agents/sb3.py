@@ -79,7 +79,8 @@ class Learner:
         num_scenes: int | None = None,
     ) -> None:
         self.hyperparameters = hyperparameters
-        self.env = DominoVecEnv(target, hyperparameters.num_envs, num_scenes=num_scenes)
+        num_envs, scale = hyperparameters.num_envs, hyperparameters.reward_scale
+        self.env = DominoVecEnv(target, num_envs, scale, num_scenes=num_scenes)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about minibatches of unequal size
             self.model: Any = make_model(algorithm, hyperparameters, self.env, seed)
