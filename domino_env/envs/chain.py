@@ -351,6 +351,7 @@ class DominoChainVector(DominoVectorEnv):
     ) -> None:
         source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         super().__init__(num_envs, source, render_mode, autoreset_mode)
+        self._nothing: list[Any] = [None] * self.num_envs
         if reference_speed is not None:
             self.reference_speed = reference_speed
         self._set_spaces(action_entries(self.source.first), self.observation_layout.space)
@@ -384,14 +385,14 @@ class DominoChainVector(DominoVectorEnv):
                 source.add(b, scenes[b], indices[b]) if scenes[b] else source.sample(generators(b))
                 for b in envs.tolist()
             ]
-        starts = [(b, start) for b, start in enumerate(layouts) if start is not None and mask[b]]
-        for b, start in starts:
+        starts = {b: layouts[b] for b in envs.tolist() if layouts[b] is not None}
+        for b, start in starts.items():
             _check_start(start, cast("Scene", source.scenes[indices[b]]), source.rtol, b)
         self._batch.scene[:] = indices  # from here on nothing is rejected
         source.begin_layouts(self._batch, envs)
-        self._randomise(envs, generators, dict(starts))
+        self._randomise(envs, generators, starts)
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
-        for b, start in starts:
+        for b, start in starts.items():
             placed[b] = start.count - 1
             batch.spacing[b, : placed[b]] = start.spacing
             batch.thickness[b, : start.count] = start.thickness
@@ -405,6 +406,8 @@ class DominoChainVector(DominoVectorEnv):
 
     def _value_per_env(self, name: str, value: Any, kind: type) -> list[Any]:
         """Return a list of one value per environment from a shared value, a sequence or None."""
+        if value is None:
+            return self._nothing
         values = list(value) if np.iterable(value) else [value] * self.num_envs
         types = set(map(type, values)) - {type(None)}
         if len(values) != self.num_envs or not all(issubclass(given, kind) for given in types):
