@@ -292,7 +292,7 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest
-        kinds, stock = _allowed_thicknesses(scene), scene.stock is not None and scene.free_thickness
+        kinds = _allowed_thicknesses(scene)
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
         # a power of two for the whole chain, or for the part that influences the wave
@@ -308,7 +308,7 @@ class SceneSource:
             closeness=closeness(longest),
             gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
             kinds=kinds,
-            box=np.tile(kinds[1, : kinds.shape[1] * stock], (num_envs, 1)),
+            box=np.tile(kinds[1, : 0 if scene.stock is None else None], (num_envs, 1)),
             order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
             errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),

@@ -120,11 +120,18 @@ def nearest_kind(kinds, thickness):
     return best
 
 
+@always_inline
+def kinds_of(rules, batch):
+    """Return the number of kinds of pieces among which actions choose."""
+    return batch.box.shape[1] if rules.thickness_low < rules.thickness_high else 0
+
+
 @internal
 def restock(batch, b, given):
     """Put all pieces back into the box, and draw the hand after `given` dominoes."""
-    for k in range(batch.box.shape[1]):
-        batch.box[b, k] = batch.kinds[1, k]
+    if batch.box.shape[1] == 0:
+        return
+    batch.box[b] = batch.kinds[1]
     for n in range(given):
         batch.box[b, nearest_kind(batch.kinds[0], batch.thickness[b, n + 1])] -= 1.0
     for j in range(given, min(given + rules_of(batch, b).hand, batch.order.shape[1])):
@@ -201,7 +208,7 @@ def decode(action, rules, batch, b, n, distance, layout):
             growth = scale_entry(action[len(action) - 1], low, high, uniform.growth)
         height[n + 1] = behind * growth
     ahead = height[n + 1]
-    thickness, kinds = rules.thickness_low, batch.box.shape[1]
+    thickness, kinds = rules.thickness_low, kinds_of(rules, batch)
     if kinds > 0:
         preferences = action[len(action) - growths - kinds :]
         if rules.hand > 0:
@@ -242,7 +249,7 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
     target: gap, thickness, and heights of dominoes n and n+1 [m].
     """
     gap, thickness, behind, ahead = target[0], target[1], target[2], target[3]
-    uniform, kinds = uniform_of(batch, b)[n], batch.box.shape[1]
+    uniform, kinds = uniform_of(batch, b)[n], kinds_of(rules, batch)
     if rules.in_heights:
         gap, thickness = gap / min(behind, ahead), thickness / ahead
     column = len(action) - 1
