@@ -224,9 +224,9 @@ class _Placing(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *derivatives: torch.Tensor) -> Any:
-        """Return the gradient with respect to actions; 0 if descent would lead beyond a bound."""
+        """Return the gradient with respect to actions; 0 if descent would increase |action| > 1."""
         gradient = ctx.vector.place_all_vjp(ctx.actions, torch.stack(derivatives, dim=-1).numpy())
-        gradient[ctx.vector.at_bounds(ctx.actions) & (ctx.actions * gradient < 0.0)] = 0.0
+        gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
         return None, torch.from_numpy(gradient)
 
 

@@ -233,7 +233,7 @@ def make_model(
     if algorithm == "ars":
         deviation = options.get("delta_std", 0.05)  # the default of ARS
         options["delta_std"] = lambda remaining: deviation * rate(remaining) / first
-    if algorithm in ("apg", "ppo") and hyperparameters.first_deviation is not None:
+    if algorithm in ("apg", "ppo"):
         policy_class = ScheduledPolicy
     if algorithm == "apg":
         # smaller than the default of Stable-Baselines3: gradients become small late in a training
@@ -283,7 +283,7 @@ def save_zip(folder: Path, path: str | Path) -> None:
     classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
     model = classes[config.algorithm](policy_class, env, policy_kwargs=options, device="cpu")
     state = {name: torch.from_numpy(x) for name, x in read_arrays(folder / POLICY).items()}
-    if "log_std" in state and config.hyperparameters.first_deviation is not None:
+    if "log_std" in state:
         deviation = math.log(config.hyperparameters.last_deviation)
         state["log_std"] = torch.full_like(state["log_std"], deviation)
     model.policy.load_state_dict(state)

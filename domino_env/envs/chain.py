@@ -544,33 +544,6 @@ class DominoChainVector(DominoVectorEnv):
         kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
         return gradient
 
-    def at_bounds(self, actions: Floats) -> Bools:
-        """Return a mask of entries of actions that choose a bound of the scene and no nearer value.
-
-        Parameters
-        ----------
-        actions
-            (B, P, A), as for `place_all`.
-
-        Returns
-        -------
-        ndarray
-            (B, P, A) booleans: True outside [-1, 1], and where the uniform baseline is at the bound
-            for entries of this sign.
-        """
-        source, scenes, first = self.source, self._batch.scene, self.source.first
-        rules, uniform = source.rules[scenes, None], source.uniform[scenes, : actions.shape[1]]
-        mask, column = np.abs(actions) > 1.0, 0
-        free = first.free_spacing, first.free_thickness and first.stock is None, first.free_height
-        for name, is_free in zip(("gap", "thickness", "growth"), free, strict=True):
-            if is_free:
-                entries = actions[..., column if name != "growth" else -1]
-                below = (entries < 0.0) & (uniform[name] <= rules[f"{name}_low"])
-                above = (entries > 0.0) & (uniform[name] >= rules[f"{name}_high"])
-                mask[..., column if name != "growth" else -1] |= below | above
-                column += 1
-        return mask
-
     @property
     def _placing_shape(self) -> tuple[int, ...]:
         """Shape (B, P, A) of the actions of `place_all`."""
