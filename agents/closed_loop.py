@@ -172,5 +172,5 @@ def _sizes(actions: torch.Tensor, bounds: tuple[float, float], uniform: float) -
     low, high = (abs(math.log(bound / uniform)) for bound in bounds)
     entries = actions.clamp(-1.0, 1.0)
     spans = torch.where(entries < 0.0, low, high)
-    slopes = spans.clamp(max=SLOPE)
-    return uniform * torch.exp(entries * (slopes + (spans - slopes) * entries**2))
+    logarithms = entries * (SLOPE + (spans - SLOPE).clamp(min=0.0) * entries**2)
+    return uniform * torch.exp(torch.maximum(torch.minimum(logarithms, spans), -spans))

@@ -67,7 +67,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     --------
     >>> from agents import evaluate
     >>> round(evaluate("sprint").score, 4)  # [m/s]
-    0.8285
+    0.8284
     """
     policy = load_policy(run, trust=trust)
     target = scene if isinstance(scene, Scene | None) else load_scene(scene)

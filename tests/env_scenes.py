@@ -35,8 +35,8 @@ def size_of(entry, bounds, uniform):
     """Return the gap or thickness [m] of an entry of an action, by the formula of the page."""
     end = bounds[0] if entry < 0.0 else bounds[1]
     span, size = abs(np.log(end / uniform)), min(abs(entry), 1.0)
-    slope = min(1.0, span)
-    return uniform * np.exp(np.sign(entry) * size * (slope + (span - slope) * size**2))
+    logarithm = min(size * (1.0 + max(span - 1.0, 0.0) * size**2), span)
+    return uniform * np.exp(np.sign(entry) * logarithm)
 
 
 def scaled(scene, factor):

@@ -49,13 +49,13 @@ class DominoChain(DominoEnv):
 
     An entry of 0 is the value of the uniform baseline, -1 the smallest value and 1 the largest. In
     between, the logarithm of the ratio of the value x to that of the baseline u is a cubic of the
-    entry e. Between 0 and 1
+    entry e. From 0 to 1, and from 0 to -1, it is
 
-        ln(x / u) = e (s + (l - s) e²),    l = ln(largest / u),    s = min(1, l)
+        ln(x / u) = e (1 + max(l - 1, 0) e²), but at most l = ln(largest / u),
+        ln(u / x) = -e (1 + max(l - 1, 0) e²), but at most l = ln(u / smallest).
 
-    and between -1 and 0 likewise, with l = ln(u / smallest) and the sign changed. So the same
-    change of a small entry is everywhere about the same ratio, and the bounds are reached too.
-    Actions of 0 build the uniform baseline.
+    Near 0, a change of δ multiplies the value by about exp(δ). Without placement noise, actions of
+    0 build the uniform baseline.
 
     If the scene has `in_heights`, a gap is in heights of the shorter of the two dominoes at it, a
     thickness in heights of the domino itself.
@@ -70,8 +70,8 @@ class DominoChain(DominoEnv):
     - A largest change: the gap differs from the previous gap by at most this value.
     - Lists, steps: the nearest allowed value is taken.
     - A stock: of the pieces that are left in the stock, or in the hand if the scene has one, the
-      kind with the largest preference is taken; of equal ones that of the uniform baseline, or the
-      one that was drawn first.
+      kind with the largest preference is taken; of equal ones that of the uniform baseline, else
+      the thinnest, or from a hand the piece that was drawn first.
 
     If narrowed bounds exclude the value of the baseline, an entry of 0 is the nearest bound. Scenes
     with a length and also lists, a stock or a largest change are rejected.
@@ -125,18 +125,19 @@ class DominoChain(DominoEnv):
 
     x_k and t_k are the distance of domino k from the first and its arrival time, X_k and T_k those
     in the uniform baseline, v = X_end / T_end. The reward of the last step is 100 gain - Φ_(k-1),
-    so the undiscounted return is 100 times the gain. On the uniform baseline every reward is 0.
+    so the undiscounted return is 100 times the gain. On a uniform baseline that completes, the
+    return is 0 and, without a schedule, every reward is 0 within the tolerance.
 
     - If the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
       (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
     - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
-    - If dominoes are from a stock, the rest of the chain has the mean thickness of the pieces that
-      remain, and the gaps of the baseline.
+    - If all pieces of a stock are placed, the rest of the chain has the pieces that remain, and the
+      gaps of the baseline.
     - If hits have a schedule ("tempo"), Φ_k = 10 log10(S_k) - 10 log10(S_u) k / (N - 1), where S_k
       is the score if all later hits are on time, and at least 1e-4, and S_u that of the uniform
       baseline. The unit is the decibel.
-    - If pieces are drawn in random order, T_k is the mean over the orders of seeds 0 to 63, and v
-      the mean speed over these orders; the rewards on the baseline are then not exactly 0.
+    - If pieces are drawn in random order, T_k and v are means over the orders of seeds 0 to 63.
+      Rewards and return of the baseline in one order therefore differ from 0.
     - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
@@ -149,11 +150,11 @@ class DominoChain(DominoEnv):
     |             | with a schedule: S + log10(1e-4 / S_u) / 10                            |
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
-    `Scene.score`). Its return is below that of every layout that completes; without a schedule it
-    is between -200 and -100. The return orders layouts as `scene.score` does and does not depend on
-    the size of the dominoes.
-    If the score of the uniform baseline is 0 or less, the gain is the difference of the two scores,
-    where positive scores are divided by √(g h) if they are speeds and by h if they are heights.
+    `Scene.score`), except with "toppled", where it may score more. Its return is below that of
+    every layout that completes; without a schedule it is between -200 and -100. The return orders
+    layouts as `scene.score` does, above 1e-4 with a schedule, and does not depend on the size of
+    the dominoes. If the score of the uniform baseline is 0 or less, S_u is 1 in this table, for
+    speeds √(g h) and for heights h, and the gain is relative to that of the baseline.
 
     On a floor (`floor_friction`), the rewards before the last step are those of the analytic wave.
     On the last step a complete layout is simulated free-standing, and the last reward makes the
@@ -214,7 +215,8 @@ class DominoChain(DominoEnv):
         None, "rgb_array", "human" or "ansi".
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
-        `scene.score(scene.simulate(layout, rtol))`; `scene.score(layout)` uses 1e-10.
+        `scene.score(scene.simulate(layout, rtol))`, for the uniform baseline that of the baseline;
+        `scene.score(layout)` uses 1e-10.
     reference_speed
         Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
         uniform baseline, or √(g h) if its wave stops. May be set at any time:
@@ -267,7 +269,7 @@ class DominoChain(DominoEnv):
     @property
     def reference_speed(self) -> float:
         """Speed to which `lead` and `speed` of observations refer [m/s]; it may be set."""
-        return cast("float", self._vector.reference_speed)
+        return float(np.ravel(self._vector.reference_speed)[0])
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
@@ -508,6 +510,7 @@ class DominoChainVector(DominoVectorEnv):
         batch = batch._replace(errors=batch.errors[:0], order=batch.order.copy())
         mask, pairs = np.ones(self.num_envs, np.bool_), shape[1]
         kernels.place_batch(0, self.num_envs, batch, mask, check_actions(actions, shape))
+        self._over[:] = True
         height = np.broadcast_to(batch.height, batch.thickness.shape)
         return (
             batch.spacing[:, :pairs].copy(),
@@ -521,9 +524,10 @@ class DominoChainVector(DominoVectorEnv):
         Parameters
         ----------
         actions
-            (B, P, A) actions of that call. Outside [-1, 1] the derivatives are those at the nearer
-            bound, and for entries that leave the baseline at a bound those for 0. The choice of the
-            nearest value of a list counts as the identity, and preferences have derivative 0.
+            (B, P, A) actions of that call. Outside [-1, 1] derivatives are those at the nearer end,
+            and 0 where a nearer entry reaches the bound. If the baseline is at a bound, those on
+            that side of 0 are those at 0. The choice of the nearest value of a list counts as the
+            identity, and preferences have derivative 0.
         derivatives
             (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 

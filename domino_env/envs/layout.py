@@ -31,8 +31,8 @@ class DominoLayout(DominoEnv):
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
-    them free. With a stock, the thicknesses are replaced by the N - 1 preferences for the first
-    kind of pieces, then those for the next. The scale is that of `DominoChain-v2`: 0 is the uniform
+    them free. With a stock, each kind of pieces, thin to thick, has N - 1 preferences in place of
+    the thicknesses. The scale is that of `DominoChain-v2`: 0 is the uniform
     baseline, -1 the smallest and 1 the largest value; other actions are clipped. If the scene has a
     total length, the layout is the nearest one (in metres) of this length. Other rules narrow the
     bounds from the first domino to the last.

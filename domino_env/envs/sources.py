@@ -15,7 +15,7 @@ from domino_env.envs.spaces import FEATURE_LIMIT, ObservationLayout, action_entr
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
 from domino_env.kernels.step import environment as kernels
 from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, UNIFORM, Batch
-from domino_env.physics.wave import MAX_RTOL, MIN_RTOL
+from domino_env.physics.wave import MAX_RTOL, MIN_RTOL, Outcome
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.objectives.robust import LEAST_GAP
@@ -71,9 +71,9 @@ class SceneSource:
         S scenes: P of the pool, then two of each environment, for scenes given to resets, so that
         a reset that fails leaves the scene of the present episode; None until it is used.
     rules
-        RULES of each scene, (S,). Their "score_unit" divides positive scores in the gain: the score
-        of the uniform baseline or, if that is not positive, √(g h), h or 1, by the unit of the
-        objective.
+        RULES of each scene, (S,). "score_unit" is the divisor of positive scores in the gain: the
+        score of the uniform baseline if that is positive, else √(g h) for speeds, h for heights and
+        1 for other scores.
     reference_speed
         Reference speed of observations in all scenes [m/s]; None for that of each baseline.
     features
@@ -81,8 +81,9 @@ class SceneSource:
         scene is fixed.
     first_thickness
         Thickness of the first domino of each scene, (S,) [m].
-    score, speed
-        Score and mean speed [m/s] of the uniform baseline of each scene, (S,).
+    score, speed, outcome, reach
+        Score, mean speed [m/s], value of `Outcome` and reach of the uniform baseline of each scene,
+        (S,).
     uniform
         UNIFORM of each domino of the uniform baseline of each scene, (S, N).
     schedule
@@ -136,6 +137,7 @@ class SceneSource:
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.score, self.speed = np.zeros((3, size))
+        self.outcome, self.reach = np.full(size, int(Outcome.PROPAGATED)), np.ones(size)
         scheduled = 0 if self.first.as_placed.tempo is None else self.longest
         self.schedule = np.zeros((size, scheduled, 2))
         if isinstance(scene, Scene):
@@ -195,11 +197,11 @@ class SceneSource:
         if not speed > 0.0:  # the wave of the baseline stops
             times = layout.positions / typical_speed(scene)
         self._store_sizes(i, scene, features, layout.spacing, layout.thickness[1:], layout.height)
-        left = layout.positions[-1] - layout.positions
-        if scene.stock is not None and scene.free_thickness:  # of the gaps alone
-            left = np.append(np.cumsum(layout.spacing[::-1])[::-1], 0.0)
-        self.uniform["length_left"][i, : scene.count] = left
+        uniform = self.uniform[i, : scene.count]
+        uniform["length_left"] = layout.positions[-1] - layout.positions
+        uniform["thickness_left"] = layout.thickness.sum() - np.cumsum(layout.thickness)
         self._store_times(np.array([i]), times[None], np.array([speed]), np.array([baseline.score]))
+        self.outcome[i], self.reach[i] = baseline.wave.outcome, baseline.wave.reach
 
     def _store_pool(self, indices: range) -> None:
         """Store some scenes of the pool; their baselines are simulated as one batch."""
@@ -278,7 +280,7 @@ class SceneSource:
             rules, count = self.rules[i], scene.count
             rules["uniform_speed"] = mean_speed if mean_speed > 0.0 else typical
             rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
-            rules["score_unit"] = value if value > 0.0 else unit
+            rules["score_unit"] = max(value, rules["least_score"]) if value > 0.0 else unit
             self.uniform["time_left"][i, :count] = hits[count - 1] - hits[:count]
         self.score[indices], self.speed[indices] = score, speed
 
@@ -292,7 +294,10 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest
-        kinds = _allowed_thicknesses(scene)
+        kinds, chooses = (
+            _allowed_thicknesses(scene),
+            scene.stock is not None and scene.free_thickness,
+        )
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
         # a power of two for the whole chain, or for the part that influences the wave
@@ -308,8 +313,10 @@ class SceneSource:
             closeness=closeness(longest),
             gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
             kinds=kinds,
-            box=np.tile(kinds[1, : 0 if scene.stock is None else None], (num_envs, 1)),
-            order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
+            box=np.tile(kinds[1, : kinds.shape[1] * chooses], (num_envs, 1)),
+            order=np.zeros(
+                (num_envs, int(kinds[1].sum()) if scene.hand and chooses else 0), np.int16
+            ),
             errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
             states=np.zeros(num_envs, STATE),
@@ -394,7 +401,7 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
         "rewards_steps": scene.criterion.rewards_speed,
         "tolerance": 0.0 if tempo is None else tempo.tolerance,
         "score_unit": 0.0,
-        "least_score": LEAST_SCORE,
+        "least_score": 0.0 if tempo is None else LEAST_SCORE,
         "fixed": not (scene.hand or scene.placement_deviation),
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }

@@ -41,7 +41,7 @@ class ObservationLayout(dict[str, slice]):
         has_length, grows = int(scene.length is not None), int(scene.free_height)
         has_schedule = int(scene.as_placed.tempo is not None)
         places = window * int(scene.ground is not None)
-        kinds = 0 if scene.stock is None else len(scene.stock.thickness)
+        kinds = len(scene.stock.thickness) if scene.stock and scene.free_thickness else 0
         parts = {  # number of entries, lowest and highest value
             "front": (1, 0.0, observation.FRONT_LIMIT),
             "lead": (1, -observation.LEAD_LIMIT, observation.LEAD_LIMIT),

@@ -29,6 +29,7 @@ Indices = NDArray[np.intp]  # (E,) indices of environments
 Infos = dict[str, NDArray[Any]]
 
 RTOL = 1e-6  # default relative error of the arrival times
+SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
 WINDOW = 8  # default number of gaps and thicknesses that are observed
 
 
@@ -85,6 +86,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._batch = source.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
         self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
+        if self._batch.order.shape[1]:
+            self._batch.order[:] = self._pieces
         # before the first reset, all environments have one scene of those that are sampled
         self._batch.scene[:] = source.sample(np.random.default_rng(0))
         source.begin_layouts(self._batch, np.arange(self.num_envs))
@@ -202,8 +205,10 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             if order.shape[1]:
                 given = starts.get(env)
                 pieces = self._pieces if given is None else self._remaining_kinds(given.thickness)
-                # entries of the given dominoes are not read
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
+                if given is not None:
+                    placed = np.searchsorted(self._batch.kinds[0], given.thickness[1:] - SAME_KIND)
+                    order[env, : len(placed)] = placed
 
     def _remaining_kinds(self, taken: Floats) -> NDArray[np.int16]:
         """Return the kind of each piece in the stock, without dominoes of thicknesses `taken`."""
@@ -371,12 +376,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             reach=episodes["reach"],
             score=episodes["score"],
         )
-        as_uniform = episodes["as_uniform"]
-        results.score[as_uniform] = results.baseline[as_uniform]
-        unknown = episodes["uncertain"] & ~as_uniform
+        unknown = episodes["uncertain"] & ~episodes["as_uniform"]
         if unknown.any():
             results.simulate(np.flatnonzero(unknown).tolist())
-            self._episodes["outcome"][envs] = results.outcome
+        if (same := episodes["as_uniform"]).any():
+            for name in ("score", "outcome", "reach"):
+                getattr(results, name)[same] = getattr(self.source, name)[scenes[same]]
+        self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         if self.distribution is not None:
             infos["scene"] = object_array(results.scenes)

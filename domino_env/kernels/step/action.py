@@ -7,10 +7,10 @@ rules still leave; `encode` is its inverse, `decode_back` its reverse mode.
 An entry of 0 is the value of the uniform baseline, and entries of -1 and 1 are the bounds. Between
 0 and 1 the logarithm of the ratio to the baseline is a cubic in the entry e,
 
-    ln(value / uniform) = e (s + (l - s) e²),    l = ln(high / uniform),    s = min(SLOPE, l),
+    ln(value / uniform) = e (SLOPE + max(l - SLOPE, 0) e²) <= l,    l = ln(high / uniform),
 
-and likewise between 0 and -1. So equal changes of entries near 0 are equal ratios, small enough for
-the noise with which algorithms explore, and the bounds are still reached.
+and likewise between 0 and -1; a bound that is near is reached earlier. So equal changes of entries
+near 0 are equal ratios in both directions, small enough for the noise of algorithms that explore.
 """
 
 import math
@@ -20,26 +20,23 @@ import numpy as np
 from domino_env.kernels.jit import always_inline, entry_point, internal
 from domino_env.kernels.step.batch import rules_of, uniform_of
 
-SLOPE = 1.0  # largest derivative of the logarithm of a value with respect to its entry, at 0
+SLOPE = 1.0  # derivative of the logarithm of a value with respect to its entry, at 0
 
 
 @always_inline
 def bend(entry, span):
-    """Return the logarithm of a ratio for an entry from 0 to 1; `span` is that for 1."""
-    slope = min(SLOPE, span)
-    return entry * (slope + (span - slope) * entry * entry)
+    """Return the logarithm of a ratio for an entry from 0 to 1; `span` is its largest value."""
+    return min(entry * (SLOPE + max(span - SLOPE, 0.0) * entry * entry), span)
 
 
 @always_inline
 def unbend(logarithm, span):
     """Return the entry from 0 to 1 for the logarithm of a ratio, by the root of the cubic."""
-    if logarithm >= span:
-        return 1.0
     excess = span - SLOPE
     if excess <= 1e-6:  # the cubic term is no larger than rounding, or there is none
-        return logarithm / span
+        return min(logarithm, span) / SLOPE
     p = SLOPE / excess
-    root = math.asinh(1.5 * logarithm / SLOPE * math.sqrt(3.0 / p)) / 3.0
+    root = math.asinh(1.5 * min(logarithm, span) / SLOPE * math.sqrt(3.0 / p)) / 3.0
     return min(2.0 * math.sqrt(p / 3.0) * math.sinh(root), 1.0)
 
 
@@ -58,11 +55,9 @@ def scale_entry(entry, low, high, uniform):
 def entry_for(value, low, high, uniform):
     """Return the entry for a value, or for the nearer bound; 0 for equal bounds."""
     centre = min(max(uniform, low), high)
-    if value > centre:
-        return unbend(math.log(value / centre), math.log(high / centre)) if high > centre else 0.0
-    if value < centre and centre > low:
-        return -unbend(math.log(centre / max(value, low)), math.log(centre / low))
-    return 0.0
+    if value >= centre:
+        return unbend(math.log(value / centre), math.log(high / centre))
+    return -unbend(math.log(centre / max(value, low)), math.log(centre / low))
 
 
 @always_inline
@@ -120,12 +115,6 @@ def nearest_kind(kinds, thickness):
     return best
 
 
-@always_inline
-def kinds_of(rules, batch):
-    """Return the number of kinds of pieces among which actions choose."""
-    return batch.box.shape[1] if rules.thickness_low < rules.thickness_high else 0
-
-
 @internal
 def restock(batch, b, given):
     """Put all pieces back into the box, and draw the hand after `given` dominoes."""
@@ -139,15 +128,21 @@ def restock(batch, b, given):
 
 
 @always_inline
-def mean_piece(rules, batch, b):
-    """Return the mean thickness of the pieces in the box and in the hand of environment b [m]."""
+def pieces_left(rules, batch, b):
+    """Return the number of pieces in box and hand of environment b, and their thickness [m]."""
     kinds, placed = batch.kinds[0], batch.episodes[b].placed
     number, total = 0.0, 0.0
     for k in range(len(kinds)):
         number, total = number + batch.box[b, k], total + batch.box[b, k] * kinds[k]
     for j in range(placed, min(placed + rules.hand, batch.order.shape[1])):
         number, total = number + 1.0, total + kinds[batch.order[b, j]]
-    return total / number if number > 0.0 else 0.0
+    return number, total
+
+
+@always_inline
+def prefers(preferences, k, other):
+    """Return True if the preference for kind k is larger than that for another one, clipped."""
+    return min(max(preferences[k], -1.0), 1.0) > min(max(preferences[other], -1.0), 1.0)
 
 
 @internal
@@ -160,7 +155,7 @@ def take_from_hand(preferences, batch, b, n, hand):
     order = batch.order[b]
     best = n
     for j in range(n + 1, min(n + hand, len(order))):
-        if preferences[order[j]] > preferences[order[best]]:
+        if prefers(preferences, order[j], order[best]):
             best = j
     kind = order[best]
     for j in range(best, n, -1):
@@ -173,10 +168,10 @@ def take_from_hand(preferences, batch, b, n, hand):
 
 @internal
 def take_from_box(preferences, box, usual):
-    """Return the preferred kind in the box; of equally preferred ones `usual`, else the first."""
+    """Return the preferred kind in the box; of equally preferred ones `usual`, or the first."""
     best = usual
     for k in range(len(box)):
-        if box[k] > 0.0 and (not box[best] > 0.0 or preferences[k] > preferences[best]):
+        if box[k] > 0.0 and (not box[best] > 0.0 or prefers(preferences, k, best)):
             best = k
     box[best] -= 1.0
     return best
@@ -208,7 +203,7 @@ def decode(action, rules, batch, b, n, distance, layout):
             growth = scale_entry(action[len(action) - 1], low, high, uniform.growth)
         height[n + 1] = behind * growth
     ahead = height[n + 1]
-    thickness, kinds = rules.thickness_low, kinds_of(rules, batch)
+    thickness, kinds = rules.thickness_low, batch.box.shape[1]
     if kinds > 0:
         preferences = action[len(action) - growths - kinds :]
         if rules.hand > 0:
@@ -249,7 +244,7 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
     target: gap, thickness, and heights of dominoes n and n+1 [m].
     """
     gap, thickness, behind, ahead = target[0], target[1], target[2], target[3]
-    uniform, kinds = uniform_of(batch, b)[n], kinds_of(rules, batch)
+    uniform, kinds = uniform_of(batch, b)[n], batch.box.shape[1]
     if rules.in_heights:
         gap, thickness = gap / min(behind, ahead), thickness / ahead
     column = len(action) - 1
@@ -259,7 +254,10 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
         column -= 1
     low, high = thickness_bounds(rules, len(spacing) - n, distance)
     if kinds > 0:
-        action[column + 1 - kinds + nearest_kind(batch.kinds[0], thickness)] = 1.0
+        least, largest = batch.kinds[0, 0], batch.kinds[0, kinds - 1]
+        for k in range(kinds):
+            distance = abs(batch.kinds[0, k] - thickness) / (largest - least)
+            action[column + 1 - kinds + k] = 1.0 - 2.0 * min(distance, 1.0)
     elif rules.thickness_low < rules.thickness_high:
         action[column] = entry_for(thickness, low, high, uniform.thickness)
     if rules.gap_low < rules.gap_high:
@@ -268,21 +266,22 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
 
 
 @always_inline
-def scale_entry_back(entry, low, high, uniform, bar):
+def scale_entry_back(entry, low, high, uniform, own, bar):
     """Return derivatives of `scale_entry` by entry, low and high, times the bar of its value.
 
-    Beyond [-1, 1] the derivative by the entry is that at the nearer end; where the baseline leaves
-    no values on one side of 0, it is that at 0.
+    Beyond [-1, 1] the derivative by the entry is that at the nearer end, or 0 if a nearer entry
+    reaches the bound. If the baseline is at the scene's `own` bound, it is that at 0 on this side.
     """
     centre, size = min(max(uniform, low), high), min(abs(entry), 1.0)
-    above, below = math.log(high / centre), math.log(centre / low)
-    span = above if entry >= 0.0 else below
-    slope, cube = min(SLOPE, span), size * size * size
+    span = math.log(high / centre) if entry >= 0.0 else math.log(centre / low)
+    excess = max(span - SLOPE, 0.0)
     value_bar = scale_entry(entry, low, high, uniform) * bar
-    entry_bar = value_bar * (slope + 3.0 * (span - slope) * size * size)
-    if uniform in (low, high) and span == 0.0:
-        entry_bar = value_bar * min(SLOPE, above + below)
-    fraction = cube if span > SLOPE else size  # derivative of the logarithm by the span
+    entry_bar = value_bar * (SLOPE + 3.0 * excess * size * size) if low < high else 0.0
+    # derivative of the logarithm by the span
+    fraction = size * size * size
+    if excess == 0.0:
+        fraction = 1.0 if SLOPE * size >= span else 0.0
+        entry_bar *= 1.0 if own and span == 0.0 else 1.0 - fraction
     low_bar = value_bar * fraction / low if entry < 0.0 else 0.0
     high_bar = value_bar * fraction / high if entry >= 0.0 else 0.0
     centre_bar = value_bar * (1.0 - fraction) / centre
@@ -330,8 +329,9 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, distance, thickness)
+        own = low == rules.gap_low if action[0] < 0.0 else high == rules.gap_high
         action_bar[0], low_bar, high_bar = scale_entry_back(
-            action[0], low, high, uniform.gap, gap_bar
+            action[0], low, high, uniform.gap, own, gap_bar
         )
         if rules.length > 0.0:
             shift_bar = narrow_bounds_back(
@@ -346,8 +346,9 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
     if not kinds and rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
+        own = low == rules.thickness_low if action[k] < 0.0 else high == rules.thickness_high
         action_bar[k], low_bar, high_bar = scale_entry_back(
-            action[k], low, high, uniform.thickness, thickness_bar
+            action[k], low, high, uniform.thickness, own, thickness_bar
         )
         if rules.length > 0.0:
             distance_bar -= narrow_bounds_back(
@@ -358,7 +359,7 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
         behind_bar += ahead / behind * height_bar
         if free_growth:
             action_bar[column], _, _ = scale_entry_back(
-                action[column], rules.growth_low, rules.growth_high, uniform.growth,
+                action[column], rules.growth_low, rules.growth_high, uniform.growth, True,
                 behind * height_bar,
             )  # fmt: skip
     later_bars[0], later_bars[1], later_bars[2] = distance_bar, before_bar, behind_bar

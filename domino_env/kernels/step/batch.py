@@ -42,7 +42,8 @@ UNIFORM = record_type(  # domino k of the uniform baseline
     gap=float,  # after it, in the unit of the bounds; like the next two, the values of entries of 0
     thickness=float,  # of domino k+1, in the unit of the bounds
     growth=float,  # of domino k+1
-    length_left=float,  # from domino k to the last one [m]; with a stock, of the gaps alone
+    length_left=float,  # from domino k to the last one [m]
+    thickness_left=float,  # of the dominoes after k together [m]
     time_left=float,  # from the hit of domino k to that of the last one [s]
 )
 EPISODE = record_type(  # besides its ring and state

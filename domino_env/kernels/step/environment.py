@@ -115,8 +115,10 @@ def expected_gain(rules, uniform, batch, b):
     if rules.length > 0.0:  # the remaining length, at the speed of the baseline there
         length = rules.length - episode.distance
         time *= length / uniform.length_left
-    elif action.kinds_of(rules, batch) > 0:  # with the pieces that remain
-        length += (rules.count - 1 - episode.placed) * action.mean_piece(rules, batch, b)
+    elif batch.box.shape[1] > 0:
+        number, thickness = action.pieces_left(rules, batch, b)
+        if number == rules.count - 1 - episode.placed:  # all of them will be placed
+            length += thickness - uniform.thickness_left
     speed = (episode.distance + length) / (state.time + time)
     return 100.0 * (speed / rules.uniform_speed - 1.0)
 
@@ -235,7 +237,7 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
     distances = np.zeros(actions.shape[1] + 1)
     for b in range(first, last):
         rules, uniform, layout = rules_of(view, b), uniform_of(view, b), layout_in(view, b)
-        pairs, kinds = len(layout.spacing), action.kinds_of(rules, view)
+        pairs, kinds = len(layout.spacing), view.box.shape[1]
         for n in range(pairs):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
         later_bars[:] = 0.0

@@ -176,7 +176,8 @@ class InTempo(Objective):
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return log₁₀(score / reference) / 10, which is not constant far from the schedule."""
-        return np.asarray(0.1 * np.log10(np.maximum(score, LEAST_SCORE) / reference))
+        scores = (np.maximum(value, LEAST_SCORE) for value in (score, reference))
+        return np.asarray(0.1 * np.log10(np.divide(*scores)))
 
     def displayed(self, score: ArrayLike) -> Any:
         """Return the root-mean-square errors of scores [ms], infinite for scores of 0 or less."""

@@ -101,9 +101,13 @@ def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_in_drawn_order()
     assert DominoChain(SCENE).reference_speed == uniform.score
 
 
-@pytest.mark.parametrize("scene", [SCENE, SCENE.replace(stock=STOCK.replace(hand=None))])
-def test_rewards_expect_the_pieces_that_remain(scene):
+EXACT = STOCK.replace(count=(4, 4, 4))  # all pieces are placed
+
+
+@pytest.mark.parametrize("hand", [3, None])
+def test_rewards_expect_the_pieces_that_remain(hand):
     """The length after each step is that of the whole layout if later gaps are uniform."""
+    scene = SCENE.replace(stock=EXACT.replace(hand=hand))
     uniform = scene.uniform()
     env, gap = DominoChain(scene, rtol=1e-10), uniform.layout.spacing.mean()
     actions = np.random.default_rng(4).uniform(-0.5, 0.5, (COUNT - 1, 4))
@@ -116,11 +120,9 @@ def test_rewards_expect_the_pieces_that_remain(scene):
     else:
         expected_times = uniform.wave.arrival_times
     left = np.append(np.cumsum(uniform.layout.spacing[::-1])[::-1], 0.0)
-    pieces = KINDS @ STOCK.count - FIRST[0]  # the sum of their thicknesses [m]
+    pieces = KINDS @ EXACT.count - FIRST[0]  # the sum of their thicknesses [m]
     for k in range(1, COUNT - 1):
-        rest = COUNT - 1 - k
-        mean = (pieces - layout.thickness[1 : k + 1].sum()) / (sum(STOCK.count) - 1 - k)
-        length = layout.positions[k] + left[k] + rest * mean
+        length = layout.positions[k] + left[k] + pieces - layout.thickness[1 : k + 1].sum()
         speed = length / (times[k] + expected_times[-1] - expected_times[k])
         assert rewards[:k].sum() == pytest.approx(100.0 * (speed / uniform.score - 1.0), abs=1e-6)
 
