@@ -255,7 +255,7 @@ def return_table() -> list[str]:
             vector = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
             mean_gains.append(np.mean(last_infos(policy, vector, "gain", seed=[*seeds])))
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
-        numbers = (f"{100.0 * value + 0.0:.1f}" for value in mean_gains)
+        numbers = (f"{100.0 * value:z.1f}" for value in mean_gains)
         lines.append((f"`{name}`", entries, size, *numbers, known))
     names = "scene", "observation", "action", "random", "zeros", "best known, or references"
     return markdown_table(names, lines)
