@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from env_scenes import SCENES, size_of
+from env_scenes import SCENES, play, size_of
 
-from domino_env import DominoChain, DominoChainVector
+import domino_env as de
+from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magnify")
 
@@ -71,13 +72,23 @@ def test_actions_towards_a_layout_place_it(name):
 )
 def test_actions_of_zero_build_the_uniform_baseline(name):
     scene = SCENES[name]
-    env, returned, over = DominoChain(scene), 0.0, False
-    env.reset(seed=0)
-    while not over:
-        _, reward, over, _, info = env.step(np.zeros(env.action_space.shape))
-        returned += reward
-    assert returned == 0.0
-    assert info["score"] == scene.uniform().score or scene.uniform().score <= 0.0
+    uniform, env = scene.uniform(), DominoChain(scene)
+    *_, rewards, info = play(env, lambda _: np.zeros(env.action_space.shape))
+    assert rewards.sum() == pytest.approx(0.0, abs=1e-12)
+    assert info["score"] == uniform.score or uniform.score <= 0.0
+    whole = DominoLayout(scene)
+    *_, rewards, info = play(whole, lambda _: np.zeros(whole.action_space.shape))
+    assert rewards.sum() == pytest.approx(0.0, abs=1e-12)
+    assert (info["outcome"], info["score"]) == (uniform.wave.outcome, uniform.score)
+    assert info["wave"].reach == uniform.wave.reach
+
+
+def test_actions_of_zero_return_nothing_far_from_a_schedule():
+    strict = de.load_scene("tempo").settings.replace(first=300.0, last=450.0, tolerance=1e-8)
+    env = DominoChain(SCENES["tempo"].replace(settings=strict))
+    *_, rewards, info = play(env, lambda _: np.zeros(2))
+    assert info["score"] < 1e-4
+    assert rewards.sum() == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
