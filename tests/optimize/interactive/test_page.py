@@ -209,7 +209,7 @@ def test_a_race_plays_and_the_export_scores_the_same(
     names = {"sprint.csv", "sprint.scene.toml"}
     tab.wait(lambda: {path.name for path in tmp_path.iterdir()} >= names)
     printed = output_of("simulate", tmp_path / "sprint.csv")
-    assert f"score {tab.speed:.6f} on 'sprint'" in printed
+    assert f"score {tab.speed:.6f} m/s on 'sprint'" in printed
 
 
 def test_an_invalid_file_shows_its_error_and_a_link_its_layout(tab: Tab, tmp_path: Path) -> None:
