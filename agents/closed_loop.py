@@ -122,25 +122,25 @@ class Episodes:
         # changes of gap and thickness of the dominoes so far (B, n, 2) [m]; their values are 0, and
         # only their gradients are used
         changes = torch.zeros(len(times), 0, 2, dtype=torch.double)
+        sizes = {"gaps": torch.from_numpy(self.spacing)}
+        sizes["thicknesses"] = torch.from_numpy(self.thickness)
         for n in range(scene.count - 1):
             observation = self.observations[:, n].clone()
             if n:  # the first observation does not depend on actions
                 earlier = torch.stack([by_gap[:, n - 1, :n], by_thickness[:, n - 1, :n]], dim=2)
                 delay = times[:, n - 1] - schedule[n - 1] + (earlier * changes).sum(dim=(1, 2))
-                size = torch.log1p(delay.abs() / tempo.tolerance)
-                observation[:, self.parts["lateness"].start] = torch.copysign(size, delay).float()
-                bounds = {"gaps": scene.spacing, "thicknesses": scene.thickness}
-                for k, (name, (low, high)) in enumerate(bounds.items()):
-                    part = self.parts[name]
-                    latest = changes[:, :n, k].flip(1)[:, : part.stop - part.start].float()
-                    end = part.start + latest.shape[1]
-                    observation[:, part.start : end] += 2.0 / (high - low) * latest
+                late = torch.log1p(delay.abs() / tempo.tolerance)
+                observation[:, self.parts["lateness"].start] = torch.copysign(late, delay).float()
+                for k, (name, size) in enumerate(sizes.items()):
+                    part, ratios = self.parts[name], changes[:, :n, k] / size[:, :n]
+                    latest = ratios.flip(1)[:, : part.stop - part.start].float()
+                    observation[:, part.start : part.start + latest.shape[1]] += latest
             actions = self.actions(observation, n)[1].double()
-            sizes = [
+            chosen = [
                 _sizes(actions[:, 0], scene.spacing, uniform_layout.spacing[0]),
                 _sizes(actions[:, 1], scene.thickness, uniform_layout.thickness[1]),
             ]
-            change = torch.stack([size - size.detach() for size in sizes], dim=1)
+            change = torch.stack([size - size.detach() for size in chosen], dim=1)
             changes = torch.cat([changes, change[:, None]], dim=1)
         shift = (by_gap * changes[:, None, :, 0] + by_thickness * changes[:, None, :, 1]).sum(dim=2)
         error = ((times + shift - schedule) ** 2).mean(dim=1).sqrt()

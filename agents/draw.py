@@ -80,6 +80,7 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
 def rule_sizes(scene: Scene, coefficients: Floats) -> Policy:
     """Return a function from observations to relative gaps and desired thicknesses (…, 2)."""
     parts, pairs = DominoChain(scene).observation_layout, scene.count - 1
+    uniform = scene.uniform().layout.thickness[1]
     kinds, first = relative_kinds(scene), relative(np.array(scene.first_thickness), scene.thickness)
     curves = np.split(coefficients, np.cumsum(KNOTS)[:-1], axis=-1)
 
@@ -91,7 +92,8 @@ def rule_sizes(scene: Scene, coefficients: Floats) -> Policy:
         distance = np.abs(kinds - np.clip(desired, -1.0, 1.0)[..., None])
         distance[~(observation[..., parts["hand"]] > 0.0)] = np.inf
         piece = kinds[np.argmin(distance, axis=-1)]
-        last = np.where(n > 0, observation[..., parts["thicknesses"].start], first)
+        latest = uniform * np.exp(observation[..., parts["thicknesses"].start])  # [m]
+        last = np.where(n > 0, relative(latest, scene.thickness), first)
         return np.stack([gap + by_piece * piece + by_last * last, desired], axis=-1)
 
     return sizes

@@ -92,9 +92,10 @@ class DominoChain(DominoEnv):
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
     | length_left | 1    | remaining length over the length                         | 0, 1      |
     | pitch_left  | 1    | remaining mean pitch: -1 the smallest, 1 the largest     | -1, 1     |
-    | gaps        | W    | last gaps, latest first: -1 the smallest, 1 the largest  | -1, 1     |
-    | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
-    | growths     | W    | last growths, likewise                                   | -1, 1     |
+    | gaps        | W    | log of the ratios of the last gaps to those of the       | -5, 5     |
+    |             |      | baseline, latest first                                   |           |
+    | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -5, 5     |
+    | growths     | W    | last growths, likewise                                   | -5, 5     |
     | height      | 1    | log of the last height over h, over its maximum          | 0, 1      |
     | hand        | K    | pieces of each thickness in the hand, thin to thick,     | 0, 1      |
     |             |      | over the size of the hand                                |           |

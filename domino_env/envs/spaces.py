@@ -42,6 +42,7 @@ class ObservationLayout(dict[str, slice]):
         has_schedule = int(scene.as_placed.tempo is not None)
         places = window * int(scene.ground is not None)
         kinds = len(scene.stock.thickness) if scene.stock and scene.free_thickness else 0
+        most = observation.RATIO_LIMIT
         parts = {  # number of entries, lowest and highest value
             "front": (1, 0.0, observation.FRONT_LIMIT),
             "lead": (1, -observation.LEAD_LIMIT, observation.LEAD_LIMIT),
@@ -50,9 +51,9 @@ class ObservationLayout(dict[str, slice]):
             "intervals": (window * has_schedule, -1.0, 1.0),
             "length_left": (has_length, 0.0, 1.0),
             "pitch_left": (has_length, -1.0, 1.0),
-            "gaps": (window * scene.free_spacing, -1.0, 1.0),
-            "thicknesses": (window * scene.free_thickness, -1.0, 1.0),
-            "growths": (window * grows, -1.0, 1.0),
+            "gaps": (window * scene.free_spacing, -most, most),
+            "thicknesses": (window * scene.free_thickness, -most, most),
+            "growths": (window * grows, -most, most),
             "height": (grows, 0.0, 1.0),
             "hand": (kinds * (scene.hand > 0), 0.0, 1.0),
             "stock": (kinds, 0.0, 1.0),

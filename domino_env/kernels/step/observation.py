@@ -6,10 +6,11 @@ from domino_env.kernels.arrays import PROPAGATED, record_type
 from domino_env.kernels.ground import height_and_slope as ground_at
 from domino_env.kernels.ground import piece_at
 from domino_env.kernels.jit import always_inline, internal
-from domino_env.kernels.step.batch import OVER, rules_of, schedule_of
+from domino_env.kernels.step.batch import OVER, rules_of, schedule_of, uniform_of
 
 # sizes at which these parts are clipped
-FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT, LATE_LIMIT = 50.0, 100.0, 20.0, 50.0, 10.0
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0
+LATE_LIMIT, RATIO_LIMIT = 10.0, 5.0
 LEAD_UNIT = 10.0  # heights per unit of `lead`
 ENTRIES = (
     "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
@@ -21,9 +22,9 @@ OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
 
 
 @always_inline
-def scaled(value, low, high):
-    """Return a value, scaled from [low, high] to [-1, 1] and clipped."""
-    return min(max(2.0 / (high - low) * (value - low) - 1.0, -1.0), 1.0)
+def log_ratio(value, uniform):
+    """Return the logarithm of the ratio to the uniform baseline, clipped."""
+    return min(max(math.log(value / uniform), -RATIO_LIMIT), RATIO_LIMIT)
 
 
 @always_inline
@@ -65,7 +66,7 @@ def observe_length(rules, distance, pairs_left, start, observation):
 
 
 @always_inline
-def observe_window(rules, layout, placed, start, observation):
+def observe_window(rules, layout, uniform, placed, start, observation):
     """Write the latest gaps, thicknesses and growths, the last first; 0 where there is none."""
     spacing, thickness, height = layout.spacing, layout.thickness, layout.height
     for j in range(start.window):
@@ -74,18 +75,18 @@ def observe_window(rules, layout, placed, start, observation):
             x = 0.0
             if i > 0:
                 unit = min(height[i - 1], height[i]) if rules.in_heights else 1.0
-                x = scaled(spacing[i - 1] / unit, rules.gap_low, rules.gap_high)
+                x = log_ratio(spacing[i - 1] / unit, uniform[i - 1].gap)
             observation[start.gaps + j] = x
         if start.thicknesses >= 0:
             x = 0.0
             if i > 0:
                 unit = height[i] if rules.in_heights else 1.0
-                x = scaled(thickness[i] / unit, rules.thickness_low, rules.thickness_high)
+                x = log_ratio(thickness[i] / unit, uniform[i - 1].thickness)
             observation[start.thicknesses + j] = x
         if start.growths >= 0:
             x = 0.0
             if i > 0:
-                x = scaled(height[i] / height[i - 1], rules.growth_low, rules.growth_high)
+                x = log_ratio(height[i] / height[i - 1], uniform[i - 1].growth)
             observation[start.growths + j] = x
 
 
@@ -126,7 +127,7 @@ def observe(batch, b, layout, observation):
         observe_tempo(rules, schedule_of(batch, b), state, placed, start, observation)
     if start.length_left >= 0:
         observe_length(rules, episode.distance, pairs - placed, start, observation)
-    observe_window(rules, layout, placed, start, observation)
+    observe_window(rules, layout, uniform_of(batch, b), placed, start, observation)
     if start.height >= 0:
         most = math.log(rules.growth_high) * pairs
         observation[start.height] = min(

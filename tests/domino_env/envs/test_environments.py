@@ -207,13 +207,16 @@ def test_observations_are_as_documented(name):
                 expected["pitch_left"] = mean
             before, tall = layout.height[:k], layout.height[1 : k + 1]
             gaps = layout.spacing[:k] / (before if scene.in_heights else 1.0)
-            for part, free, values, bounds in (
-                ("gaps", scene.free_spacing, gaps, scene.spacing),
-                ("thicknesses", scene.free_thickness, layout.thickness[1 : k + 1], scene.thickness),
-                ("growths", scene.growth, tall / before, scene.growth),
+            baseline, thickness = scene.uniform().layout, layout.thickness[1:]
+            growth = baseline.height[1:] / baseline.height[:-1]
+            equal = baseline.spacing / (baseline.height[:-1] if scene.in_heights else 1.0)
+            for part, free, values, uniform in (
+                ("gaps", scene.free_spacing, gaps, equal),
+                ("thicknesses", scene.free_thickness, thickness, baseline.thickness[1:]),
+                ("growths", scene.growth, tall / before, growth),
             ):
                 if free:
-                    latest = np.interp(values[::-1][:window], bounds, (-1.0, 1.0))
+                    latest = np.log(values[:k] / uniform[:k])[::-1][:window]
                     expected[part] = [*latest, *np.zeros(window - len(latest))]
             if scene.growth:
                 height = np.log(layout.height[k] / h) / (count - 1)
