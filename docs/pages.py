@@ -1,7 +1,8 @@
 """Fill the tables of scenes, methods and public names into their pages.
 
 ``python docs/pages.py`` writes the text between the comments ``<!-- name -->`` and ``<!-- end -->``
-of README.md and of docs/scenes/index.md, environments.md, methods.md and reference.md. MkDocs calls
+of README.md and of docs/scenes/index.md, environments.md, actions-and-rewards.md, methods.md and
+reference.md. MkDocs calls
 `on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with a
 figure, and one for the public names of every package.
 """
@@ -125,6 +126,7 @@ def filled_pages() -> dict[Path, str]:
             "chain": class_sections(DominoChain, "Action space", "Observation space", "Rewards"),
             "returns": return_table(),
         },
+        "docs/actions-and-rewards.md": {"matrix": learning_table()},
         "docs/methods.md": {
             "methods": method_sections(),
             "peers": [f"- `{name}` needs {package}" for name, (_, package) in THIRD_PARTY.items()],
@@ -264,6 +266,42 @@ def return_table() -> list[str]:
 def _random_actions(rng: np.random.Generator, spread: float, size: int, observations: Any) -> Any:
     """Return uniform random actions (B, A) within ±spread."""
     return spread * rng.uniform(-1.0, 1.0, (len(observations), size))
+
+
+def learning_table() -> list[str]:
+    """Return the table of learning-matrix.csv: medians over seeds, with the lowest and highest."""
+    with (DOCS / "learning-matrix.csv").open(newline="", encoding="utf-8") as file:
+        runs = list(csv.DictReader(file))
+    cases: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for run in runs:
+        case = run["algorithm"], run["actions"], run["rewards"]
+        scores = cases.setdefault(case, {}).setdefault(run["scene"], [])
+        scores.append(float(run["score"]))
+    scenes = list(dict.fromkeys(run["scene"] for run in runs))
+    lines = [
+        (f"`{algorithm}`", *case, *(_learning_cell(scene, row.get(scene, [])) for scene in scenes))
+        for (algorithm, *case), row in sorted(cases.items())
+    ]
+    return markdown_table(("algorithm", "actions", "rewards", *scenes), lines)
+
+
+def _learning_cell(name: str, scores: list[float]) -> str:
+    """Format scores in a scene, or gains in sampled scenes."""
+    if not scores:
+        return ""
+    values, digits, unit = np.array(scores), 1, "%"
+    if record := best_known().get(name) if name in ("sprint", "course") else None:
+        uniform = de.load_scene(name).uniform().score
+        values, digits = 100.0 * (values - uniform) / (record.score - uniform), 0
+    elif name == "varied":
+        values, digits = 100.0 * values, 2
+    elif tempo := de.load_scene(name).as_placed.tempo:
+        values, unit = 1e3 * tempo.tolerance * (1.0 / values - 1.0), ""
+        digits = 2
+    else:
+        digits, unit = 4, ""
+    middle, low, high = (f"{x:z.{digits}f}" for x in (np.median(values), min(values), max(values)))
+    return f"{middle}{unit} ({low} to {high})"
 
 
 def method_sections() -> list[str]:
