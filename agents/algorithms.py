@@ -141,7 +141,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     count_varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
     episode = TYPICAL_EPISODE if count_varies else scene.count - 1
     is_random = scene is target and len(evaluation_seeds(scene)) > 1
-    discount = 0.95 if scene.as_placed.tempo is not None else 1.0
+    discount = 0.95 if scene.tempo is not None else 1.0
     if algorithm == "ppo":
         # steps of a rollout in each environment: two episodes, or one if they are long
         length = 2 * episode if episode <= 120 else episode
@@ -166,7 +166,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
         )  # fmt: skip
         if scene is target and not is_random:
             return defaults
-        if is_random and scene.as_placed.tempo is not None:
+        if is_random and scene.tempo is not None:
             return defaults.replace(
                 num_envs=8, steps=300 * 8 * episode, width=128, learning_rate=3e-4,
                 first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,

@@ -37,7 +37,7 @@ def random_parts(scene: Scene) -> tuple[str, ...]:
     """Return the names of the random parts of an observation that a policy uses; () for none."""
     if scene.hand and scene.spacing_values is None and scene.largest_change is None:
         return HAND_PARTS
-    return TEMPO_PARTS if scene.placement_deviation and scene.as_placed.tempo is not None else ()
+    return TEMPO_PARTS if scene.placement and scene.tempo is not None else ()
 
 
 class Episodes:
@@ -114,7 +114,7 @@ class Episodes:
 
     def _tempo_loss(self) -> Any:
         """Return the loss for placement noise and a schedule."""
-        scene, tempo = self.scene, self.scene.as_placed.tempo
+        scene, tempo = self.scene, self.scene.tempo
         assert tempo is not None
         uniform_layout = scene.uniform().layout
         times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())

@@ -30,8 +30,8 @@ from agents.rollout import build, complete_layout  # noqa: E402
 from agents.sb3 import Learner  # noqa: E402
 from domino_env.core.types import Floats, Ints  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
+from domino_env.scenes.objectives import Scores  # noqa: E402
 from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
-from optimize.problem import Scores  # noqa: E402
 
 NOISELESS_LAYOUTS = 50  # largest number of layouts built without noise while a policy is trained
 LEAST_LAYOUTS = 8  # least number of layouts per environment within a budget of evaluations

@@ -155,7 +155,7 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
 
 def evaluation_seeds(scene: Scene) -> range:
     """Return the seeds over which scores are averaged; one seed if the scene is deterministic."""
-    return EVALUATION_SEEDS if scene.hand or scene.placement_deviation else range(1)
+    return EVALUATION_SEEDS if scene.hand or scene.placement else range(1)
 
 
 def average(rollout: Rollout) -> Rollout:

@@ -16,7 +16,7 @@ from agents.rollout import Rollout, average, average_uniform, build, evaluation_
 from domino_env import DominoChain
 from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints, Singles
-from domino_env.scenes.objectives.robust import add_errors
+from domino_env.scenes.placement import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
@@ -192,7 +192,7 @@ def controller(scene: Scene) -> Rollout:
     ValueError
         If the hits of the scene have no schedule, or for the reasons of `plan`.
     """
-    tempo, rollout = scene.as_placed.tempo, plan(scene)
+    tempo, rollout = scene.tempo, plan(scene)
     if tempo is None:
         raise ValueError(
             f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "

@@ -131,7 +131,7 @@ def train(case: Case) -> list[object]:
         test = VariantEnv(target, len(tests), actions, rewards)
         final: dict[str, Any] = {"options": {"scene": tests}}
     else:
-        number = len(SELECTION_SEEDS) if target.hand or target.placement_deviation else 1
+        number = len(SELECTION_SEEDS) if target.hand or target.placement else 1
         key, selection = "score", VariantEnv(target, number, actions, rewards)
         number = number if number == 1 else len(EVALUATION_SEEDS)
         test = VariantEnv(target, number, actions, rewards)

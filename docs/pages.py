@@ -242,7 +242,7 @@ def return_table() -> list[str]:
         scene = de.load_scene(name)
         env, rng = DominoChain(scene), np.random.default_rng(0)
         (size,), (entries,) = env.action_space.shape, env.observation_space.shape
-        gain, uniform = scene.as_placed.criterion.gain, scene.uniform().score
+        gain, uniform = scene.criterion.gain, scene.uniform().score
         others = {
             line["policy"]: gain(np.array(float(line["score"])), uniform)
             for line in references
@@ -250,7 +250,7 @@ def return_table() -> list[str]:
         }
         if not others:
             others = {"best known": gain(np.array(record.score), uniform)}
-        seeds = range(4 if scene.criterion.simulates_anew and not scene.placement_draws else 256)
+        seeds = range(4 if scene.simulator.is_slow else 256)
         mean_gains = []
         for spread in (1.0, 0.0):
             policy = partial(_random_actions, rng, spread, size)
@@ -295,7 +295,7 @@ def _learning_cell(name: str, scores: list[float]) -> str:
         values, digits = 100.0 * (values - uniform) / (record.score - uniform), 0
     elif name == "varied":
         values, digits = 100.0 * values, 2
-    elif tempo := de.load_scene(name).as_placed.tempo:
+    elif tempo := de.load_scene(name).tempo:
         values, unit = 1e3 * tempo.tolerance * (1.0 / values - 1.0), ""
         digits = 2
     else:

@@ -19,7 +19,7 @@ from agents.scripted import ScriptedPolicy
 from domino_env import Scene, load_scene
 from domino_env.core.files import read_json
 from domino_env.core.tables import write_csv
-from domino_env.scenes.objectives.robust import add_errors
+from domino_env.scenes.placement import add_errors
 from optimize.experiments.best_known import best_known
 
 PATH = Path(__file__).with_name("uncertainty.csv")
@@ -47,7 +47,7 @@ def main() -> None:
         known = {one: by[line[0], one] for one in ("uniform", "plan", "hindsight")}
         normalised = (score - known["plan"]) / (known["hindsight"] - known["plan"])
         scene = load_scene(line[0])
-        gain, tempo = 100.0 * scene.gain(score, known["uniform"]), scene.as_placed.tempo
+        gain, tempo = 100.0 * scene.gain(score, known["uniform"]), scene.tempo
         error = "" if tempo is None else f"{1e3 * tempo.tolerance * (1.0 / score - 1.0):.4f}"
         written.append((*line, f"{score:.6f}", f"{gain:.3f}", f"{normalised:.4f}", error))
     write_csv(PATH, COLUMNS, written)

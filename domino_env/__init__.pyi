@@ -30,9 +30,9 @@ from .scenes.distribution import load_distribution as load_distribution
 from .scenes.io.reading import distribution_names as distribution_names
 from .scenes.io.reading import load_scene as load_scene
 from .scenes.io.reading import scene_names as scene_names
-from .scenes.objectives.base import Limits as Limits
-from .scenes.objectives.robust import Placement as Placement
+from .scenes.limits import Limits as Limits
 from .scenes.objectives.tempo import Tempo as Tempo
+from .scenes.placement import Placement as Placement
 from .scenes.pool import load_test_set as load_test_set
 from .scenes.rules import Stock as Stock
 from .scenes.scene import Scene as Scene

@@ -20,9 +20,10 @@ from domino_env.core.files import amount
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.rigid.simulation import StoppedError
+from domino_env.scenes.objectives import Scores
 from optimize.executors import loss_as_error, require_executor
 from optimize.journal import Journal
-from optimize.problem import Problem, Scores
+from optimize.problem import Problem
 
 CHUNK_DOMINOES = 40_000  # dominoes of a chunk, simulated in some 30 ms by two cores
 MAX_CHUNK = 256  # layouts of a chunk, of which only the best one can become a finalist
@@ -79,8 +80,8 @@ class Evaluator:
     evaluations
         Number of layouts simulated so far.
     falls
-        Number of intervals between hits simulated so far; an evaluation of a "robust" scene
-        simulates hundreds of layouts.
+        Number of intervals between hits simulated so far; an evaluation with draws of
+        placement noise simulates many layouts.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
     finalists
@@ -136,7 +137,7 @@ class Evaluator:
         # layouts of a chunk, which are simulated between two checks of the limits
         self._chunk = min(max(8, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
-        if max_seconds is not None and problem.scene.floor_friction is not None:
+        if max_seconds is not None and problem.scene.simulator.is_slow:
             self._chunk = min(self._chunk, allowed_threads())  # each simulation may take seconds
             self._stop = lambda: bool(self.finalists) and self.seconds >= max_seconds
         self._clock = clock

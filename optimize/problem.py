@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from domino_env.core.checks import numbers
-from domino_env.core.results import dataclass_repr
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Floats
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.scenes.io.reading import load_scene
-from domino_env.scenes.objectives import ScoreGradient
+from domino_env.scenes.objectives import ScoreGradient, Scores
 from domino_env.scenes.scene import Scene
 from optimize.design_space import DesignSpace
 
@@ -24,40 +22,6 @@ GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradie
 STEP = 1e-5  # change of an entry of a design vector for a difference
 # relative error allowed in the arrival times for a difference and for `Problem.lateness`
 STEP_RTOL = 1e-10
-
-
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """Scores of B design vectors; for a single one, all fields lack the first axis.
-
-    Attributes
-    ----------
-    score
-        (B,) scores; higher is better.
-    reach
-        (B,) fraction of the layout that the wave passed; 1 if it completes.
-    falls
-        (B,) numbers of simulated intervals between hits.
-    gradient
-        (B, n) gradients with respect to the design vectors; None if not requested.
-    """
-
-    score: Any
-    reach: Any
-    falls: Any
-    gradient: Any = None
-
-    __repr__ = dataclass_repr
-
-    @property
-    def without_gradient(self) -> Bools:
-        """Mask (B,) of designs without exact gradient: the wave stops or violates a limit."""
-        return np.asarray((self.score < 0.0) | (self.reach < 1.0))
-
-    def squeeze(self) -> Scores:
-        """Drop the first axis of a batch of one."""
-        gradient = None if self.gradient is None else self.gradient[0]
-        return Scores(float(self.score[0]), float(self.reach[0]), int(self.falls[0]), gradient)
 
 
 class Problem(DesignSpace):
@@ -122,7 +86,7 @@ class Problem(DesignSpace):
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         super().__init__(scene)
         self.rtol = rtol
-        self.dominoes = scene.count * scene.criterion.simulations_per_score
+        self.dominoes = scene.count * scene.scoring.cost
 
     def evaluate(
         self,
@@ -175,11 +139,9 @@ class Problem(DesignSpace):
         values = self.values(designs)
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
-        batch = replace(self.scene.batch(*sizes, rtol), stop=stop)
-        result = self.scene.evaluate(batch, gradient=gradient)
-        scores = Scores(result.score, result.reach, result.falls)
-        if result.gradient is not None:
-            gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)
+        scores = self.scene.evaluate(self.scene.batch(*sizes, rtol), gradient, stop)
+        if scores.gradient is not None:
+            gradients = self.design_gradient(designs, values, scores.gradient, relaxed=relaxed)
             gradients[scores.without_gradient] = 0.0
             scores = replace(scores, gradient=gradients)
             if differences:
@@ -237,12 +199,11 @@ class Problem(DesignSpace):
             shape is another one; or if entries are outside of [0, 1].
         """
         tempo, pairs = self.scene.tempo, self.scene.count - 1
-        if tempo is None:
-            expected = 'give one with objective = "tempo" and placement_draws = 0'
+        if tempo is None or not self.scene.scoring.follows_wave:
+            expected = 'give one with objective = "tempo" and no draws of placement noise'
             raise ValueError(f"scene '{self.scene.name}' is not scored by a schedule: {expected}")
         wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        result = self.scene.evaluate_waves([wave])
-        scores = Scores(result.score, result.reach, result.falls)
+        scores = self.scene.evaluate_waves([wave])
         if wave.outcome != Outcome.PROPAGATED:
             return scores, np.empty(0), np.empty((0, self.dimension))
         gradients = [wave.pullback(unit) for unit in np.eye(pairs + 1)[1:]]

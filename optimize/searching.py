@@ -20,6 +20,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
+from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, uniform_layouts
 from domino_env.scenes.waves import Waves
@@ -27,7 +28,7 @@ from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator,
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.methods.registry import Method
-from optimize.problem import GRADIENT_RTOL, Problem, Scores
+from optimize.problem import GRADIENT_RTOL, Problem
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL, begin_run, write_run
 
@@ -167,7 +168,7 @@ def search(
             clock=clock,
         )  # fmt: skip
         evaluator.add_seconds(seconds_before + clock() - start)
-        if seconds is not None and scene.floor_friction is not None:
+        if seconds is not None and scene.simulator.is_slow:
             _record_baseline(evaluator, uniform)
         if method == "auto":
             _announce_duration(evaluator)
@@ -244,9 +245,9 @@ def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool
     episodes
         True to compile the steps of `DominoChain` too.
     """
-    if scene.floor_friction is not None:  # a simulation of two dominoes compiles all functions
-        simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics, scene.floor_friction)
-        scene = scene.replace(floor_friction=None)
+    if scene.simulator.is_slow:  # a simulation of two dominoes compiles all functions
+        simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics)
+        scene = scene.on_pivots
     layouts = uniform_layouts(scene)
     gaps, thickness, height = layouts.sizes_at(0.5 * (layouts.low + layouts.high)[None])
     scene.evaluate(scene.batch(gaps, thickness, height))
@@ -301,7 +302,7 @@ def _best_finalist(
 
     Near a stall, a wave may complete at the tolerance of the search and not at a tight one.
     """
-    if scene.floor_friction is not None:  # free-standing scores have the same tolerance in a search
+    if scene.simulator.is_slow:  # free-standing scores have the same tolerance in a search
         score, design = evaluator.finalists[-1]
         if score == uniform.score:
             return uniform.layout, uniform.wave, score
@@ -319,7 +320,7 @@ def _announce_duration(evaluator: Evaluator) -> None:
     The effort ends such a search, so that its time is within a factor of two of this estimate.
     """
     problem = evaluator.problem
-    if evaluator.tolerance is None or problem.scene.floor_friction is not None:
+    if evaluator.tolerance is None or problem.scene.simulator.is_slow:
         return
     designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TRIALS, axis=0)
     start = time.process_time()

@@ -78,7 +78,7 @@ def demanding():
         "magnify": short("magnify", 8),
         "tempo": short("tempo", 8),
         "few draws": short("jitter", 8).replace(
-            name="few draws", settings=jitter.settings.replace(draws=8)
+            name="few draws", placement=jitter.placement.replace(draws=8)
         ),
         "time": short("course", 8).replace(objective="time"),
         "two": short("sprint-thickness", 2),

@@ -75,11 +75,12 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
 
 def require_kind(scene: Scene) -> None:
     """Raise ValueError for a scene whose rules or objective no training scene has."""
-    on_floor = scene.floor_friction is not None
+    on_floor = scene.simulator.is_slow
     restrictions = (scene.stock, scene.thickness_values, scene.growth)
     reasons = {
         "its dominoes stand on a floor": on_floor,
-        f"its objective is {scene.objective}": not (on_floor or scene.criterion.is_mean_speed),
+        f"its objective is {scene.objective}": not scene.criterion.rewards_speed,
+        "its scores are those of draws of placement noise": scene.scoring.placement is not None,
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,
         "its dominoes are from a stock or list, or grow": restrictions != (None,) * 3,

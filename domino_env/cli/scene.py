@@ -14,7 +14,7 @@ from domino_env.cli import options
 
 HEADER = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
 COMMENTS = {
-    "objective": "mean_speed: length over time; robust: its quantile with placement noise",
+    "objective": "mean_speed: length over time",
     "slope": "[degrees], positive downhill",
     "height": "[m]",
     "width": "[m] across the chain",
@@ -36,6 +36,7 @@ COMMENTS = {
 SUMMARY = "write a scene file for your own dominoes"
 MIN_GAP, MAX_GAP = 2.0, 0.8  # [mm], [heights of a domino] bounds of the gaps without --gaps
 DRAWS, FLOOR_DRAWS = 256, 8  # draws for each score, with fixed pivots and on a floor
+QUANTILE = 0.05  # share of the draws that may be slower than the score
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,24 +75,23 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.files import write_text
     from domino_env.physics.ground import Ground
     from domino_env.physics.physics import Physics
-    from domino_env.scenes.objectives.robust import Placement
+    from domino_env.scenes.placement import Placement
     from domino_env.scenes.scene import Scene
 
     low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
     require("--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="height")
     require("--gaps", high, low, below=arguments.height, unit="mm", hint="MIN, then MAX < height")
-    objective, settings = "mean_speed", None
+    placement = None
     if arguments.deviation is not None:
         options.require_deviation(arguments.deviation, high)
         draws = DRAWS if arguments.floor is None else FLOOR_DRAWS
-        objective, settings = "robust", Placement(_metres(arguments.deviation), draws=draws)
+        placement = Placement(_metres(arguments.deviation), draws, quantile=QUANTILE)
     slope = "" if arguments.slope is None else f" on a slope of {arguments.slope:g}°"
     sizes = f"{arguments.thickness:g} x {arguments.width:g} x {arguments.height:g}"
     scene = Scene(
         name=Path(arguments.out).stem if arguments.out else "mine",
         title=f"{arguments.count} dominoes of {sizes} mm{slope}",
-        objective=objective,
-        settings=settings,
+        placement=placement,
         count=arguments.count,
         height=_metres(arguments.height),
         width=_metres(arguments.width),

@@ -28,6 +28,7 @@ RIGID_FIELDS = (
     "opened_at"
 )
 MAX_LINES = 60  # largest number of lines of a table that is printed whole
+NOISE_DRAWS = 256  # draws of placement noise
 ENDS = 10  # lines of a longer table that are printed at each of its ends
 
 
@@ -162,10 +163,10 @@ def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[s
     """
     import numpy as np
 
-    from domino_env.scenes.objectives.robust import Placement, simulate_draws
+    from domino_env.scenes.placement import Placement, simulate_draws
 
     ground = scene.ground if scene else None
-    waves = simulate_draws(wave.layout, wave.physics, Placement(deviation), ground)
+    waves = simulate_draws(wave.layout, wave.physics, Placement(deviation, NOISE_DRAWS), ground)
     times = waves.total_time[waves.mean_speed > 0.0]
     noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
     if len(times):

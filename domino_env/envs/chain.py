@@ -170,7 +170,7 @@ class DominoChain(DominoEnv):
     fewer dominoes than the scene has, at the hit of its last domino; the rewards that follow are
     those of a whole episode after the same dominoes.
 
-    A fixed scene is random only in two cases. With placement noise (`placement_deviation`), every
+    A fixed scene is random only in two cases. With placement noise (`placement`), every
     reset samples normal errors with `np_random`. One of them is added to each gap that an action
     chooses; the result is at least 0.2 mm. The next observation has the resulting gap, clipped to
     the scene's bounds, and the score is that of the resulting layout. The uniform baseline has no

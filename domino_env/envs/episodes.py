@@ -112,7 +112,7 @@ class EpisodeResults:
 
         A score of 0 or less counts as the gain of the lowest success, plus the score.
         """
-        gain, unit = self.scenes[0].as_placed.criterion.gain, self.unit
+        gain, unit = self.scenes[0].criterion.gain, self.unit
 
         def value(score: Floats) -> Floats:
             return gain(np.maximum(score, 0.0), unit) + np.minimum(score, 0.0)

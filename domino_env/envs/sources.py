@@ -18,8 +18,8 @@ from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, UNIFORM, Batc
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL, Outcome
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
-from domino_env.scenes.objectives.robust import LEAST_GAP
 from domino_env.scenes.objectives.tempo import LEAST_SCORE
+from domino_env.scenes.placement import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import uniform_layouts
@@ -138,7 +138,7 @@ class SceneSource:
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.score, self.speed = np.zeros((3, size))
         self.outcome, self.reach = np.full(size, int(Outcome.PROPAGATED)), np.ones(size)
-        scheduled = 0 if self.first.as_placed.tempo is None else self.longest
+        scheduled = 0 if self.first.tempo is None else self.longest
         self.schedule = np.zeros((size, scheduled, 2))
         if isinstance(scene, Scene):
             self._store(0, scene, np.empty(0))
@@ -193,7 +193,7 @@ class SceneSource:
         times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
         if scene.hand and speed > 0.0:  # means over orders of the pieces
             times = uniform_layouts(scene).mean_arrival_times(layout.spacing)
-            speed = baseline.score if scene.criterion.is_mean_speed else speed
+            speed = baseline.score if scene.scoring.is_mean_speed else speed
         if not speed > 0.0:  # the wave of the baseline stops
             times = layout.positions / typical_speed(scene)
         self._store_sizes(i, scene, features, layout.spacing, layout.thickness[1:], layout.height)
@@ -209,8 +209,8 @@ class SceneSource:
         pool, new = shared_pool(self.distribution), [i for i in indices if self.scenes[i] is None]
         for i in new:
             scene = pool.scene(i)
-            criterion = scene.criterion
-            if not (criterion.is_mean_speed and criterion.limits is None and scene.is_homogeneous):
+            is_speed = scene.scoring.is_mean_speed and scene.limits is None
+            if not (is_speed and scene.is_homogeneous):
                 self._store(i, scene, pool.features[i])
                 continue
             spacing, thickness, _ = uniform_layouts(scene).sizes_at(pool.points[i : i + 1])
@@ -254,7 +254,7 @@ class SceneSource:
         self.scenes[i], self.rules[i] = scene, _make_rules(scene, self.rtol)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
-        tempo = scene.as_placed.tempo
+        tempo = scene.tempo
         if tempo is not None:
             scheduled = np.append(0.0, tempo.schedule(scene.count))
             intervals = np.diff(scheduled)
@@ -317,7 +317,7 @@ class SceneSource:
             order=np.zeros(
                 (num_envs, int(kinds[1].sum()) if scene.hand and chooses else 0), np.int16
             ),
-            errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
+            errors=np.zeros((num_envs if scene.placement else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
             states=np.zeros(num_envs, STATE),
             episodes=np.zeros(num_envs, EPISODE),
@@ -379,7 +379,7 @@ def typical_speed(scene: Scene) -> float:
 
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
-    growth, tempo = scene.growth or (1.0, 1.0), scene.as_placed.tempo
+    growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
         "hand": scene.hand,
@@ -402,8 +402,8 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
         "tolerance": 0.0 if tempo is None else tempo.tolerance,
         "score_unit": 0.0,
         "least_score": 0.0 if tempo is None else LEAST_SCORE,
-        "fixed": not (scene.hand or scene.placement_deviation),
-        "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
+        "fixed": not (scene.hand or scene.placement),
+        "score_is_speed": scene.as_placed.scoring.is_mean_speed and scene.limits is None,
     }
     return tuple(values[name] for name in RULES.names or ())
 
@@ -414,6 +414,15 @@ def _check_scene(scene: Scene) -> None:
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free to choose: give spacing or thickness a min "
             "and a max"
+        )
+    is_uneven = scene.ground is not None and not scene.ground.is_even
+    if scene.placement is not None and (scene.length is not None or is_uneven):
+        reason = "gaps with errors do not add up to the length of the scene"
+        if is_uneven:
+            reason = "gaps with errors may be so narrow that dominoes lean against each other"
+        raise ValueError(
+            f"scene '{scene.name}' has [placement], and {reason}: leave one out, or search with "
+            "`optimize`"
         )
     rules = scene.spacing_values, scene.thickness_values, scene.largest_change, scene.stock
     if scene.length is not None and any(rule is not None for rule in rules):

@@ -39,7 +39,7 @@ class ObservationLayout(dict[str, slice]):
 
     def __init__(self, scene: Scene, window: int, num_features: int) -> None:
         has_length, grows = int(scene.length is not None), int(scene.free_height)
-        has_schedule = int(scene.as_placed.tempo is not None)
+        has_schedule = int(scene.tempo is not None)
         places = window * int(scene.ground is not None)
         kinds = len(scene.stock.thickness) if scene.stock and scene.free_thickness else 0
         most = observation.RATIO_LIMIT

@@ -11,6 +11,7 @@ from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
+from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds
 from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
 
@@ -24,12 +25,8 @@ EXCLUSIVE = (
     ("stock.hand", "physics.floor_friction",
      "the uniform baseline is a mean over orders, which takes too long on a floor"),
     ("stock.hand", "row.length", "no environment has both a stock and a length"),
-    ("[placement]", "[robust]", "both draw errors of the gaps"),
-    ("[placement]", "row.length", "gaps with errors do not add up to a length"),
     ("ground.profile", "row.length", "the length of a layout depends on where its gaps lie"),
     ("ground.profile", "[growth]", "its curvature is checked for one height only"),
-    ("ground.profile", "[placement]",
-     "gaps with errors may be so narrow that dominoes lean against each other"),
 )  # fmt: skip
 """Pairs of tables or keys that exclude each other, each with the reason."""
 
@@ -112,12 +109,17 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
         hint = unit_hint(height, (low, high), (thinnest, thickest))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
-    for name in ("placement.deviation", "robust.deviation"):
-        if (tables.value_at(name) or 0.0) > high:
-            yield (
-                f"{name} = {tables.value_at(name):g} m is more than the largest gap, {high:g} m: "
-                "lengths are in metres, 0.5 mm is 0.0005"
-            )
+    noise, count = tables.placement, tables.row.count
+    if noise is not None and noise.deviation > high:
+        yield (
+            f"placement.deviation = {noise.deviation:g} m is more than the largest gap, {high:g} "
+            "m: lengths are in metres, 0.5 mm is 0.0005"
+        )
+    if noise is not None and count * noise.draws > MOST_DRAWN_DOMINOES:
+        yield (
+            f"placement.draws = {noise.draws} of {count} dominoes take too much memory: give at "
+            f"most {MOST_DRAWN_DOMINOES // count}"
+        )
 
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:

@@ -13,8 +13,9 @@ from domino_env.core.checks import numbers, require, require_type
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.objectives import Evaluation
-from domino_env.scenes.objectives.robust import add_errors
+from domino_env.scenes.objectives import Scores
+from domino_env.scenes.placement import add_errors
+from domino_env.scenes.simulators import Stop
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import UniformBaseline, best_uniform
@@ -78,19 +79,16 @@ class Scene(Specification):
         Smallest allowed stall margin, and largest allowed loss of speed in a face impact; None for
         no limits.
     settings
-        Table of the objective: a `Tempo` for "tempo", a `Placement` for "robust"; None for others.
+        Table of the objective: a `Tempo` for "tempo"; None for others.
     floor_friction
         Coulomb coefficient of the floor of free-standing dominoes, 0 or more. Scores are then
         computed from the speeds of `domino_env.simulate_standing`, and a success needs all dominoes
         to topple. None for fixed pivots, as in the analytic model.
     ground
         Ground on which layouts stand, a slope or a curve; None for flat ground.
-    placement_deviation
-        Placement noise of the environments: standard deviation of the normal error of every gap
-        [m]; a gap with its error is at least 0.2 mm. 0 for no noise.
-    placement_draws
-        Number of draws of placement noise over which a score is the mean, so that a search takes
-        the noise into account; 0 to score layouts without errors.
+    placement
+        Placement noise: normal errors of all gaps in every episode of an environment and, with
+        draws, in scores; a gap with its error is at least 0.2 mm. None for no noise.
 
     Raises
     ------
@@ -170,7 +168,7 @@ class Scene(Specification):
         if violations := self.violations(layout):
             raise ValueError(f"scene '{self.name}': {'; '.join(violations)}")
 
-    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False, stop: Stop = None) -> Scores:
         """Simulate and score B layouts at once, without checking the scene's rules.
 
         Parameters
@@ -179,22 +177,26 @@ class Scene(Specification):
             The layouts, see `Scene.batch`.
         gradient
             Compute the exact derivatives of the scores with respect to gaps, thicknesses and
-            heights too. On a floor they are approximate, see `Objective.evaluate`.
+            heights too. On a floor they are approximate, see `Scoring.evaluate`.
+        stop
+            Function that returns True to end a simulation on a floor; None to run it to its end.
 
         Returns
         -------
-        Evaluation
+        Scores
             Scores, reaches, numbers of falls, and derivatives if requested.
 
         Raises
         ------
         TypeError
             For anything but a batch.
+        StoppedError
+            If `stop` returned True.
         """
         require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
-        return self.criterion.evaluate(batch, gradient)
+        return self.scoring.evaluate(batch, gradient, stop)
 
-    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
+    def evaluate_waves(self, waves: Sequence[Wave]) -> Scores:
         """Score waves that have been simulated.
 
         The wave of an incomplete layout can be scored if it stopped. Its `reach` must then refer to
@@ -209,7 +211,7 @@ class Scene(Specification):
 
         Returns
         -------
-        Evaluation
+        Scores
             Scores, reaches and numbers of falls.
 
         Raises
@@ -220,19 +222,18 @@ class Scene(Specification):
             For a wave of more dominoes than the scene has, or of fewer if it propagated.
         """
         require_type("waves", waves, Sequence, "a list of waves")
-        criterion = self.criterion
-        evaluation = criterion.score(Waves.from_waves(waves, self.count))
+        scores = self.scoring.score(Waves.from_waves(waves, self.count))
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
-        if complete and criterion.simulates_anew:
+        if complete and not self.scoring.follows_wave:
             gaps, thicknesses, heights = (
                 np.array([getattr(waves[b].layout, name) for b in complete])
                 for name in ("spacing", "thickness", "height")
             )
             batch = self.batch(gaps, thicknesses[:, 1:], heights[:, 1:], waves[0].rtol)
-            simulated = criterion.evaluate(batch)
+            simulated = self.scoring.evaluate(batch)
             for name in ("score", "reach", "falls"):
-                getattr(evaluation, name)[complete] = getattr(simulated, name)
-        return evaluation
+                getattr(scores, name)[complete] = getattr(simulated, name)
+        return scores
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
         """Return the scores of a layout with random errors of its gaps and random orders of pieces.
@@ -265,7 +266,7 @@ class Scene(Specification):
         ones = np.ones((len(gaps), 1))
         thicknesses = self.orders(generators) if self.hand else ones * layout.thickness[1:]
         batch = self.batch(gaps, thicknesses, ones * layout.height[1:], SCORE_RTOL)
-        return self.as_placed.evaluate(batch).score
+        return np.asarray(self.as_placed.evaluate(batch).score)
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
         """Draw random errors of the gaps of a layout.
@@ -280,9 +281,9 @@ class Scene(Specification):
         NDArray
             (N-1,) errors [m]; without placement noise zeros, for which nothing is drawn.
         """
-        if not self.placement_deviation:
+        if self.placement is None:
             return np.zeros(self.count - 1)
-        return self.placement_deviation * generator.standard_normal(self.count - 1)
+        return self.placement.deviation * generator.standard_normal(self.count - 1)
 
     def gain(self, score: float, reference: float) -> float | None:
         """Return the gain of a score over a reference, such as that of the uniform baseline.
@@ -318,7 +319,7 @@ class Scene(Specification):
             Text such as "0.828550 m/s", or the reason for a score of 0 or less.
         """
         if score > 0.0:
-            return self.criterion.format_score(score, wave)
+            return self.scoring.format_score(score, wave)
         violates_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
         return "violates a limit of the scene" if violates_limit else self.criterion.failure
 
@@ -361,7 +362,7 @@ class Scene(Specification):
             If the rules allow no uniform layout, and for a negative time limit.
         """
         require("seconds", seconds, 0.0, unit="s", optional=True)
-        limit = None if self.floor_friction is None else seconds
+        limit = seconds if self.simulator.is_slow else None
         if "_uniform" not in vars(self):  # also stored here, so that it is pickled with the scene
             vars(self)["_uniform"] = _find_baseline(self, self.known_point, limit)
         return cast("UniformBaseline", vars(self)["_uniform"])

@@ -34,8 +34,8 @@ RANGE_TABLES = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
 def scene_schema() -> dict[str, Any]:
     """Return the JSON Schema of scene files, draft 2020-12."""
     schema_of_file = msgspec.json.schema(tables.SceneFile)
-    settings = [kind.table for kind in OBJECTIVES.values() if kind.table]
-    classes = vars(tables) | {table.__name__: table for table in settings}
+    settings = {kind.table.__name__: kind.table for kind in OBJECTIVES.values() if kind.table}
+    classes = vars(tables) | settings
     definitions: dict[str, dict[str, Any]] = {
         name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
         for name, schema in schema_of_file["$defs"].items()

@@ -18,11 +18,13 @@ from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes import rules
 from domino_env.scenes.consistency import check_document
+from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective
-from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.robust import MeanOverDraws
 from domino_env.scenes.objectives.tempo import Tempo
+from domino_env.scenes.placement import Placement
 from domino_env.scenes.rules import Bounds, Stock
+from domino_env.scenes.scoring import Scoring
+from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator
 from domino_env.scenes.tables import make_document
 from domino_env.scenes.waves import LayoutBatch
 
@@ -56,8 +58,7 @@ class Specification:
     settings: Any = None
     floor_friction: float | None = None
     ground: Ground | None = None
-    placement_deviation: float = 0.0
-    placement_draws: int = 0
+    placement: Placement | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -121,25 +122,39 @@ class Specification:
         """
         return replace(self, **changes)
 
-    @property
+    @cached_property
     def criterion(self) -> Objective:
         """Objective of the scene, with its settings."""
-        kind, floor = OBJECTIVES[self.objective], self.floor_friction
-        objective = kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
-        if not self.placement_draws:
-            return objective
-        deviation, draws = self.placement_deviation, self.placement_draws
-        return MeanOverDraws(objective, None, deviation=deviation, draws=draws)
+        return OBJECTIVES[self.objective](self.settings)
+
+    @property
+    def simulator(self) -> Simulator:
+        """Simulator of the layouts."""
+        floor = self.floor_friction
+        return FixedPivots() if floor is None else FreeStanding(floor)
+
+    @cached_property
+    def scoring(self) -> Scoring:
+        """Line of the values from layouts to scores."""
+        noise = self.placement if self.placement and self.placement.draws else None
+        return Scoring(self.criterion, self.simulator, self.limits, noise)
 
     @cached_property
     def as_placed(self) -> Self:
-        """Scene without `placement_draws`, which scores a layout as it is placed."""
-        return self.replace(placement_draws=0) if self.placement_draws else self
+        """Scene that scores a layout as it is placed, without draws of placement noise."""
+        if self.scoring.placement is None:
+            return self
+        return self.replace(placement=self.scoring.placement.replace(draws=0, quantile=None))
+
+    @property
+    def on_pivots(self) -> Self:
+        """Scene with fixed pivots, that of the analytic simulator."""
+        return self.replace(floor_friction=None) if self.simulator.is_slow else self
 
     @property
     def tempo(self) -> Tempo | None:
-        """Schedule of the hits; None for other objectives, and if scores are means over draws."""
-        return self.criterion.settings if isinstance(self.criterion.settings, Tempo) else None
+        """Schedule of the hits; None for other objectives."""
+        return self.settings if isinstance(self.settings, Tempo) else None
 
     @property
     def hand(self) -> int:

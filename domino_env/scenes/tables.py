@@ -20,9 +20,9 @@ from domino_env.core.models import LARGEST, Amount, Size, Table, about, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.robust import LARGEST_DRAWS
+from domino_env.scenes.placement import Placement
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 
 # largest number of combinations of a listed gap and a listed thickness, all of which are simulated
@@ -30,7 +30,7 @@ from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 MAX_COMBINATIONS = 100_000
 RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 # fields with the same name and value in `SceneTables` and `Scene`
-SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits")
+SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits", "placement")
 
 # begins with a letter or a digit of any language; has no character special to paths or shells
 NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
@@ -155,20 +155,6 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     ] = None
 
 
-class PlacementTable(Table):
-    """Placement noise of the environments."""
-
-    deviation: Annotated[Amount, about("standard deviation of each gap's error [m]")]
-    draws: Annotated[
-        Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)],
-        about("number of draws over which scores are averaged; 0: no errors"),
-    ] = 0
-
-    def __post_init__(self) -> None:
-        if self.draws and not self.deviation:
-            raise ValueError(f"draws = {self.draws} without errors: give a deviation, or draws = 0")
-
-
 Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
 
 
@@ -192,7 +178,7 @@ class SceneTables(Table, kw_only=True):
     ground: Ground | None = None
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
     limits: Limits | None = None
-    placement: PlacementTable | None = None
+    placement: Placement | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 
@@ -241,8 +227,6 @@ class SceneTables(Table, kw_only=True):
             "growth": (self.growth.min, self.growth.max) if self.growth else None,
             "in_heights": self.in_heights,
             "settings": self.value_at(self.objective),
-            "placement_deviation": self.placement.deviation if self.placement else 0.0,
-            "placement_draws": self.placement.draws if self.placement else 0,
         }  # fmt: skip
 
 
@@ -265,9 +249,6 @@ def make_document(scene: Any) -> dict[str, Any]:
     if scene.growth is not None:
         low, high = numbers("growth", scene.growth, None, (2,), BOUNDS_HINT).tolist()
         tables["growth"] = {"min": low, "max": high}
-    if scene.placement_deviation or scene.placement_draws:
-        noise = {"deviation": scene.placement_deviation, "draws": scene.placement_draws}
-        tables["placement"] = noise
     if scene.settings is not None:
         names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
         # a value of another type is rejected as the unknown key "settings"

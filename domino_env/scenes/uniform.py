@@ -127,7 +127,7 @@ def best_uniform(
     point = known or _shipped_points().get(stamp(scene))
     if point is None and scene.count >= LONG_COUNT:
         notice(f"searching for the uniform baseline of '{one_line(scene.name, 40)}' ...")
-    if point is not None or scene.floor_friction is None:
+    if point is not None or not scene.simulator.is_slow:
         best = best_point(scene) if point is None else np.array(point)
         if scene.hand:
             score = float(layouts.scores(best[None], FULL.rtol)[0])
@@ -170,9 +170,9 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     flat.
     """
     layouts = uniform_layouts(scene)
-    if scene.floor_friction is not None:
+    if scene.simulator.is_slow:
         return _best_free_standing(layouts, math.inf)[0]
-    is_random = scene.criterion.simulates_anew or scene.hand > 0
+    is_random = scene.scoring.placement is not None or scene.hand > 0
     fineness = QUICK if quick else RANDOM if is_random else FULL
     points = grid(_axes(layouts, fineness))
     if layouts.extendable and not quick and scene.count * len(points) > MAX_GRID:
@@ -211,7 +211,7 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
             evaluated.extend(zip(scores.tolist(), piece, strict=True))
         return np.array([value for value, _ in evaluated[-len(points) :]])
 
-    analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
+    analytic = UniformLayouts(layouts.scene.on_pivots)
     points = grid(_axes(analytic, FULL))
     cell = (layouts.high - layouts.low) / FREE_STANDING.line
     chosen = _separate_points(points, analytic.scores(points, FULL.rtol), cell, FREE_STANDING.line)
@@ -307,7 +307,7 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
-        limits=None, placement_deviation=0.0, placement_draws=0,
+        limits=None, placement=None,
     ))[0]  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome
 from domino_env.scenes.rules import is_listed
+from domino_env.scenes.simulators import Stop
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.waves import LayoutBatch, Waves
 
@@ -232,25 +233,27 @@ class UniformLayouts:
     @property
     def extendable(self) -> bool:
         """True if scores follow from the first dominoes, as all but the first are equal."""
-        criterion = self.scene.criterion
-        needs_all = criterion.simulates_anew or criterion.needs_arrivals
+        scoring = self.scene.scoring
+        needs_all = scoring.objective.needs_arrivals or not scoring.follows_wave
         return self.scene.is_homogeneous and not needs_all
 
-    def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
-        """Return the scores (B,) of the layouts at points (B, 2); `stop` as in `LayoutBatch`.
+    def scores(self, points: Floats, rtol: float, stop: Stop = None) -> Floats:
+        """Return the scores (B,) of the layouts at points (B, 2); `stop` as in `Scene.evaluate`.
 
         If pieces are drawn in random order, scores are means over `orders`.
         """
         scene, orders = self.scene, len(self.orders)
-        simulations = scene.criterion.simulations_per_score * orders
+        simulations = scene.scoring.cost * orders
         piece, scores = max(1, MAX_BATCH // (scene.count * simulations)), []
         for i in range(0, len(points), piece):
             spacing, thickness, height = self.sizes_at(points[i : i + piece])
             if scene.hand:
                 thickness = np.tile(self.orders, (len(spacing), 1))
                 spacing = np.repeat(spacing, orders, axis=0)
-            batch = replace(scene.batch(spacing, thickness, height, rtol), stop=stop)
-            scores.append(scene.criterion.evaluate(batch).score.reshape(-1, orders).mean(axis=1))
+            score = scene.scoring.evaluate(
+                scene.batch(spacing, thickness, height, rtol), stop=stop
+            ).score
+            scores.append(score.reshape(-1, orders).mean(axis=1))
         return np.concatenate(scores)
 
     def scores_by_prefix(self, points: Floats, change: float) -> Floats:
@@ -271,7 +274,7 @@ class UniformLayouts:
                 part = indices[i : i + size]
                 prefix = scene.batch(gaps[part] * ones, thicknesses[part] * ones, rtol=PREFIX_RTOL)
                 waves, is_final = _extend(prefix, scene.count, change)
-                scores[part] = scene.criterion.score(waves).score
+                scores[part] = scene.scoring.score(waves).score
                 unfinished.append(part[~is_final])
             indices, n = np.concatenate(unfinished), 2 * n
         return scores

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.results import dataclass_repr
-from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats, Ints
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient
@@ -20,11 +18,6 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, require_wave, simulate_batch
-from domino_env.rigid.simulation import RigidWave, simulate_standing
-
-# relative tolerance of free-standing simulations for any `rtol` of a batch; errors are about 2e-4
-FREE_STANDING_RTOL = 1e-3
-FREE_STANDING_COST = 10_000  # run time of a free-standing simulation over that of an analytic wave
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +42,6 @@ class LayoutBatch:
         Relative tolerance of the arrival times.
     ground
         Ground on which the layouts stand; None for flat ground.
-    stop
-        Function that ends a simulation on a floor if it returns True, see `simulate_standing`; None
-        for none.
     """
 
     spacing: Floats
@@ -62,7 +52,6 @@ class LayoutBatch:
     physics: Physics
     rtol: float
     ground: Ground | None = None
-    stop: Callable[[], bool] | None = None
 
     __repr__ = dataclass_repr
 
@@ -142,6 +131,8 @@ class Waves:
         Number N of dominoes.
     rtol
         Relative tolerance of the arrival times.
+    analytic
+        The waves as they were simulated with fixed pivots; None for others.
     """
 
     propagated: NDArray[np.bool_]
@@ -154,6 +145,7 @@ class Waves:
     last_height: Floats
     count: int
     rtol: float
+    analytic: WaveBatch | None = None
 
     @classmethod
     def from_batch(cls, batch: WaveBatch, layouts: LayoutBatch) -> Self:
@@ -162,7 +154,7 @@ class Waves:
             batch.outcome == Outcome.PROPAGATED, batch.reach, batch.mean_speed,
             batch.toppled.astype(np.float64), batch.arrival_times, batch.lowest_stall_margin,
             batch.largest_flush_loss, np.broadcast_to(layouts.height[:, -1], len(layouts)),
-            layouts.count, layouts.rtol,
+            layouts.count, layouts.rtol, batch,
         )  # fmt: skip
 
     @classmethod
@@ -214,65 +206,3 @@ class Waves:
         N for a wave that completes, as the last domino falls too.
         """
         return np.ceil(self.reach * self.count).astype(np.int64)
-
-
-def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
-    """Simulate free-standing layouts with all threads.
-
-    A layout completes if all its dominoes are hit and topple. Otherwise its reach is the fraction
-    of the dominoes before the first that does not topple, plus a part for the lean of that one.
-    Stall margins and losses in face impacts, which are those of fixed pivots, are set to 0.
-
-    Parameters
-    ----------
-    batch
-        B layouts.
-    floor_friction
-        Coulomb coefficient of the floor.
-
-    Returns
-    -------
-    Waves
-        Results of the B waves.
-
-    Raises
-    ------
-    StoppedError
-        If the `stop` of the batch returned True.
-    """
-    waves: list[Any] = [None] * len(batch)
-
-    def simulate(first: int, last: int) -> None:
-        for b in range(first, last):
-            waves[b] = simulate_standing(
-                batch.layout(b), batch.physics, floor_friction, FREE_STANDING_RTOL, stop=batch.stop
-            )
-
-    share_pieces(simulate, len(batch), FREE_STANDING_COST * batch.count)
-    propagated = np.array([wave.propagated for wave in waves], np.bool_)
-    return Waves(
-        propagated=propagated,
-        reach=np.where(propagated, 1.0, [_reach(wave) for wave in waves]),
-        mean_speed=np.array([wave.mean_speed for wave in waves]),
-        toppled=np.array([float(wave.toppled) for wave in waves]),
-        arrival_times=np.array([wave.arrival_times for wave in waves]),
-        lowest_stall_margin=np.zeros(len(waves)),
-        largest_flush_loss=np.zeros(len(waves)),
-        last_height=np.array([wave.layout.height[-1] for wave in waves]),
-        count=batch.count,
-        rtol=FREE_STANDING_RTOL,
-    )
-
-
-def _reach(wave: RigidWave) -> float:
-    """Return the reach of a free-standing wave that does not complete, less than 1.
-
-    The first domino that does not topple counts by its lean over its tipping angle.
-    """
-    count = wave.layout.count
-    if wave.topples.all():  # but the last is not hit: half a domino less than all
-        return 1.0 - 0.5 / count
-    k = int(np.argmin(wave.topples))
-    tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))
-    # 0.99: less than a domino that topples
-    return (k + 0.99 * max(float(wave.lean[k]), 0.0) / tipping) / count

@@ -28,7 +28,7 @@ Point = dict[str, Value]
 DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
 MAX_POINTS = 100_000  # each is a scene that is checked before the first search
 MAX_WHOLE = 1e15  # larger numbers are rejected as floats, not shown with hundreds of digits
-WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
+WHOLE_KEYS = ("row.count", "placement.draws", "placement.seed")  # keys that hold whole numbers
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
 

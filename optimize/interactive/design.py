@@ -96,7 +96,7 @@ class Design:
         """
         scene = scene or self.scene
         wave = scene.simulate(layout)
-        score = None if scene.floor_friction is not None else scene.score(wave)
+        score = None if scene.simulator.is_slow else scene.score(wave)
         self.scene, self.layout, self.wave, self.score = scene, layout, wave, score
 
     def commit(self) -> None:
@@ -258,8 +258,8 @@ def _design_space(scene: Scene) -> DesignSpace:
 
 def _approximate_uniform(scene: Scene) -> Layout:
     """Return the uniform baseline on fixed pivots, approximated if it would take over a second."""
-    space, scene = _design_space(scene), scene.replace(floor_friction=None)
-    if scene.count <= 100 and not scene.criterion.simulates_anew:
+    space, scene = _design_space(scene), scene.on_pivots
+    if scene.count <= 100 and scene.scoring.follows_wave:
         layout = scene.uniform().layout
     else:
         layout = uniform_layouts(scene).layout(best_point(scene, quick=True))

@@ -61,7 +61,7 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
         with torch.no_grad():
             layer.bias.copy_(bias)
         scores = episode_scores(learner.policy(), scene, seeds)
-        return -100.0 * float(scene.as_placed.criterion.gain(scores, scene.uniform().score).mean())
+        return -100.0 * float(scene.criterion.gain(scores, scene.uniform().score).mean())
 
     for i in np.argsort(-np.abs(gradient))[:2]:
         step = torch.eye(len(start))[i] * 1e-3

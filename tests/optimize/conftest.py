@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
-from domino_env.scenes.objectives.base import Evaluation
+from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.simulators import Stop
 from domino_env.scenes.waves import LayoutBatch
 from optimize.result import SearchResult
 
@@ -43,8 +44,10 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[de.Layout, float]]:
     layouts: list[tuple[de.Layout, float]] = []
     original = Scene.evaluate
 
-    def evaluate(scene: Scene, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
-        result = original(scene, batch, gradient)
+    def evaluate(
+        scene: Scene, batch: LayoutBatch, gradient: bool = False, stop: Stop = None
+    ) -> Scores:
+        result = original(scene, batch, gradient, stop)
         layouts.extend((batch.layout(b), score) for b, score in enumerate(result.score.tolist()))
         return result
 

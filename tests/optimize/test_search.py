@@ -163,9 +163,9 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
     expected = search(scene, "random", budget=300)
     original, gaps = Scene.evaluate, []
 
-    def inflated(scene: Scene, batch, gradient=False):
+    def inflated(scene: Scene, batch, gradient=False, stop=None):
         gaps.extend(batch.spacing)
-        result = original(scene, batch, gradient)
+        result = original(scene, batch, gradient, stop)
         result.score[-1] = 5.0 if len(gaps) == 302 else result.score[-1]  # two of them compile
         return result
 

@@ -6,9 +6,9 @@
 from importlib import import_module
 from pkgutil import iter_modules
 
-from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
+from domino_env.scenes.objectives.base import Objective, ScoreGradient, Scores
 
-__all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient"]
+__all__ = ["OBJECTIVES", "Objective", "ScoreGradient", "Scores"]
 
 
 def _find_objectives() -> dict[str, type[Objective]]:

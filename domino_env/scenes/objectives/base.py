@@ -1,29 +1,25 @@
-"""Interface of all objectives: scores of waves, and limits on waves.
+"""Interface of all objectives: scores of waves and their derivatives.
 
 A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came;
-with the objective "toppled" it is a success too. With limits, a wave that completes but violates
-one scores between -1/2 and 0, higher the smaller the violation, and waves that stop score between
--1 and -1/2. So a search can compare any two layouts.
+with the objective "toppled" it is a success too. So a search can compare any two layouts.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.models import Value, about
+from domino_env.core.models import Value
 from domino_env.core.results import dataclass_repr
-from domino_env.core.types import Floats, Ints
+from domino_env.core.types import Bools, Floats
 from domino_env.physics.gradient import Gradient
-from domino_env.physics.ground import Ground
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.waves import FREE_STANDING_COST, LayoutBatch, Waves, simulate_free_standing
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 class ScoreGradient(NamedTuple):
@@ -57,8 +53,8 @@ class ScoreGradient(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """Scores of B layouts.
+class Scores:
+    """Scores of B layouts; for a single design vector, all fields lack the first axis.
 
     Attributes
     ----------
@@ -70,95 +66,44 @@ class Evaluation:
     falls
         (B,) numbers of simulated intervals between hits.
     gradient
-        Derivatives of the scores, 0 for scores of 0 or less; None unless requested.
+        Derivatives of the scores with respect to sizes (a `ScoreGradient`, 0 for scores of 0 or
+        less) or to design vectors (B, n); None unless requested.
     """
 
-    score: Floats
-    reach: Floats
-    falls: Ints
-    gradient: ScoreGradient | None = None
+    score: Any
+    reach: Any
+    falls: Any
+    gradient: Any = None
 
     __repr__ = dataclass_repr
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Evaluation]) -> Evaluation:
-        """Concatenate evaluations of batches, all with a gradient or all without."""
+    def concatenate(cls, parts: Sequence[Scores]) -> Scores:
+        """Concatenate the scores of batches, all with a gradient or all without."""
         columns = zip(*((part.score, part.reach, part.falls) for part in parts), strict=True)
         score, reach, falls = map(np.concatenate, columns)
         gradients = [part.gradient for part in parts if part.gradient is not None]
         arrays = map(np.concatenate, zip(*gradients, strict=True))
         return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
 
-    def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
-        """Return the evaluation with derivatives, which are set to 0 for scores of 0 or less."""
+    def with_gradient(self, gradient: ScoreGradient) -> Scores:
+        """Return the scores with derivatives, which are set to 0 for scores of 0 or less."""
         return replace(self, gradient=gradient.scale(self.score > 0.0))
 
+    @property
+    def without_gradient(self) -> Bools:
+        """Mask (B,) of designs without exact gradient: the wave stops or violates a limit."""
+        return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
-# Rounding decides whether a layout at a limit satisfies it. Therefore scores with at most this rtol
-# allow some excess. Searches have a larger rtol and allow none, so their results are accepted.
-FINAL_RTOL = 1e-9
-ALLOWED_EXCESS = 1e-6  # by which stall margin and loss together may violate their limits
-
-
-Margin = Annotated[float, Meta(ge=0, lt=1)]
-Loss = Annotated[float, Meta(ge=0, le=1)]
-
-
-class Limits(Value, frozen=True):  # type: ignore[misc]
-    """Limits on the wave of a layout.
-
-    Parameters
-    ----------
-    stall_margin
-        Smallest allowed `Wave.stall_margin`, 0 or more and less than 1; None for any.
-    flush_loss
-        Largest allowed `Wave.largest_flush_loss`, 0 to 1; None for any.
-
-    Raises
-    ------
-    ValueError
-        For a value out of its range, and if both are None.
-    """
-
-    stall_margin: Annotated[Margin | None, about("smallest allowed stall margin")] = None
-    flush_loss: Annotated[Loss | None, about("largest loss of speed in a face impact")] = None
-
-    SCHEMA: ClassVar = {"minProperties": 1}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.stall_margin is None and self.flush_loss is None:
-            raise ValueError("the table is empty: give stall_margin, flush_loss or both")
-
-    def apply(self, scores: Floats, waves: Waves) -> Floats:
-        """Return scores that are lower if a wave violates a limit or stops.
-
-        Parameters
-        ----------
-        scores
-            (B,) scores without limits.
-        waves
-            Results of the B waves.
-
-        Returns
-        -------
-        NDArray
-            (B,) scores.
-        """
-        excess = np.zeros(len(waves.reach))
-        if self.stall_margin is not None:
-            excess += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
-        if self.flush_loss is not None:
-            excess += np.maximum(waves.largest_flush_loss - self.flush_loss, 0.0)
-        allowed = ALLOWED_EXCESS if waves.rtol <= FINAL_RTOL else 0.0
-        failures = -0.5 * excess / (1.0 + excess)
-        others = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)
-        return np.where((scores > 0.0) & (excess > allowed), failures, others)
+    def squeeze(self) -> Scores:
+        """Drop the first axis of a batch of one."""
+        gradient = None if self.gradient is None else self.gradient[0]
+        return Scores(float(self.score[0]), float(self.reach[0]), int(self.falls[0]), gradient)
 
 
 @dataclass(frozen=True)
 class Objective(ABC):
-    """Scoring rule of a scene.
+    """Scoring rule for waves.
 
     Every objective is a subclass in a module of this folder.
 
@@ -166,18 +111,9 @@ class Objective(ABC):
     ----------
     settings
         Table with the name of the objective in a scene file; None for none.
-    limits
-        Limits on the wave; None for none.
-    ground
-        Ground on which layouts stand; None for flat ground.
-    floor_friction
-        Coulomb coefficient of the floor of free-standing layouts; None for fixed pivots.
     """
 
     settings: Any
-    limits: Limits | None
-    ground: Ground | None = field(default=None, kw_only=True)
-    floor_friction: float | None = field(default=None, kw_only=True)
 
     name: ClassVar[str]
     """Value of the key `objective` in scene files."""
@@ -193,73 +129,21 @@ class Objective(ABC):
     """True if scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False
     """True if `derivatives` needs waves with the gradient of their total time."""
-    draws_errors: ClassVar[bool] = False
-    """True if layouts are scored with random errors of their gaps."""
-
-    @property
-    def simulates_anew(self) -> bool:
-        """True if a score needs other simulations than that of the layout with fixed pivots."""
-        return self.draws_errors or self.floor_friction is not None
-
-    @property
-    def is_mean_speed(self) -> bool:
-        """True if a success scores the mean speed of its wave with fixed pivots."""
-        return self.rewards_speed and not self.simulates_anew
-
-    @property
-    def simulations_per_score(self) -> int:
-        """Run time of one score over that of a simulation with fixed pivots."""
-        return 1 if self.floor_friction is None else FREE_STANDING_COST
 
     @abstractmethod
     def success(self, waves: Waves) -> Floats:
         """Return the scores (B,) of waves that complete; entries of others are not used."""
 
-    def score(self, waves: Waves) -> Evaluation:
-        """Score waves that have been simulated."""
+    def score(self, waves: Waves) -> Scores:
+        """Score waves."""
         score = waves.reach - 1.0
         if waves.propagated.any():
             score = np.where(waves.propagated, self.success(waves), score)
-        if self.limits is not None:
-            score = self.limits.apply(score, waves)
-        return Evaluation(score, waves.reach, waves.falls)
+        return Scores(score, waves.reach, waves.falls)
 
-    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
-        """Simulate layouts and score them.
-
-        Parameters
-        ----------
-        batch
-            The layouts.
-        gradient
-            Compute the derivatives of the scores too. Those of free-standing layouts are
-            approximate: the derivatives with fixed pivots, times the ratio of the scores on the
-            floor and with fixed pivots.
-
-        Returns
-        -------
-        Evaluation
-            Scores, reaches, numbers of falls, and derivatives if requested.
-        """
-        if self.floor_friction is not None:
-            evaluation = self.score(simulate_free_standing(batch, self.floor_friction))
-            if not gradient:
-                return evaluation
-            analytic = replace(self, floor_friction=None).evaluate(batch, gradient=True)
-            assert analytic.gradient is not None
-            both = (evaluation.score > 0.0) & (analytic.score > 0.0)
-            ratio = np.where(both, evaluation.score / np.where(both, analytic.score, 1.0), 0.0)
-            return evaluation.with_gradient(analytic.gradient.scale(ratio))
-        record = self.needs_arrivals or self.limits is not None
-        waves = batch.simulate(record=record, gradient=gradient and self.differentiates_waves)
-        evaluation = self.score(Waves.from_batch(waves, batch))
-        if gradient:
-            return evaluation.with_gradient(self.derivatives(waves, batch))
-        return evaluation
-
-    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+    def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of waves; those of scores up to 0 are not used."""
-        return ScoreGradient.zero(batch)
+        return ScoreGradient.zero(layouts)
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return the gains of scores of 0 or more over references of more than 0."""
@@ -306,8 +190,8 @@ class Objective(ABC):
             text = f"level with {name}"
         return text + f" ({reference:.6f})" * detailed
 
-    def format_score(self, score: float, wave: Wave) -> str:
-        """Format the score of a success with its unit."""
+    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
+        """Format the score of a success with its unit; a speed has `digits` decimals."""
         return self.label(score)
 
     @classmethod

@@ -28,7 +28,7 @@ class Speed(Objective):
         """Return the mean speeds (B,) [m/s]."""
         return waves.mean_speed
 
-    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+    def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of v = l/t, dv = (dl - v dt)/t, with length l and total time t."""
         time_gradient = waves.gradient
         assert time_gradient is not None
@@ -37,19 +37,17 @@ class Speed(Objective):
         if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
             by_time = {name: -speed / time * getattr(time_gradient, name) for name in names}
-            gradient = with_length_gradient(replace(time_gradient, **by_time), batch, 1.0 / time)
-            return ScoreGradient.from_gradient(batch.along_ground(gradient))
+            gradient = with_length_gradient(replace(time_gradient, **by_time), layouts, 1.0 / time)
+            return ScoreGradient.from_gradient(layouts.along_ground(gradient))
         return ScoreGradient(
             (1.0 - speed * time_gradient.spacing) / time,
             (1.0 - speed * time_gradient.thickness[:, 1:]) / time,
             -speed * time_gradient.height[:, 1:] / time,
         )
 
-    def format_score(self, score: float, wave: Wave) -> str:
-        """Format the speed and, for free-standing layouts, the friction of the floor."""
-        if self.floor_friction is None:
-            return f"{score:.6f} m/s"
-        return f"{score:.4f} m/s on a floor of friction {self.floor_friction:g}"
+    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
+        """Format the speed."""
+        return f"{score:.{digits}f} m/s"
 
 
 class MeanSpeed(Speed):

@@ -167,12 +167,12 @@ class InTempo(Objective):
         times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
         return self.settings.score(times)
 
-    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+    def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of the arrival times."""
         propagated = (waves.outcome == Outcome.PROPAGATED)[:, None]
         times = np.where(propagated, waves.arrival_times, 0.0)
         gradient = waves.pullback(propagated * self.settings.gradient(times))
-        return ScoreGradient.from_gradient(batch.along_ground(gradient))
+        return ScoreGradient.from_gradient(layouts.along_ground(gradient))
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return log₁₀(score / reference) / 10, which is not constant far from the schedule."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
+from domino_env.scenes.objectives.base import Objective, ScoreGradient, Scores
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 
@@ -25,12 +25,12 @@ class Toppled(Objective):
         """Return the numbers (B,) of dominoes that topple."""
         return waves.toppled
 
-    def score(self, waves: Waves) -> Evaluation:
+    def score(self, waves: Waves) -> Scores:
         """Score waves, also those that stop, by the number of dominoes that topple."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
-        return Evaluation(score, waves.reach, waves.falls)
+        return Scores(score, waves.reach, waves.falls)
 
-    def format_score(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
         """Format the numbers of dominoes that topple and of all dominoes."""
         return f"{wave.toppled} of {wave.layout.count} toppled"
 
@@ -53,13 +53,13 @@ class Magnify(Objective):
         """Return the heights (B,) of the last dominoes [m]."""
         return waves.last_height
 
-    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+    def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return 1 for the last height and 0 for all other sizes."""
-        gradient = ScoreGradient.zero(batch)
+        gradient = ScoreGradient.zero(layouts)
         gradient.height[:, -1] = 1.0
         return gradient
 
-    def format_score(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
         """Format the height of the last domino."""
         return f"last domino {score:.6f} m high"
 

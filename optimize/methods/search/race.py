@@ -87,14 +87,14 @@ MANY_ISLANDS, NO_GAIN = 8, 1e-5
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from the starts, then perturb and refine, with islands, until nothing is gained."""
     scene = evaluator.problem.scene
-    if scene.floor_friction is not None:
+    if scene.simulator.is_slow:
         two_fidelities.run(evaluator, rng, run)  # calls this function for the analytic model
         return
     if scene.stock is not None:
         assignment.run(evaluator, rng)  # the score depends on the order of the dominoes
         return
     search = _Search(evaluator, _Elite(evaluator.problem))
-    if scene.tempo is not None:
+    if scene.tempo is not None and scene.scoring.follows_wave:
         if least_squares.fits_schedule(evaluator, rng):
             evaluator.status = least_squares.ON_SCHEDULE
             return
@@ -294,7 +294,9 @@ class _Search:
         """Return True at the end of the search; report the reliability of the best layout."""
         best = max([self.elite.score, *(score for score, _ in self.optima)])
         # for a schedule, distances are relative to the distance of the best from the score 1
-        scale = abs(best) if self.elite.problem.scene.tempo is None else 1.0 - best
+        scene = self.elite.problem.scene
+        fits_schedule = scene.tempo is not None and scene.scoring.follows_wave
+        scale = 1.0 - best if fits_schedule else abs(best)
         agree = sum(score >= best - AGREEMENT * scale for score, _ in self.optima)
         report = f"{agree} of {len(self.optima)} independent searches agree to {AGREEMENT:.3%}"
         self.evaluator.status = f"{report}, {self.elite.idle} perturbations without gain"

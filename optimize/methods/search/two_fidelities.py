@@ -25,7 +25,6 @@ the evidence of two samples. Biometrika 25, 285-294 (draws from the posterior).
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -70,7 +69,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
     analytic_method
         Method that searches the analytic model.
     """
-    analytic = Problem(replace(evaluator.problem.scene, floor_friction=None))
+    analytic = Problem(evaluator.problem.scene.on_pivots)
     layouts = _SimulatedLayouts(evaluator, analytic)
     layouts.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
     layouts.evaluate(_candidates(evaluator, analytic, analytic_method, rng))

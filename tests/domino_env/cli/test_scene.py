@@ -22,11 +22,11 @@ def test_options_in_millimetres_and_degrees_define_a_scene(output_of, tmp_path):
         ground=de.Ground(slope=1.0),
     )  # fmt: skip
     noisy = scene_of(f"{words} --deviation 1 --gaps 5 30 --friction 0.2 --push 9")
-    assert (noisy.objective, noisy.settings) == ("robust", de.Placement(0.001))
+    assert noisy.placement == de.Placement(0.001, 256, 0.05)
     assert noisy.spacing == (0.005, 0.03)
     assert noisy.physics == de.Physics(0.2, push=9.0)
     floor = scene_of("--count 9 --thickness 8 --floor 0.4 --deviation 1")
-    assert (floor.floor_friction, floor.settings.draws) == (0.4, 8)
+    assert (floor.floor_friction, floor.placement.draws) == (0.4, 8)
 
 
 def test_placement_noise_spreads_the_arrival_time(output_of, tmp_path):
@@ -38,7 +38,7 @@ def test_placement_noise_spreads_the_arrival_time(output_of, tmp_path):
         return json.loads(output_of(*words, millimetres, "--json"))["placement_noise"]
 
     spread, physics = noise(5), de.Physics()
-    errors = 0.005 * np.random.default_rng(0).standard_normal((256, 29))
+    errors = de.Placement(0.005, 256).errors(29)
     waves = [
         de.simulate(de.Layout(np.maximum(gaps, 0.0002), 0.0075), physics)
         for gaps in layout.spacing + errors

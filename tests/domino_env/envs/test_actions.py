@@ -15,8 +15,8 @@ NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magni
 def test_place_all_equals_single_steps(name, drift):
     noisy = SCENES[name]
     uniform = noisy.uniform().layout
-    scene = noisy.replace(placement_deviation=0.0, placement_draws=0)
-    if noisy.placement_deviation:  # its baseline too is planned for noise
+    scene = noisy.replace(placement=None)
+    if noisy.placement:  # its baseline too is planned for noise
         scene = scene.with_uniform([uniform.spacing[0], uniform.thickness[1]])
     env, together = DominoChain(scene), DominoChainVector(2, noisy)
     size = (scene.count - 1, *env.action_space.shape)
@@ -68,7 +68,7 @@ def test_actions_towards_a_layout_place_it(name):
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, s in SCENES.items() if not (s.hand or s.placement_deviation)]
+    "name", [name for name, s in SCENES.items() if not (s.hand or s.placement)]
 )
 def test_actions_of_zero_build_the_uniform_baseline(name):
     scene = SCENES[name]

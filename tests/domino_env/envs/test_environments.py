@@ -67,18 +67,18 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
         # on curved ground the pitches are not summed in the same order
         placed, uniform = scene.as_placed, scene.uniform()
         rounding = 1e-15 * (scene.ground is not None)
-        same = layout.count == scene.count and not (scene.hand or scene.placement_deviation)
+        same = layout.count == scene.count and not (scene.hand or scene.placement)
         if same and np.abs(layout.spacing - uniform.layout.spacing).max() < 1e-12:
             rounding = 1e-8  # the score of the uniform baseline has a smaller tolerance
         assert score == pytest.approx(placed.score(wave), rel=rounding)
         if layout.count < scene.count:
             assert wave.outcome != de.Outcome.PROPAGATED
-            others = scene.criterion.simulates_anew, scene.growth, scene.ground
+            others = not placed.scoring.follows_wave, scene.growth, scene.ground
             if others == (False, None, None):
                 longer = scene.simulate(complete_layout(layout, scene), 1e-6)
                 assert score == pytest.approx(placed.score(longer), abs=1e-9)
         else:
-            assert scene.placement_deviation or scene.violations(layout) == []
+            assert scene.placement or scene.violations(layout) == []
             if name != "table":
                 returns.append(rewards.sum())
                 scores.append(placed.score(scene.simulate(layout)))
@@ -87,7 +87,7 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     assert np.all(np.diff(np.array(returns)[order])[clear] > 0.0)
 
 
-@pytest.mark.parametrize("noise", [{}, {"placement_deviation": 1e-3, "placement_draws": 4}])
+@pytest.mark.parametrize("noise", [{}, {"placement": de.Placement(1e-3, 4)}])
 def test_rewards_and_observations_follow_a_schedule(noise):
     scene = short("tempo", 8).replace(**noise)
     env = DominoChain(scene, rtol=1e-10)

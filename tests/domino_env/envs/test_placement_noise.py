@@ -6,11 +6,18 @@ from env_scenes import size_of
 
 from agents.rollout import EVALUATION_SEEDS, build
 from agents.scripted import ScriptedPolicy, uniform
-from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Layout, load_scene
+from domino_env import (
+    DominoChain,
+    DominoChainVector,
+    DominoLayoutVector,
+    Layout,
+    Placement,
+    load_scene,
+)
 from domino_env.envs.vector import RTOL
-from domino_env.scenes.objectives.robust import LEAST_GAP
+from domino_env.scenes.placement import LEAST_GAP
 
-SCENE = load_scene("sprint").replace(count=12, placement_deviation=0.002)
+SCENE = load_scene("sprint").replace(count=12, placement=Placement(0.002))
 ACTION = -0.2
 INTENDED = SCENE.layout(size_of(ACTION, SCENE.spacing, SCENE.uniform().layout.spacing[0]))
 
@@ -38,12 +45,12 @@ def test_errors_are_those_of_the_scene_and_are_observed():
     gaps = env.snapshot().wave.layout.spacing
     errors = SCENE.placement_errors(np.random.default_rng(3))
     assert gaps == pytest.approx(np.maximum(INTENDED.spacing + errors, LEAST_GAP), rel=1e-12)
-    inside = np.interp(gaps, SCENE.spacing, (-1.0, 1.0))
-    assert observed == pytest.approx(inside, abs=1e-6)
+    ratios = np.log(gaps / SCENE.uniform().layout.spacing)
+    assert observed == pytest.approx(ratios, abs=1e-6)
 
 
 def test_layouts_are_compared_by_means_over_the_same_errors():
-    exact = SCENE.replace(placement_deviation=0.0)
+    exact = SCENE.replace(placement=None)
     assert SCENE.uniform().score == exact.uniform().score
     same = build(lambda o: np.zeros((*o.shape[:-1], 1)), SCENE)
     scripted = uniform(SCENE)

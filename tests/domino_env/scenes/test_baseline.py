@@ -24,7 +24,7 @@ def test_every_shipped_baseline_is_current_and_beats_its_neighbours():
             scores = layouts.scores(near, 1e-3)
             assert scores.max() <= scores[1] * (1.0 + 3e-4)
             continue
-        sampled = scene.criterion.simulations_per_score > 1
+        sampled = scene.scoring.cost > 1
         near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
         far = random.uniform(layouts.low, layouts.high, (4 if sampled else 20, 2))
         others = np.clip(np.concatenate([near, far]), layouts.low, layouts.high)

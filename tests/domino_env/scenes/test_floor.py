@@ -4,7 +4,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.scenes import uniform
-from domino_env.scenes.objectives.robust import add_errors, draw_errors
+from domino_env.scenes.placement import add_errors
 from optimize import search
 
 SMALL = de.load_scene("table").replace(count=5, floor_friction=0.3, spacing=(0.01, 0.025))
@@ -32,16 +32,16 @@ def test_a_failure_scores_by_the_part_that_topples():
     assert 2.0 / 5.0 <= early + 1.0 < 4.0 / 5.0 <= late + 1.0
 
 
-def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
+def test_a_quantile_on_a_floor_is_that_of_free_standing_layouts():
     placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
-    scene = SMALL.replace(objective="robust", settings=placement)
-    drawn = add_errors(GAPS[:1], draw_errors(placement, GAPS.shape[1]))
+    scene = SMALL.replace(placement=placement)
+    drawn = add_errors(GAPS[:1], placement.errors(GAPS.shape[1]))
     speeds = np.sort(SMALL.evaluate(SMALL.batch(drawn)).score)
     evaluation = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
     assert evaluation.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
     assert np.all(np.isfinite(evaluation.gradient.spacing))
     assert evaluation.gradient.spacing.any()
-    assert scene.criterion.simulations_per_score == 4 * SMALL.criterion.simulations_per_score
+    assert scene.scoring.cost == 4 * SMALL.scoring.cost
     words = scene.format_score(evaluation.score[0], scene.simulate(scene.layout(GAPS[0])))
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 

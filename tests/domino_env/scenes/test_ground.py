@@ -8,7 +8,7 @@ import pytest
 import domino_env as de
 from domino_env.physics import footing
 from domino_env.scenes.io.reading import read_layout
-from domino_env.scenes.objectives.robust import draw_errors, draw_layouts
+from domino_env.scenes.placement import draw_layouts
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
 UNEVEN = de.Ground(profile=POINTS)
@@ -70,7 +70,7 @@ SCORED = {
     "mean_speed": FREE,
     "slope": FREE.replace(ground=de.Ground(slope=-3.0)),
     "tempo": FREE.replace(objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)),
-    "robust": FREE.replace(objective="robust", settings=de.Placement(0.0005, draws=8)),
+    "quantile": FREE.replace(placement=de.Placement(0.0005, 8, 0.3)),
 }
 
 
@@ -113,9 +113,10 @@ def test_all_layouts_within_accepted_bounds_can_stand(seed):
 
 
 def test_waves_stop_where_placement_noise_makes_dominoes_lean():
-    wild = FREE.replace(objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
+    noise = de.Placement(0.02, 64, 0.5)
+    wild = FREE.replace(placement=noise)
     gaps, thick = random_sizes(2)
-    placed = draw_layouts(wild.batch(gaps, thick), draw_errors(wild.settings, gaps.shape[1]))
+    placed = draw_layouts(wild.batch(gaps, thick), noise.errors(gaps.shape[1]))
     placed = replace(placed, ground=UNEVEN)
     arrays = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
     assert footing.impassable(*arrays).any()
@@ -127,7 +128,6 @@ def test_settings_that_conflict_with_uneven_ground_are_rejected():
     for changes, words in (
         ({"ground": hollow, "spacing": (0.003, 0.03)}, r"too narrow for the hollow near x = 0\.03"),
         ({"length": 0.2}, r"ground\.profile and row\.length exclude each other"),
-        ({"placement_deviation": 0.001}, "gaps with errors may be so narrow"),
         ({"spacing": (0.008, 0.0479)}, "too wide for the hollow"),
     ):
         with pytest.raises(ValueError, match=words):

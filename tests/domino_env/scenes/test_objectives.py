@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.objectives.robust import LEAST_GAP, add_errors, draw_errors
+from domino_env.scenes.placement import LEAST_GAP, add_errors
 
 
 def some(name: str, **changes: object) -> de.Scene:
@@ -48,7 +48,7 @@ def test_a_layout_meets_its_own_arrival_times():
 def test_scores_of_a_schedule_are_shown_as_the_errors_that_have_them(name):
     scene = de.load_scene(name)
     criterion, errors = scene.criterion, np.array([1e-6, 1.5, 20.0])  # [ms]
-    scores = 1.0 / (1.0 + 1e-3 * errors / scene.as_placed.tempo.tolerance)
+    scores = 1.0 / (1.0 + 1e-3 * errors / scene.tempo.tolerance)
     np.testing.assert_allclose(criterion.displayed(scores), errors, rtol=1e-9)
     assert np.all(criterion.displayed([0.0, -0.5, -np.inf]) == np.inf)
     _, close, far = scores
@@ -60,16 +60,16 @@ def test_scores_of_a_schedule_are_shown_as_the_errors_that_have_them(name):
     assert scene.gain(0.0, far) is scene.gain(close, -0.5) is None
 
 
-# robust -----------------------------------------------------------------------------------------
+# placement noise --------------------------------------------------------------------------------
 
 
-def test_the_robust_score_is_the_quantile_computed_by_hand():
+def test_a_score_with_a_quantile_is_the_quantile_computed_by_hand():
     scene = some("jitter", count=9)
     spacings = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
-    errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
+    normals = [np.random.default_rng(seed).standard_normal(8) for seed in range(256)]
     scores = scene.evaluate(scene.batch(spacings, rtol=1e-10)).score
     for gaps, score in zip(spacings, scores, strict=True):
-        placed = np.maximum(gaps + errors, LEAST_GAP)
+        placed = np.maximum(gaps + 0.0005 * np.array(normals), LEAST_GAP)
         speeds = [scene.simulate(scene.layout(layout)).mean_speed for layout in placed]
         # 5 % of 256 is 12.8: twelve draws may be slower, and the thirteenth counts
         assert score == pytest.approx(sorted(speeds)[12], rel=1e-12)
@@ -77,20 +77,21 @@ def test_the_robust_score_is_the_quantile_computed_by_hand():
 
 
 def test_draws_that_stop_count_as_zero():
-    scene = some("jitter", count=9, settings=de.Placement(0.002, 0.25, 40, seed=3))
+    noise = de.Placement(0.002, 40, 0.25, seed=3)
+    scene = some("jitter", count=9, placement=noise)
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws stop
-    drawn = add_errors(gaps, draw_errors(scene.settings, 8))
+    drawn = add_errors(gaps, noise.errors(8))
     stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in drawn])
     assert 10 < stopped.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
-    few = scene.replace(settings=de.Placement(0.002, (stopped.sum() + 1) / 40, 40, seed=3))
+    few = scene.replace(placement=noise.replace(quantile=(stopped.sum() + 1) / 40))
     assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
 @pytest.mark.parametrize("name", ["tempo-noise", "sprint"])
 def test_the_score_under_placement_noise_is_a_mean_over_fixed_draws(name):
-    scene = some(name, count=9, placement_deviation=1e-3, placement_draws=5)
+    scene = some(name, count=9, placement=de.Placement(1e-3, 5))
     gaps = 0.003 + 0.5 * gaps_of(scene, 2, 1)
     thick = np.full(gaps.shape, np.mean(scene.thickness))
     scores = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10)).score

@@ -188,12 +188,11 @@ PLAIN = ["spacing", "one-gap", "thickness", "both", "dying", "length", "length-b
 SMOOTH = {
     **{name: RULED[name] for name in ("smooth", "length-smooth", "growth-both", "growth")},
     "tempo": replace(de.load_scene("tempo"), count=7),
-    "robust": replace(
-        de.load_scene("jitter"), count=7,
-        settings=de.load_scene("jitter").settings.replace(draws=30),
+    "quantile": replace(
+        de.load_scene("jitter"), count=7, placement=de.Placement(0.0005, 30, 0.05)
     ),
-    "noise": replace(RULED["free"], placement_deviation=1e-3, placement_draws=5),
-    "tempo-noise": replace(de.load_scene("tempo-noise"), count=7, placement_draws=5),
+    "noise": replace(RULED["free"], placement=de.Placement(1e-3, 5)),
+    "tempo-noise": replace(de.load_scene("tempo-noise"), count=7, placement=de.Placement(1e-3, 5)),
     "in-heights": replace(RULED["growth-both"], growth=None, objective="mean_speed"),
 }  # fmt: skip
 

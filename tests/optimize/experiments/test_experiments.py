@@ -155,7 +155,7 @@ def test_only_a_better_layout_replaces_the_best_known(scenes, tmp_path):
     ("physics.friction=0:0.5:6", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]),
     ("physics.push = 4, 8,12", [4.0, 8.0, 12.0]),
     ("row.count=10:30:3", [10, 20, 30]),
-    ("robust.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
+    ("placement.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
     ("objective=mean_speed,toppled", ["mean_speed", "toppled"]),
     ("spacing.values=[[0.01, 0.02], [0.01, 0.03]]", [[0.01, 0.02], [0.01, 0.03]]),
 ])  # fmt: skip
@@ -190,8 +190,8 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     scene = changed(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
     physics = base.physics.replace(friction=0.1)
     assert scene == replace(base, physics=physics, count=8, thickness=(0.006, 0.006))
-    robust = changed(base, {"objective": "robust", "robust.deviation": 0.001})
-    assert robust.settings == de.Placement(0.001)
+    noisy = changed(base, {"placement.deviation": 0.001, "placement.draws": 8})
+    assert noisy.placement == de.Placement(0.001, 8)
     free = changed(base, {"thickness.min": 0.005, "thickness.max": 0.009})
     assert free.thickness == (0.005, 0.009)
     assert changed(free, {"thickness.fixed": 0.008}).thickness == (0.008, 0.008)

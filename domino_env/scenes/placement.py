@@ -1,0 +1,217 @@
+"""Placement noise: random errors of all gaps, and statistics of scores over draws of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from domino_env.core.models import Size, Value, about
+from domino_env.core.types import Floats, read_only
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import WaveBatch
+from domino_env.scenes.objectives.base import ScoreGradient, Scores
+from domino_env.scenes.waves import LayoutBatch
+
+LARGEST_DRAWS = 100_000  # largest number of draws of one layout
+MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
+LEAST_GAP = 0.0002  # [m] smallest gap with a placement error
+
+Evaluate = Callable[[LayoutBatch, bool], Scores]
+"""Function that scores layouts as placed, with or without derivatives."""
+Draws = Annotated[int, Meta(ge=0, le=LARGEST_DRAWS)]
+Quantile = Annotated[float, Meta(gt=0, le=1)]
+
+
+def add_errors(spacing: Floats, errors: Floats) -> Floats:
+    """Return gaps with placement errors (…, N-1) [m], at least `LEAST_GAP`."""
+    return np.maximum(spacing + errors, LEAST_GAP)
+
+
+class Placement(Value, frozen=True):  # type: ignore[misc]
+    """Normal errors of all free gaps, in every episode of an environment and in scores.
+
+    Parameters
+    ----------
+    deviation
+        Standard deviation of the error of each gap [m].
+    draws
+        Number of draws of errors over which the score of a layout is a statistic, so that a search
+        finds the best layout that is planned before any error is observed; 0 to score layouts
+        without errors.
+    quantile
+        Share of the draws that may score less: the score is a quantile over the draws. None for
+        the mean.
+    seed
+        The draws are those of environments reset with the seeds from this one on.
+
+    Raises
+    ------
+    ValueError
+        For a value out of its range, and for a quantile without draws.
+    """
+
+    deviation: Annotated[Size, about("standard deviation of each gap's error [m]")]
+    draws: Annotated[Draws, about("number of draws that are scored; 0: no errors")] = 0
+    quantile: Annotated[
+        Quantile | None, about("share of the draws that may score less; default: their mean")
+    ] = None
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the first draw")] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.quantile is not None and not self.draws:
+            raise ValueError(f"quantile = {self.quantile:g} without draws: give draws = 256")
+
+    def errors(self, pairs: int) -> Floats:
+        """Return the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
+        return _draw_errors(self, pairs)
+
+    def evaluate(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
+        """Score all draws of layouts, and return the statistic for each layout.
+
+        Parameters
+        ----------
+        layouts
+            B layouts without errors.
+        evaluate
+            Function that scores layouts as placed.
+        gradient
+            Compute the derivatives of the statistic too.
+
+        Returns
+        -------
+        Scores
+            Statistics of the B layouts. If a quantile is not a success, the score is the mean reach
+            of the draws minus 1. `falls` are those of all draws.
+        """
+        size = max(1, MOST_DRAWN_DOMINOES // (self.draws * layouts.count))  # that fit into memory
+        statistic = self._mean if self.quantile is None else self._quantile
+        return Scores.concatenate([
+            statistic(layouts[i : i + size], evaluate, gradient)
+            for i in range(0, max(len(layouts), 1), size)
+        ])  # fmt: skip
+
+    def _mean(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
+        """Return mean scores and derivatives."""
+        errors = self.errors(layouts.count - 1)
+        drawn = evaluate(draw_layouts(layouts, errors), gradient)
+        score, reach, falls = self._by_layout(drawn)
+        mean = score.mean(axis=1)
+        scores = Scores(mean, np.where(mean > 0.0, 1.0, reach), falls)
+        if not gradient:
+            return scores
+        shape = len(layouts), self.draws, -1
+        spacing, *others = (part.reshape(shape) for part in drawn.gradient)
+        is_free = layouts.spacing[:, None, :] + errors > LEAST_GAP  # False for gaps raised to it
+        parts = is_free * spacing, *others
+        return scores.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
+
+    def _quantile(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
+        """Return quantiles; the derivatives are those of the draw at the quantile."""
+        assert self.quantile is not None
+        errors, indices = self.errors(layouts.count - 1), np.arange(len(layouts))
+        score, reach, falls = self._by_layout(evaluate(draw_layouts(layouts, errors), False))
+        rank = max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1  # 1e-9: rounding
+        # index of the draw at the quantile; waves that stop are the slowest
+        decisive = np.argsort(np.maximum(score, 0.0), axis=1, kind="stable")[:, rank]
+        quantile = score[indices, decisive]
+        succeeds = quantile > 0.0
+        scores = Scores(
+            np.where(succeeds, quantile, reach - 1.0), np.where(succeeds, 1.0, reach), falls
+        )
+        if not gradient:
+            return scores
+        is_free = layouts.spacing + errors[decisive] > LEAST_GAP  # False for gaps raised to it
+        drawn = replace(layouts, spacing=add_errors(layouts.spacing, errors[decisive]))
+        derivatives = evaluate(drawn, True).gradient
+        return scores.with_gradient(derivatives._replace(spacing=is_free * derivatives.spacing))
+
+    def _by_layout(self, drawn: Scores) -> tuple[Floats, Floats, Floats]:
+        """Return scores (B, draws), mean reaches (B,) and sums of falls (B,) of each layout."""
+        score, reach, falls = (
+            part.reshape(-1, self.draws) for part in (drawn.score, drawn.reach, drawn.falls)
+        )
+        return score, reach.mean(axis=1), falls.sum(axis=1)
+
+    def describe(self, text: str, unit: str) -> str:
+        """Add the statistic to a formatted score with a unit."""
+        if self.quantile is None:
+            return f"{'mean ' * bool(unit)}{text} over {self.draws} draws of placement noise"
+        share = 100.0 * (1.0 - self.quantile)
+        return f"{text} reached by {share:.4g} % of the layouts as placed"
+
+
+@lru_cache(8)
+def _draw_errors(placement: Placement, pairs: int) -> Floats:
+    """Return the errors of the gaps (draws, pairs) [m]."""
+    seeds = range(placement.seed, placement.seed + placement.draws)
+    normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
+    return read_only(placement.deviation * np.array(normals).reshape(-1, pairs))
+
+
+def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
+    """Return each layout of a batch with each draw of errors of its gaps.
+
+    Parameters
+    ----------
+    batch
+        B layouts without errors.
+    errors
+        (D, N-1) errors of the gaps [m] in D draws, the same for every layout.
+
+    Returns
+    -------
+    LayoutBatch
+        B · D layouts: all draws of the first layout, then all of the second, and so on.
+    """
+    draws, height = len(errors), batch.height
+    return replace(
+        batch,
+        spacing=add_errors(batch.spacing[:, None, :], errors).reshape(-1, batch.count - 1),
+        thickness=np.repeat(batch.thickness, draws, axis=0),
+        height=height if len(height) == 1 else np.repeat(height, draws, axis=0),
+    )
+
+
+def simulate_draws(
+    layout: Layout, physics: Physics, placement: Placement, ground: Ground | None = None
+) -> WaveBatch:
+    """Simulate the draws of a layout with placement noise.
+
+    Parameters
+    ----------
+    layout
+        The layout without errors.
+    physics
+        Friction, gravity and push.
+    placement
+        Deviation, number and seed of the draws. The number is reduced if the draws have more than
+        4 million dominoes.
+    ground
+        Ground on which the layout stands; None for flat ground.
+
+    Returns
+    -------
+    WaveBatch
+        Waves of all draws.
+
+    Raises
+    ------
+    ValueError
+        For a layout on uneven ground if `ground` is None.
+    """
+    if ground is None and not layout.is_flat:
+        raise ValueError("the layout is on uneven ground: give the `ground` of its scene")
+    draws = min(placement.draws, max(MOST_DRAWN_DOMINOES // layout.count, 1))
+    sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
+    batch = LayoutBatch(*sizes, layout.width, layout.density, physics, rtol=1e-6, ground=ground)
+    errors = placement.replace(draws=draws).errors(layout.count - 1)
+    return draw_layouts(batch, errors).simulate()

@@ -1,0 +1,122 @@
+"""Scoring: the line from layouts to scores.
+
+Layouts, draws of placement noise, simulator, waves, objective, limits, statistic over the draws:
+each stage is a value that a scene has or has not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from domino_env.physics.wave import Wave
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives import Objective, Scores
+from domino_env.scenes.placement import Placement
+from domino_env.scenes.simulators import FixedPivots, Simulator, Stop
+from domino_env.scenes.waves import LayoutBatch, Waves
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """Line of the values that make scores of layouts.
+
+    Parameters
+    ----------
+    objective
+        Rule that scores waves.
+    simulator
+        Simulator of the layouts.
+    limits
+        Limits on the waves; None for none.
+    placement
+        Placement noise over whose draws a score is a statistic; None to score layouts without
+        errors.
+    """
+
+    objective: Objective
+    simulator: Simulator
+    limits: Limits | None
+    placement: Placement | None
+
+    @property
+    def follows_wave(self) -> bool:
+        """True if a score follows from the wave of the layout itself with fixed pivots."""
+        return self.placement is None and not self.simulator.is_slow
+
+    @property
+    def is_mean_speed(self) -> bool:
+        """True if a success scores the mean speed of the layout itself with fixed pivots."""
+        return self.objective.rewards_speed and self.follows_wave
+
+    @property
+    def cost(self) -> int:
+        """Run time of one score over that of a simulation with fixed pivots."""
+        return self.simulator.cost * (1 if self.placement is None else self.placement.draws)
+
+    def score(self, waves: Waves) -> Scores:
+        """Score waves by objective and limits."""
+        scores = self.objective.score(waves)
+        if self.limits is None:
+            return scores
+        return replace(scores, score=self.limits.apply(scores.score, waves))
+
+    def evaluate(self, layouts: LayoutBatch, gradient: bool = False, stop: Stop = None) -> Scores:
+        """Simulate layouts and score them.
+
+        Parameters
+        ----------
+        layouts
+            The layouts.
+        gradient
+            Compute the derivatives of the scores too. Those of free-standing layouts are
+            approximate: the derivatives with fixed pivots, times the ratio of the scores on the
+            floor and with fixed pivots.
+        stop
+            Function that returns True to end a slow simulation; None for none.
+
+        Returns
+        -------
+        Scores
+            Scores, reaches, numbers of falls, and derivatives if requested.
+
+        Raises
+        ------
+        StoppedError
+            If `stop` returned True.
+        """
+
+        def evaluate(placed: LayoutBatch, gradient: bool) -> Scores:
+            return self._evaluate(placed, gradient, stop)
+
+        if self.placement is None:
+            return evaluate(layouts, gradient)
+        return self.placement.evaluate(layouts, evaluate, gradient)
+
+    def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop) -> Scores:
+        """Evaluate layouts as placed."""
+        objective = self.objective
+        waves = self.simulator.simulate(
+            layouts, record=objective.needs_arrivals or self.limits is not None,
+            gradient=gradient and objective.differentiates_waves, stop=stop,
+        )  # fmt: skip
+        scores = self.score(waves)
+        if not gradient:
+            return scores
+        if waves.analytic is not None:
+            return scores.with_gradient(objective.derivatives(waves.analytic, layouts))
+        on_pivots = replace(self, simulator=FixedPivots())._evaluate(layouts, True, stop)
+        both = (scores.score > 0.0) & (on_pivots.score > 0.0)
+        ratio = np.where(both, scores.score / np.where(both, on_pivots.score, 1.0), 0.0)
+        return scores.with_gradient(on_pivots.gradient.scale(ratio))
+
+    def format_score(self, score: float, wave: Wave) -> str:
+        """Format the score of a success with its unit, its simulator and its statistic."""
+        text = self.objective.format_score(score, wave, self.simulator.digits)
+        text += self.simulator.place
+        if self.placement is None:
+            return text
+        if self.placement.quantile is None:
+            text = self.objective.label(score) + self.simulator.place
+        return self.placement.describe(text, self.objective.unit)
