@@ -35,6 +35,7 @@ from .scenes.objectives.tempo import Tempo as Tempo
 from .scenes.placement import Placement as Placement
 from .scenes.pool import load_test_set as load_test_set
 from .scenes.rules import Stock as Stock
+from .scenes.run_out import RunOut as RunOut
 from .scenes.scene import Scene as Scene
 from .scenes.uniform import UniformBaseline as UniformBaseline
 from .validation.measured import fit_friction as fit_friction

@@ -161,9 +161,10 @@ class DominoLayoutVector(DominoVectorEnv):
 
     def _project(self, scene: Scene, length: float) -> None:
         """Replace the layouts by the nearest ones with a total length [m]."""
-        spacing, thickness, pairs = self._batch.spacing, self._batch.thickness, scene.count - 1
+        pairs = scene.count - 1
+        spacing, thickness = self._batch.spacing[:, :pairs], self._batch.thickness[:, 1 : pairs + 1]
         free = [(spacing, scene.spacing)] * scene.free_spacing
-        free += [(thickness[:, 1:], scene.thickness)] * scene.free_thickness
+        free += [(thickness, scene.thickness)] * scene.free_thickness
         fixed = scene.spacing[0] * (not scene.free_spacing)  # part of each pitch that is not free
         fixed += scene.thickness[0] * (not scene.free_thickness)
         parts = [part for part, _ in free]

@@ -64,7 +64,9 @@ class SceneSource:
     indices
         Indices of the scenes that resets sample.
     longest
-        N, largest number of dominoes of a scene.
+        N, largest number of dominoes of a scene, without those of a run-out.
+    run_out
+        Number of fixed dominoes of the run-out.
     window
         Number of gaps and thicknesses that are observed.
     scenes
@@ -130,6 +132,7 @@ class SceneSource:
         self.window = min(int(window), count - 1)
         size = self.pool_size + 2 * num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
+        self.run_out = 0 if self.first.run_out is None else self.first.run_out.count
         self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
         self.num_envs = int(num_envs)
         self.reference_speed: float | None = None
@@ -194,11 +197,12 @@ class SceneSource:
         if scene.hand and speed > 0.0:  # means over orders of the pieces
             times = uniform_layouts(scene).mean_arrival_times(layout.spacing)
             speed = baseline.score if scene.scoring.is_mean_speed else speed
+        positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
-            times = layout.positions / typical_speed(scene)
+            times = positions / typical_speed(scene)
         self._store_sizes(i, scene, features, layout.spacing, layout.thickness[1:], layout.height)
         uniform = self.uniform[i, : scene.count]
-        uniform["length_left"] = layout.positions[-1] - layout.positions
+        uniform["length_left"] = positions[-1] - positions[: scene.count]
         uniform["thickness_left"] = layout.thickness.sum() - np.cumsum(layout.thickness)
         self._store_times(np.array([i]), times[None], np.array([speed]), np.array([baseline.score]))
         self.outcome[i], self.reach[i] = baseline.wave.outcome, baseline.wave.reach
@@ -281,19 +285,24 @@ class SceneSource:
             rules["uniform_speed"] = mean_speed if mean_speed > 0.0 else typical
             rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
             rules["score_unit"] = max(value, rules["least_score"]) if value > 0.0 else unit
-            self.uniform["time_left"][i, :count] = hits[count - 1] - hits[:count]
+            self.uniform["time_left"][i, :count] = hits[count - 1 + self.run_out] - hits[:count]
         self.score[indices], self.speed[indices] = score, speed
 
     def begin_layouts(self, batch: Batch, envs: Ints) -> None:
-        """Write the first domino of the scenes of some environments into a batch."""
+        """Write the first domino and the run-out of some environments into a batch."""
         scenes = batch.scene[envs]
         batch.thickness[envs, 0] = self.first_thickness[scenes]
+        run_out = self.first.run_out
+        if run_out is not None:
+            for env, end in zip(envs.tolist(), self.rules["count"][scenes].tolist(), strict=True):
+                batch.spacing[env, end - 1 : end - 1 + run_out.count] = run_out.spacing
+                batch.thickness[env, end : end + run_out.count] = batch.thickness[env, 0]
         if len(batch.height) == len(batch.scene):  # else environments share the heights
             batch.height[envs] = self.rules["unit"][scenes, None]
 
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
-        scene, longest = self.first, self.longest
+        scene, longest = self.first, self.longest + self.run_out
         kinds, chooses = (
             _allowed_thicknesses(scene),
             scene.stock is not None and scene.free_thickness,
@@ -382,6 +391,7 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
+        "run_out": scene.row_count - scene.count,
         "hand": scene.hand,
         "rtol": rtol,
         "uniform_speed": 0.0,

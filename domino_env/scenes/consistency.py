@@ -25,6 +25,11 @@ EXCLUSIVE = (
     ("stock.hand", "physics.floor_friction",
      "the uniform baseline is a mean over orders, which takes too long on a floor"),
     ("stock.hand", "row.length", "no environment has both a stock and a length"),
+    ("[run_out]", "[stock]", "the pieces of a stock do not include those of a run-out"),
+    ("[run_out]", "[growth]", "the dominoes of a run-out have one height"),
+    ("[run_out]", "[tempo]", "the schedule has times of the designed dominoes only"),
+    ("[run_out]", "ground.profile",
+     "the ground is checked for the gaps within the bounds of spacing only"),
     ("ground.profile", "row.length", "the length of a layout depends on where its gaps lie"),
     ("ground.profile", "[growth]", "its curvature is checked for one height only"),
 )  # fmt: skip
@@ -109,7 +114,17 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
         hint = unit_hint(height, (low, high), (thinnest, thickest))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
+    if tables.run_out is not None and tables.run_out.spacing >= height:
+        yield (
+            f"run_out.spacing = {tables.run_out.spacing:g} m is out of reach of a domino "
+            f"{height:g} m high: give less; lengths are in metres, 3 mm is 0.003"
+        )
     noise, count = tables.placement, tables.row.count
+    if tables.run_out is not None and count + tables.run_out.count > MAX_DOMINOES:
+        yield (
+            f"row.count and run_out.count add up to {count + tables.run_out.count}: use at most "
+            f"{MAX_DOMINOES} dominoes"
+        )
     if noise is not None and noise.deviation > high:
         yield (
             f"placement.deviation = {noise.deviation:g} m is more than the largest gap, {high:g} "

@@ -89,6 +89,9 @@ class Scene(Specification):
     placement
         Placement noise: normal errors of all gaps in every episode of an environment and, with
         draws, in scores; a gap with its error is at least 0.2 mm. None for no noise.
+    run_out
+        Dominoes with fixed gaps after the `count` dominoes that are designed. Waves, scores and
+        pictures are those of the whole row; layouts have the designed dominoes only. None for none.
 
     Raises
     ------
@@ -126,9 +129,9 @@ class Scene(Specification):
         Returns
         -------
         Wave
-            The wave of the layout.
+            The wave of the layout, with the run-out of the scene.
         """
-        return simulate(layout, self.physics, rtol=rtol)
+        return simulate(self.row(layout), self.physics, rtol=rtol)
 
     def score(self, layout: Layout | Wave) -> float:
         """Return the score of a layout; higher is better.
@@ -222,14 +225,17 @@ class Scene(Specification):
             For a wave of more dominoes than the scene has, or of fewer if it propagated.
         """
         require_type("waves", waves, Sequence, "a list of waves")
-        scores = self.scoring.score(Waves.from_waves(waves, self.count))
-        complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
+        scores = self.scoring.score(Waves.from_waves(waves, self.row_count))
+        complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.row_count]
         if complete and not self.scoring.follows_wave:
-            gaps, thicknesses, heights = (
-                np.array([getattr(waves[b].layout, name) for b in complete])
-                for name in ("spacing", "thickness", "height")
+            first = slice(0, self.count - 1)  # without the run-out
+            layouts = [waves[b].layout for b in complete]
+            batch = self.batch(
+                np.array([layout.spacing[first] for layout in layouts]),
+                np.array([layout.thickness[1:][first] for layout in layouts]),
+                np.array([layout.height[1:][first] for layout in layouts]),
+                waves[0].rtol,
             )
-            batch = self.batch(gaps, thicknesses[:, 1:], heights[:, 1:], waves[0].rtol)
             simulated = self.scoring.evaluate(batch)
             for name in ("score", "reach", "falls"):
                 getattr(scores, name)[complete] = getattr(simulated, name)

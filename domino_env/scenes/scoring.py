@@ -1,7 +1,7 @@
 """Scoring: the line from layouts to scores.
 
-Layouts, draws of placement noise, simulator, waves, objective, limits, statistic over the draws:
-each stage is a value that a scene has or has not.
+Layouts, draws of placement noise, run-out, simulator, waves, objective, limits, statistic over the
+draws: each stage is a value that a scene has or has not.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import Objective, Scores
 from domino_env.scenes.placement import Placement
+from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.simulators import FixedPivots, Simulator, Stop
 from domino_env.scenes.waves import LayoutBatch, Waves
 
@@ -33,12 +34,15 @@ class Scoring:
     placement
         Placement noise over whose draws a score is a statistic; None to score layouts without
         errors.
+    run_out
+        Dominoes after those that are designed; None for none.
     """
 
     objective: Objective
     simulator: Simulator
     limits: Limits | None
     placement: Placement | None
+    run_out: RunOut | None
 
     @property
     def follows_wave(self) -> bool:
@@ -96,7 +100,9 @@ class Scoring:
 
     def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop) -> Scores:
         """Evaluate layouts as placed."""
-        objective = self.objective
+        objective, pairs = self.objective, layouts.count - 1
+        if self.run_out is not None:
+            layouts = self.run_out.append_to(layouts)
         waves = self.simulator.simulate(
             layouts, record=objective.needs_arrivals or self.limits is not None,
             gradient=gradient and objective.differentiates_waves, stop=stop,
@@ -105,11 +111,13 @@ class Scoring:
         if not gradient:
             return scores
         if waves.analytic is not None:
-            return scores.with_gradient(objective.derivatives(waves.analytic, layouts))
-        on_pivots = replace(self, simulator=FixedPivots())._evaluate(layouts, True, stop)
+            derivatives = objective.derivatives(waves.analytic, layouts)
+            return scores.with_gradient(derivatives.first(pairs))
+        fixed = replace(self, simulator=FixedPivots(), run_out=None)
+        on_pivots = fixed._evaluate(layouts, True, stop)
         both = (scores.score > 0.0) & (on_pivots.score > 0.0)
         ratio = np.where(both, scores.score / np.where(both, on_pivots.score, 1.0), 0.0)
-        return scores.with_gradient(on_pivots.gradient.scale(ratio))
+        return scores.with_gradient(on_pivots.gradient.scale(ratio).first(pairs))
 
     def format_score(self, score: float, wave: Wave) -> str:
         """Format the score of a success with its unit, its simulator and its statistic."""

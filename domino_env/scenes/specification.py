@@ -23,6 +23,7 @@ from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.placement import Placement
 from domino_env.scenes.rules import Bounds, Stock
+from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scoring import Scoring
 from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator
 from domino_env.scenes.tables import make_document
@@ -59,6 +60,7 @@ class Specification:
     floor_friction: float | None = None
     ground: Ground | None = None
     placement: Placement | None = None
+    run_out: RunOut | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -137,7 +139,7 @@ class Specification:
     def scoring(self) -> Scoring:
         """Line of the values from layouts to scores."""
         noise = self.placement if self.placement and self.placement.draws else None
-        return Scoring(self.criterion, self.simulator, self.limits, noise)
+        return Scoring(self.criterion, self.simulator, self.limits, noise, self.run_out)
 
     @cached_property
     def as_placed(self) -> Self:
@@ -190,6 +192,19 @@ class Specification:
         return np.array(drawn).reshape(-1, len(pieces))[:, : self.count - 1]
 
     @property
+    def row_count(self) -> int:
+        """Number of dominoes of the whole row, with those of the run-out."""
+        return self.count + (0 if self.run_out is None else self.run_out.count)
+
+    def row(self, layout: Layout) -> Layout:
+        """Return the whole row of a layout: with the dominoes of the run-out, if it is complete."""
+        if self.run_out is None or layout.count != self.count:
+            return layout
+        sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
+        parts = *sizes, layout.width, layout.density, self.physics, 0.0, self.ground
+        return self.run_out.append_to(LayoutBatch(*parts)).layout(0)
+
+    @property
     def free_spacing(self) -> bool:
         """True if the gaps are design variables."""
         return bool(self.spacing[0] < self.spacing[1])
@@ -208,7 +223,7 @@ class Specification:
     def is_homogeneous(self) -> bool:
         """True if the rules are the same for all dominoes but the first."""
         is_even = self.ground is None or self.ground.is_even
-        return is_even and self.stock is None and self.growth is None
+        return is_even and (self.stock, self.growth, self.run_out) == (None, None, None)
 
     def layout(
         self,

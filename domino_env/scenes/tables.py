@@ -24,13 +24,14 @@ from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.placement import Placement
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
+from domino_env.scenes.run_out import RunOut
 
 # largest number of combinations of a listed gap and a listed thickness, all of which are simulated
 # for the uniform baseline
 MAX_COMBINATIONS = 100_000
 RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 # fields with the same name and value in `SceneTables` and `Scene`
-SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits", "placement")
+SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits", "placement", "run_out")
 
 # begins with a letter or a digit of any language; has no character special to paths or shells
 NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
@@ -179,6 +180,7 @@ class SceneTables(Table, kw_only=True):
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
     limits: Limits | None = None
     placement: Placement | None = None
+    run_out: RunOut | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 

@@ -11,7 +11,8 @@ from domino_env.kernels.jit import always_inline, select
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode: not begun, between two steps, ended
 
 RULES = record_type(  # of a scene
-    count=int,  # number of dominoes
+    count=int,  # number of dominoes that are placed by actions, with the first
+    run_out=int,  # number of fixed dominoes after them
     hand=int,  # pieces held at a time, drawn in random order; 0 if the whole stock can be placed
     friction=float,  # between dominoes
     gravity=float,  # [m/s²]
@@ -109,7 +110,19 @@ def schedule_of(batch, b):
 @always_inline
 def layout_in(batch, b):
     """Return the layout of environment b, with as many dominoes as its scene has."""
-    count = rules_of(batch, b).count
+    return _first_dominoes(batch, b, rules_of(batch, b).count)
+
+
+@always_inline
+def row_in(batch, b):
+    """Return the whole row of environment b: its layout with the run-out."""
+    rules = rules_of(batch, b)
+    return _first_dominoes(batch, b, rules.count + rules.run_out)
+
+
+@always_inline
+def _first_dominoes(batch, b, count):
+    """Return the first dominoes of environment b."""
     height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
     return Arrays(
         batch.spacing[b, : count - 1],

@@ -15,6 +15,7 @@ from domino_env.kernels.step.batch import (
     OVER,
     RUNNING,
     layout_in,
+    row_in,
     rules_of,
     schedule_of,
     uniform_of,
@@ -26,8 +27,8 @@ SAME_SIZE = 1e-12  # [m] largest difference, by rounding, of sizes from those of
 
 @internal
 def is_as_uniform(rules, uniform, layout):
-    """Return True if a complete layout is the uniform baseline, except for rounding."""
-    for n in range(len(layout.spacing)):
+    """Return True if a complete layout, or whole row, is the uniform baseline but for rounding."""
+    for n in range(rules.count - 1):
         behind, ahead = layout.height[n], layout.height[n + 1]
         gap, thickness = uniform[n].gap, uniform[n].thickness
         if rules.in_heights:
@@ -42,18 +43,18 @@ def is_as_uniform(rules, uniform, layout):
 
 
 @internal
-def close_episode(rules, uniform, state, episode, n, outcome, layout):
-    """Write score and outcome of a wave that completed, or stopped with leader n."""
-    count = len(layout.thickness)
+def close_episode(rules, uniform, state, episode, n, outcome, row):
+    """Write score and outcome of a wave that completed the row, or stopped with leader n."""
+    count = len(row.thickness)
     episode.phase, episode.outcome = OVER, outcome
     episode.uncertain = not rules.score_is_speed
     # if the wave stops, the rest of the layout is not that of the baseline
-    complete = episode.placed + 1 == count
-    episode.as_uniform = rules.fixed and complete and is_as_uniform(rules, uniform, layout)
+    complete = episode.placed + 1 == rules.count
+    episode.as_uniform = rules.fixed and complete and is_as_uniform(rules, uniform, row)
     if outcome == PROPAGATED:
         episode.reach = 1.0
         episode.score = episode.distance / state.time
-        if state.worst > rules.rtol or is_uniform(layout):
+        if state.worst > rules.rtol or is_uniform(row):
             episode.uncertain = True
     else:
         episode.reach = (n + state.fraction) / count
@@ -90,17 +91,23 @@ def stand_on_ground(batch, curve, b, layout, n):
 
 
 @always_inline
-def fall_onto_next(rules, uniform, batch, b, lanes, layout, tape):
-    """Simulate the fall of the leader onto the domino just written in the layout."""
+def fall_onto_next(rules, uniform, batch, b, lanes, row, tape):
+    """Simulate the fall of the leader onto the domino just written in the row.
+
+    After the last domino that is placed, the wave runs to the end of the row.
+    """
     ring, state, episode = batch.rings[b], batch.states[b], batch.episodes[b]
-    count, first = len(layout.thickness), episode.placed
+    count, first = len(row.thickness), episode.placed
     episode.placed = first + 1
-    episode.distance += pitch_of(layout, layout.tilt, first)
-    last = first + 1 if first + 2 == count else first  # the last domino falls freely
+    last = count - 1 if first + 2 == rules.count else first  # the last domino falls freely
     for n in range(first, last + 1):
-        outcome = next_fall(layout, lanes, ring, n, state, tape)
+        if n + 1 < count:
+            if n > first:
+                stand_on_ground(batch, batch.curve, b, row, n)
+            episode.distance += pitch_of(row, row.tilt, n)
+        outcome = next_fall(row, lanes, ring, n, state, tape)
         if outcome != PROPAGATED or n + 1 == count:
-            close_episode(rules, uniform, state, episode, n, outcome, layout)
+            close_episode(rules, uniform, state, episode, n, outcome, row)
             break
 
 
@@ -170,7 +177,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         action.restock(batch, b, given[b])
         for i in range(given[b]):
             stand_on_ground(batch, batch.curve, b, layout, i)
-            fall_onto_next(rules, uniform, batch, b, lanes, layout, tape)
+            fall_onto_next(rules, uniform, batch, b, lanes, row_in(batch, b), tape)
             if episode.phase == OVER:
                 break
             episode.reward_sum += step_reward(rules, uniform, batch, b)
@@ -197,7 +204,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         action.decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
         action.add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
-        fall_onto_next(rules, uniform, view, b, lanes, layout, tape)
+        fall_onto_next(rules, uniform, view, b, lanes, row_in(view, b), tape)
         if episode.phase == OVER:
             ended[b] = True
         else:

@@ -47,6 +47,10 @@ class ScoreGradient(NamedTuple):
         """Return the part of a gradient of B scores for gaps and for dominoes 1 … N-1."""
         return cls(gradient.spacing, gradient.thickness[:, 1:], gradient.height[:, 1:])
 
+    def first(self, pairs: int) -> ScoreGradient:
+        """Return the derivatives with respect to the first gaps, and dominoes 1 … `pairs`."""
+        return ScoreGradient(*(part[:, :pairs] for part in self))
+
     def scale(self, factor: NDArray[Any]) -> ScoreGradient:
         """Return the derivatives, those of each layout multiplied by its factor (B,)."""
         return ScoreGradient(*(factor[:, None] * part for part in self))
