@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     source = Path(arguments.layout)
     chosen = chosen_physics(arguments, source)
-    wave = simulate(chosen.read(source), chosen.physics)
+    wave = simulate(chosen.row(chosen.read(source)), chosen.physics)
     if wave.hit < 2:
         reason = wave.explanation if wave.layout.count > 1 else "a chain needs two dominoes or more"
         raise ValueError(f"{source}: no domino hits another, so there is no sound: {reason}")

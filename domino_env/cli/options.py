@@ -201,6 +201,10 @@ class ChosenPhysics:
 
         return read_layout(path, self.scene)
 
+    def row(self, layout: Layout) -> Layout:
+        """Return a layout with the run-out of the scene, if it has one."""
+        return layout if self.scene is None else self.scene.row(layout)
+
 
 def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenPhysics:
     """Return the physics for layouts that are shown together.

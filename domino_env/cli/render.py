@@ -56,7 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
-    compared = [ComparedLayout(name, simulate(layout, chosen.physics)) for name, layout in layouts]
+    compared = [
+        ComparedLayout(name, simulate(chosen.row(layout), chosen.physics))
+        for name, layout in layouts
+    ]
     for name, write in writers.items():
         images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
         print(f"{name}: {write(images, Path(name), arguments.rate):.1f} s")

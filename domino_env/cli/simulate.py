@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from domino_env.cli import options
 
 if TYPE_CHECKING:
+    from domino_env.physics.layout import Layout
     from domino_env.physics.wave import Wave
     from domino_env.rigid.simulation import RigidWave
     from domino_env.scenes.scene import Scene
@@ -60,8 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     layout = chosen.read(arguments.layout)
     if arguments.deviation is not None:
         options.require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
-    wave = simulate(layout, chosen.physics, rtol=arguments.rtol)
-    evaluation = _evaluation(wave, scene) if scene else {}
+    wave = simulate(chosen.row(layout), chosen.physics, rtol=arguments.rtol)
+    evaluation = _evaluation(layout, wave, scene) if scene else {}
     rigid = None
     if arguments.floor is not None:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
@@ -129,9 +130,9 @@ def _summary(wave: Wave) -> list[str]:
     return lines
 
 
-def _evaluation(wave: Wave, scene: Scene) -> dict[str, Any]:
+def _evaluation(layout: Layout, wave: Wave, scene: Scene) -> dict[str, Any]:
     """Return the violated rules of a scene, or else the scores of wave and uniform baseline."""
-    violations = scene.violations(wave.layout)
+    violations = scene.violations(layout)
     result: dict[str, Any] = {"scene": scene.name, "violations": violations}
     if not violations and wave.physics == scene.physics:
         score, uniform = scene.score(wave), scene.uniform().score

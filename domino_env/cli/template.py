@@ -34,5 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     if scene:
         title = f"{one_line(scene.name, 40)}: {one_line(scene.title, 60)}"
         physics = scene.physics
-    print(f"{target}: {write_template(layout, target, arguments.paper, title, physics)}")
+    designed = layout.count
+    layout = scene.row(layout) if scene else layout
+    text = write_template(layout, target, arguments.paper, title, physics, designed)
+    print(f"{target}: {text}")
     return 0

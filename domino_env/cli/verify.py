@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     differs = False
     choices = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
-    layouts = [chosen.read(name) for name, chosen in choices.items()]
+    layouts = [chosen.row(chosen.read(name)) for name, chosen in choices.items()]
     for (name, chosen), layout in zip(choices.items(), layouts, strict=True):
         print(f"{name}\n{chosen.line}", file=output, flush=True)
         result = verification.verify(

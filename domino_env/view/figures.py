@@ -52,12 +52,16 @@ class DrawnLayout:
         Label in the figure.
     colour
         Colour of dominoes and curves.
+    designed
+        Number of designed dominoes; those after them, the run-out, are drawn as outlines. None for
+        all.
     """
 
     layout: Layout
     wave: Wave | None
     name: str
     colour: str = RESULT
+    designed: int | None = None
 
 
 def draw_layouts(
@@ -125,7 +129,8 @@ def draw_layouts(
         axes.set_xlim(low, end)
         _draw_dominoes(axes, entry, strip / scale)
         place = LEFT / WIDTH, (y + strip - 0.5 * LABEL) / height
-        note = "; only the first dominoes are drawn" * (end < high)
+        drawn = len(_inside(entry.layout, low, end))
+        note = "; only the first dominoes are drawn" * (drawn < entry.layout.count)
         figure.text(*place, _label(entry) + note, va="center", size=9.5, color=entry.colour)
     for panel in panels:
         y -= BETWEEN + PANEL
@@ -238,11 +243,14 @@ def draw_with_uniform(
     """
     scene, uniform, physics = result.scene, result.scene.uniform(), result.scene.physics
     layouts = [
-        DrawnLayout(uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
-        DrawnLayout(result.layout, result.wave, name),
+        DrawnLayout(scene.row(layout), wave, label, colour, scene.count)
+        for layout, wave, label, colour in (
+            (uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
+            (result.layout, result.wave, name, RESULT),
+        )
     ]
     subtitle = (
-        f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
+        f"{scene.title} · {scene.row_count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
     draw_last = draw_last if result.score > 0.0 else None
@@ -317,7 +325,10 @@ def _draw_dominoes(axes: Axes, entry: DrawnLayout, height: float) -> None:
     boxes = [Polygon(box) for box in corners + shift]
     hit = layout.count if wave is None else wave.hit
     colours = [entry.colour if i < hit else FAINT for i in inside]
-    axes.add_collection(PatchCollection(boxes, facecolor=colours, edgecolor="none"))
+    designed = entry.designed or layout.count
+    faces = [c if i < designed else "none" for i, c in zip(inside, colours, strict=True)]
+    edges = ["none" if i < designed else c for i, c in zip(inside, colours, strict=True)]
+    axes.add_collection(PatchCollection(boxes, facecolor=faces, edgecolor=edges, linewidth=0.4))
     if wave is not None:
         push = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0}
         # an arrow to 0.88 of the height of the first domino's rear face, 0.6 of its height long

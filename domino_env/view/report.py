@@ -136,7 +136,7 @@ def read_compared(
         require_drawable(one_line(str(path)), layout.count)
         entry = ComparedLayout(
             one_line(path.resolve().name if folder else path.stem, MAX_NAME),
-            simulate(layout, physics),
+            simulate(scene.row(layout) if scene else layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),
             _verification(folder, layout, physics),
@@ -149,7 +149,7 @@ def read_compared(
         compared.append(entry)
     if scene and has_baseline:
         baseline = scene.uniform()
-        wave = baseline.wave if scoring_scene else simulate(baseline.layout, physics)
+        wave = baseline.wave if scoring_scene else simulate(scene.row(baseline.layout), physics)
         entry = ComparedLayout(UNIFORM_NAME, wave)
         compared.append(_with_score(entry, scene, baseline.score) if scoring_scene else entry)
     return compared, scene.title if scene else "layouts without a scene"

@@ -131,6 +131,7 @@ def write_template(
     paper: str = "a4",
     title: str = "Template",
     physics: Physics | None = None,
+    designed: int | None = None,
 ) -> str:
     """Write a PDF: a page of advice, then the sheets.
 
@@ -146,6 +147,9 @@ def write_template(
         Title of every page.
     physics
         Physics whose push and time of the last hit are printed; None for neither.
+    designed
+        Number of designed dominoes; the boxes of those after them, the run-out, are grey. None for
+        all.
 
     Returns
     -------
@@ -157,7 +161,7 @@ def write_template(
     ValueError
         For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
     """
-    all_strips = strips(layout, paper)
+    all_strips, designed = strips(layout, paper), designed or layout.count
     total = all_strips[-1].sheet
     buffer = io.BytesIO()
     # without a date, equal layouts give equal files; without compression, tests read their lengths
@@ -166,19 +170,24 @@ def write_template(
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _write_advice(axes, _advice(all_strips, layout, physics))
+            _write_advice(axes, _advice(all_strips, layout, physics, designed))
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in all_strips:
                     if strip.sheet == number:
-                        _draw_one_strip(axes, layout, strip, len(all_strips))
+                        _draw_one_strip(axes, layout, strip, len(all_strips), designed)
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
     pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(all_strips), 'strip')}"
     return f"{pages}: print at 100 % and check the scale bar"
 
 
-def _advice(all_strips: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
+def _advice(
+    all_strips: Sequence[Strip],
+    layout: Layout,
+    physics: Physics | None,
+    designed: int | None = None,
+) -> list[str]:
     """Return the steps of building the layout with the strips."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
     if len(all_strips) > 1:
@@ -197,6 +206,11 @@ def _advice(all_strips: Sequence[Strip], layout: Layout, physics: Physics | None
         "Stand a domino on every box, its faces along the lines. Leave a few boxes empty and fill "
         "them last: a domino that falls early then topples only some of the others."
     )
+    if designed is not None and designed < layout.count:
+        steps[-1] += (
+            f" The grey boxes, {designed + 1} to {layout.count}, are the run-out, whose gaps are "
+            "fixed."
+        )
     steps.append("Push domino 1 at its top; the wave runs to higher numbers.")
     if physics is not None:
         wave, top = simulate(layout, physics), physics.push * float(layout.height[0])
@@ -239,10 +253,10 @@ def _write_advice(axes: Axes, steps: Sequence[str]) -> None:
         y -= 4.9 * (len(lines) - 1)
 
 
-def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int) -> None:
+def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int, designed: int) -> None:
     """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours.
 
-    total: number of strips.
+    total: number of strips. designed: number of dominoes before the run-out.
     """
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
     positions, left = positions_along(layout), strip.margin * MM
@@ -253,7 +267,8 @@ def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int) -> Non
     for i in strip.dominoes:
         d = layout.thickness[i] * MM
         x = left + (positions[i] - strip.begin) * MM - d
-        box = Rectangle((x, middle - half), d, 2.0 * half, fill=False, lw=LINE, ec="black")
+        colour = "none" if i < designed else "0.85"
+        box = Rectangle((x, middle - half), d, 2.0 * half, fc=colour, lw=LINE, ec="black")
         axes.add_patch(box)
         if left <= x + d / 2.0 < right:
             # numbers stand at two heights, as narrow gaps leave no room side by side

@@ -19,7 +19,8 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_uniform_on, gain
 from optimize.experiments.best_known import BestKnown
 
-MAX_COUNT = 100  # dominoes of a long layout that are simulated, from the first one
+LONG_COUNT = 200  # dominoes of a row from which on only the first ones are simulated
+FIRST_COUNT = 100  # their number
 RTOL = 2e-4  # relative tolerance of the arrival times
 
 
@@ -64,7 +65,7 @@ def verify_best_known(
             fixed = waves[0][0]
             verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
             verifications[name] = StoredVerification(
-                digest=digest(entry.layout, scene.physics), count=entry.layout.count,
+                digest=digest(entry.layout, scene.physics), count=scene.row_count,
                 first=fixed.layout.count, verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),
             )  # fmt: skip
@@ -75,8 +76,10 @@ def verify_best_known(
 
 
 def _shorten(layout: Layout) -> Layout:
-    """Return the first `MAX_COUNT` dominoes of a layout."""
-    dominoes, pairs = slice(MAX_COUNT), slice(MAX_COUNT - 1)
+    """Return the first `FIRST_COUNT` dominoes of a layout of `LONG_COUNT` or more."""
+    if layout.count < LONG_COUNT:
+        return layout
+    dominoes, pairs = slice(FIRST_COUNT), slice(FIRST_COUNT - 1)
     return Layout(
         layout.spacing[pairs], layout.thickness[dominoes], layout.height[dominoes], layout.width,
         layout.density[dominoes], layout.rise[pairs], layout.tilt[dominoes],
@@ -89,11 +92,11 @@ def _simulate(scene: Scene, layout: Layout, floor: float | None, engine: bool) -
     floor: Coulomb coefficient; None for fixed pivots. engine: if True, a third wave is that of the
     best known layout in the third-party engine.
     """
-    physics, best = scene.physics, _shorten(layout)
+    physics, best = scene.physics, _shorten(scene.row(layout))
     baseline = _shorten(scene.uniform().layout)
     # the baseline of fixed pivots may be faster, as the search on the floor is less accurate
     layouts = {id(layout): layout for layout in (best_uniform_on(scene, baseline, floor), baseline)}
-    waves = [simulate_standing(layout, physics, floor, RTOL) for layout in layouts.values()]
+    waves = [simulate_standing(scene.row(x), physics, floor, RTOL) for x in layouts.values()]
     fastest = min(waves, key=lambda wave: wave.arrival_times[-1] / wave.layout.length)
     waves = [simulate_standing(best, physics, floor, RTOL), fastest]
     return [*waves, simulate_in_engine(best, physics, floor)] if engine else waves

@@ -251,7 +251,8 @@ class Page:
         def begin(event: Any) -> None:
             nonlocal offset
             self.stop()
-            nearest = int(np.argmin(np.abs(points.data["x"] - event.x)))
+            designed = points.data["x"][: self.design.scene.count - 1]  # without the run-out
+            nearest = int(np.argmin(np.abs(designed - event.x)))
             offset = points.data["y"][nearest] - event.y
             self.player.param.update(direction=0, value=0)
             points.selected.indices = [nearest]
