@@ -295,11 +295,9 @@ def _learning_cell(name: str, scores: list[float]) -> str:
         values, digits = 100.0 * (values - uniform) / (record.score - uniform), 0
     elif name == "varied":
         values, digits = 100.0 * values, 2
-    elif tempo := de.load_scene(name).tempo:
-        values, unit = 1e3 * tempo.tolerance * (1.0 / values - 1.0), ""
-        digits = 2
     else:
-        digits, unit = 4, ""
+        criterion = de.load_scene(name).criterion
+        values, digits, unit = criterion.displayed(values), 4 if criterion.unit else 2, ""
     middle, low, high = (f"{x:z.{digits}f}" for x in (np.median(values), min(values), max(values)))
     return f"{middle}{unit} ({low} to {high})"
 

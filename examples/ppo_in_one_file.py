@@ -3,7 +3,7 @@
     python examples/ppo_in_one_file.py
 
 It takes a minute of processor time and prints how the layouts of the policy compare with the
-uniform baselines of 200 test scenes: median gain +1.03%, above the uniform baseline in 82%.
+uniform baselines of 200 test scenes: median gain +1.31%, above the uniform baseline in 92%.
 """
 
 from __future__ import annotations

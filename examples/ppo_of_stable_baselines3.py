@@ -3,7 +3,7 @@
     python examples/ppo_of_stable_baselines3.py
 
 It takes a minute of processor time and prints how the layouts of the policy compare with the
-uniform baselines of 200 test scenes: median gain +1.16%, above the uniform baseline in 89%.
+uniform baselines of 200 test scenes: median gain +1.31%, above the uniform baseline in 91%.
 """
 
 from __future__ import annotations

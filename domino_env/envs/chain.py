@@ -172,9 +172,9 @@ class DominoChain(DominoEnv):
 
     A fixed scene is random only in two cases. With placement noise (`placement`), every
     reset samples normal errors with `np_random`. One of them is added to each gap that an action
-    chooses; the result is at least 0.2 mm. The next observation has the resulting gap, clipped to
-    the scene's bounds, and the score is that of the resulting layout. The uniform baseline has no
-    such errors.
+    chooses; the result is at least 0.2 mm. The next observation has the resulting gap, and the
+    score is that of the resulting layout. If the scene scores draws of the noise, S_u is the mean
+    score of the baseline over them; else the baseline has no such errors.
 
     If the pieces of a stock are drawn (`[stock] hand`, as in "draw"), every reset permutes the
     pieces in the box with `np_random`, without the dominoes of a given layout. The hand holds the
@@ -187,7 +187,10 @@ class DominoChain(DominoEnv):
     dominoes, and this page describes the sampled scene.
 
     ## Episode end
-    Terminated when the last domino is placed, or when the wave stops. Never truncated.
+    Terminated when the last domino is placed, or when the wave stops. Never truncated. If the scene
+    has a run-out, the last step lets the wave run through its fixed dominoes, to the end of the
+    row: scores, X_end and T_end are those of the whole row, and so is `wave` in the info, while
+    `layout` has the placed dominoes only.
 
     ## Info
     Empty except on the last step: `score` (of the layout as placed), `gain` (over the uniform

@@ -204,7 +204,10 @@ class SceneSource:
         uniform = self.uniform[i, : scene.count]
         uniform["length_left"] = positions[-1] - positions[: scene.count]
         uniform["thickness_left"] = layout.thickness.sum() - np.cumsum(layout.thickness)
-        self._store_times(np.array([i]), times[None], np.array([speed]), np.array([baseline.score]))
+        score, noise = baseline.score, scene.placement
+        if noise is not None and noise.quantile is not None:  # returns are compared with the mean
+            score = scene.replace(placement=noise.replace(quantile=None)).score(layout)
+        self._store_times(np.array([i]), times[None], np.array([speed]), np.array([score]))
         self.outcome[i], self.reach[i] = baseline.wave.outcome, baseline.wave.reach
 
     def _store_pool(self, indices: range) -> None:

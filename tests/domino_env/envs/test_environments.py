@@ -30,6 +30,9 @@ def at_random(env, rng, low=-1.0, high=1.0):
 def gain_of(scene, score):
     """Return the gain as the page of the environment defines it."""
     uniform, free = scene.uniform().score, np.sqrt(scene.physics.gravity * scene.height)
+    if scene.placement and scene.placement.quantile:  # episodes are single draws
+        mean = scene.replace(placement=scene.placement.replace(quantile=None))
+        uniform = mean.score(scene.uniform().layout)
     if scene.objective == "tempo":
         return 0.1 * np.log10(max(score, 1e-4) / uniform) + min(score, 0.0)
     if uniform > 0.0:
