@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.core.checks import numbers
-from domino_env.core.types import Floats
+from domino_env.core.types import Bools, Floats
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import require_layout
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import ScoreGradient, Scores
 from domino_env.scenes.scene import Scene
-from optimize.design_space import DesignSpace
+from optimize.constraints.feasible_set import FeasibleSet
 
+ROUNDING = 1e-9  # distance outside of [0, 1] that counts as rounding
 GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradient
 # The error of a score is smooth, except for jumps within the tolerance where the simulator changes
 # its quadrature rule. With this step and this tolerance, differences are exact to about 1e-8.
@@ -24,7 +27,7 @@ STEP = 1e-5  # change of an entry of a design vector for a difference
 STEP_RTOL = 1e-10
 
 
-class Problem(DesignSpace):
+class Problem:
     """The score of a scene as a function of design vectors in the unit box, for any optimiser.
 
     **Higher scores are better**: minimise their negative. A layout that completes and keeps the
@@ -84,7 +87,18 @@ class Problem(DesignSpace):
 
     def __init__(self, scene: Scene | str | Path, rtol: float = 1e-6) -> None:
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        super().__init__(scene)
+        self.scene = scene
+        self._feasible = FeasibleSet(scene)
+        self.low, self.high = self._feasible.low, self._feasible.high
+        try:
+            self._feasible.project(0.5 * (self.low + self.high)[None])
+        except ValueError as error:  # lists may contradict a length; other rules are always met
+            raise ValueError(
+                f"scene '{scene.name}' with its length of {scene.length:.10g} m: {error}: change "
+                "the length, a list or spacing.largest_change"
+            ) from None
+        self.dimension = len(self.low)
+        self.discrete = self._feasible.discrete
         self.rtol = rtol
         self.dominoes = scene.count * scene.scoring.cost
 
@@ -217,3 +231,233 @@ class Problem(DesignSpace):
         )
         gradient = self.design_gradient(designs, self.values(designs), by_sizes)
         return scores, wave.arrival_times[1:] - tempo.schedule(self.scene.count), gradient
+
+    # design vectors and layouts ------------------------------------------------------------------
+
+    @property
+    def equality(self) -> tuple[Floats, float] | None:
+        """Coefficients a (n,) and right side b of a·x = b [m]; None without a given length."""
+        if self._feasible.total is None:
+            return None
+        return self.high - self.low, self._feasible.total - float(self.low.sum())
+
+    @property
+    def linear(self) -> tuple[Floats, Floats] | None:
+        """Matrix A (m, n) and right side b (m,) of A x ≤ b [m]; None without a largest change."""
+        if not self._feasible.limits_changes:
+            return None
+        tied = np.flatnonzero(np.isfinite(self._feasible.change))
+        change = np.diff(np.eye(self.dimension), axis=0)[tied]
+        matrix, limit = np.concatenate([change, -change]), np.tile(self._feasible.change[tied], 2)
+        return matrix * (self.high - self.low), limit - matrix @ self.low
+
+    @property
+    def coupled(self) -> bool:
+        """True if several design vectors stand for the same layout, see `project`."""
+        return self.scene.length is not None or self.discrete or self._feasible.limits_changes
+
+    @property
+    def is_continuous(self) -> Bools:
+        """(n,) True for continuous entries; the others are from a list or the stock."""
+        return ~self._feasible.is_discrete
+
+    def project(self, designs: Floats) -> Floats:
+        """Find the nearest design vectors (in metres) that keep the rules of the scene.
+
+        Parameters
+        ----------
+        designs
+            (B, n) finite numbers, also outside of [0, 1].
+
+        Returns
+        -------
+        ndarray
+            (B, n) design vectors, which stand for the same layouts.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another one, or if entries are not finite.
+        """
+        return self._unit_values(self.values(self.check(designs, unbounded=True)))
+
+    @property
+    def projection(self) -> Callable[[Floats], Floats] | None:
+        """Method `project`; None if every design vector stands for itself."""
+        return self.project if self.coupled else None
+
+    def layout(self, design: Floats) -> Layout:
+        """Return the layout that a design vector (n,) stands for.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another one, or if entries are outside of [0, 1].
+        """
+        return self.layout_from(self.values(self.check(self.as_batch(design))))
+
+    def layout_from(self, values: Floats) -> Layout:
+        """Return the layout of free values (1, n), see `values`, without applying the rules."""
+        gaps, *sizes = self.split(values)
+        thickness, height = (None if size is None else size[0] for size in sizes)
+        return self.scene.layout(gaps[0], thickness, height)
+
+    def design(self, layout: Layout) -> Floats:
+        """Return the design vector (n,) of a layout that keeps the rules of the scene.
+
+        Raises
+        ------
+        TypeError
+            If `layout` is no Layout.
+        ValueError
+            If the layout has another number of dominoes than the scene.
+        """
+        require_layout(layout)
+        scene = self.scene
+        if layout.count != scene.count:
+            raise ValueError(
+                f"the layout has {layout.count} dominoes: scene '{scene.name}' needs {scene.count}"
+            )
+        gaps, thickness, height = layout.spacing, layout.thickness[1:], layout.height
+        if scene.in_heights:
+            gaps, thickness = gaps / np.minimum(height[:-1], height[1:]), thickness / height[1:]
+        values = [gaps] * scene.free_spacing
+        values += [thickness] * scene.free_thickness
+        values += [height[1:] / height[:-1]] * scene.free_height
+        return self._unit_values(np.concatenate(values))
+
+    def values(self, designs: Floats) -> Floats:
+        """Return the free values (B, n) of design vectors (B, n), after the rules are applied.
+
+        They are gaps, thicknesses and growths in the units of `low` and `high`.
+        """
+        return self._feasible.project(self._targets(designs))
+
+    def split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
+        """Convert free values (B, n) to gaps, thicknesses and heights.
+
+        Returns
+        -------
+        gaps : ndarray
+            (B, N-1) all gaps [m].
+        thickness : ndarray or None
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None if they are not free.
+        height : ndarray or None
+            (B, N-1) heights of dominoes 1 … N-1 [m]; None if all heights are equal.
+        """
+        scene, pairs, start = self.scene, self.scene.count - 1, 0
+        gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
+        thickness: Floats | None = None
+        height: Floats | None = None
+        if scene.free_spacing:
+            gaps, start = values[:, :pairs], pairs
+        if scene.free_thickness:
+            thickness, start = values[:, start : start + pairs], start + pairs
+        if scene.growth is not None:
+            growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
+            height = np.asarray(scene.height * np.cumprod(growth, axis=1))
+        if scene.in_heights:
+            scale = np.full_like(gaps, scene.height) if height is None else height
+            gaps = gaps * self._heights_before(scale)
+            thickness = None if thickness is None else thickness * scale
+        return gaps, thickness, height
+
+    def _heights_before(self, height: Floats) -> Floats:
+        """Return the heights (B, N-1) of dominoes 0 … N-2 [m] from those of dominoes 1 … N-1."""
+        first = np.full((len(height), 1), self.scene.height)
+        return np.concatenate([first, height[:, :-1]], axis=1)
+
+    def design_gradient(
+        self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
+    ) -> Floats:
+        """Convert derivatives of scores to derivatives with respect to the design vectors.
+
+        Parameters
+        ----------
+        designs
+            (B, n) design vectors.
+        values
+            (B, n) their free values, see `values`.
+        gradient
+            (B, N-1) derivatives with respect to the gaps, and to the thicknesses and heights of
+            dominoes 1 … N-1 [unit of the score per m].
+        relaxed
+            True to treat values from a list or the stock as continuous; otherwise their derivative
+            is 0, because they do not change when a design vector changes a little.
+
+        Returns
+        -------
+        ndarray
+            (B, n) derivatives; where the rules bind, those of the nearest layout that keeps them.
+        """
+        by_value = self._by_value(values, gradient)
+        by_target = self._feasible.tangent(by_value, self._targets(designs), values, relaxed)
+        return np.asarray(by_target * (self.high - self.low))
+
+    def as_batch(self, design: Floats) -> Floats:
+        """Return one design vector (n,) as a batch (1, n).
+
+        Raises
+        ------
+        ValueError
+            If the shape is another one.
+        """
+        return numbers("design", design, None, (self.dimension,))[None]
+
+    def check(self, designs: Floats, *, unbounded: bool = False) -> Floats:
+        """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.
+
+        Parameters
+        ----------
+        designs
+            (B, n) design vectors.
+        unbounded
+            True to accept all finite entries as they are.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another one, or if entries are not finite or outside of [0, 1].
+        """
+        designs = numbers("designs", designs, None, ("B", self.dimension))
+        is_valid = np.isfinite(designs)
+        if not unbounded:
+            is_valid &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)
+        if not is_valid.all():
+            b, i = np.argwhere(~is_valid)[0]
+            entry = designs[b, i]
+            hint = ", or pass the design through `project`" * bool(np.isfinite(entry))
+            expected = "a finite number" if unbounded else f"a number in [0, 1]{hint}"
+            raise ValueError(f"design {b} has {entry} at place {i}: give {expected}")
+        return designs if unbounded else np.clip(designs, 0.0, 1.0)
+
+    def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:
+        """Return derivatives (B, n) with respect to the free values, in their units."""
+        scene, pairs = self.scene, self.scene.count - 1
+        by_gap, by_thickness = derivatives.spacing, derivatives.thickness
+        by_height = derivatives.height
+        if scene.in_heights:
+            gaps, thickness, height = self.split(values)
+            if height is None:
+                by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
+            else:
+                thickness = scene.thickness[0] * height if thickness is None else thickness
+                # a height scales the thickness of its domino and the gap to the next one
+                by_scale = by_height * height + by_thickness * thickness
+                by_scale[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
+                growth = values[:, -pairs:] if scene.free_height else np.ones_like(height)
+                # a growth scales all later heights
+                by_height = np.cumsum(by_scale[:, ::-1], axis=1)[:, ::-1] / growth
+                by_gap = by_gap * self._heights_before(height)
+                by_thickness = by_thickness * height
+        free = [scene.free_spacing, scene.free_thickness, scene.free_height]
+        parts = zip((by_gap, by_thickness, by_height), free, strict=True)
+        return np.concatenate([part for part, is_free in parts if is_free], axis=1)
+
+    def _targets(self, designs: Floats) -> Floats:
+        """Return the values (B, n) of design vectors before the rules are applied."""
+        return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
+
+    def _unit_values(self, values: Floats) -> Floats:
+        """Return the design vectors of values (B, n) that keep the rules."""
+        return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))

@@ -92,8 +92,8 @@ class DominoChain(DominoEnv):
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
     | length_left | 1    | remaining length over the length                         | 0, 1      |
     | pitch_left  | 1    | remaining mean pitch: -1 the smallest, 1 the largest     | -1, 1     |
-    | gaps        | W    | log of the ratios of the last gaps to those of the       | -5, 5     |
-    |             |      | baseline, latest first                                   |           |
+    | gaps        | W    | log of the ratios of the last gaps to the first gap of   | -5, 5     |
+    |             |      | the baseline, latest first                               |           |
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -5, 5     |
     | growths     | W    | last growths, likewise                                   | -5, 5     |
     | height      | 1    | log of the last height over h, over its maximum          | 0, 1      |

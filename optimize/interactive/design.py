@@ -15,8 +15,8 @@ from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
 from domino_env.view.animation import require_drawable
-from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import BestKnown, best_known
+from optimize.problem import Problem
 
 SPACING, THICKNESS = "spacing", "thickness"
 NAME, TITLE = "own", "your own scene"  # of a scene that was changed or made from a layout
@@ -77,7 +77,7 @@ class Design:
         """Replace scene and layout as one step of the history; see the class for arguments."""
         require_type("scene", scene, Scene, "a Scene, as load_scene returns")
         require_drawable(f"scene '{scene.name}'", scene.count)
-        _design_space(scene)  # raises for a scene without free values
+        _problem(scene)  # raises for a scene without free values
         layout = layout if layout is not None else _approximate_uniform(scene)
         if violations := scene.violations(layout):
             raise ValueError(f"not a layout of scene '{scene.name}': {'; '.join(violations)}")
@@ -157,7 +157,7 @@ class Design:
             If the quantity is not free, if there is no such gap or domino, or if the value is not
             finite.
         """
-        space, before = _design_space(self.scene), self.committed
+        space, before = _problem(self.scene), self.committed
         pairs, height = self.scene.count - 1, before.height  # pairs of neighbours
         free = [name for name in (SPACING, THICKNESS) if getattr(self.scene, f"free_{name}")]
         require_choice("quantity", quantity, free)
@@ -198,7 +198,7 @@ class Design:
             layout; the design is then not changed.
         """
         scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
-        space = _design_space(scene)
+        space = _problem(scene)
         # gaps, thicknesses, growths
         curves = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
@@ -206,12 +206,12 @@ class Design:
         self.open(scene, self._nearest(space, values))
 
     def _values(self, layout: Layout) -> Floats:
-        """Return the free values (n,) of a layout, in the units of `DesignSpace.low`."""
-        space = _design_space(self.scene)
+        """Return the free values (n,) of a layout, in the units of `Problem.low`."""
+        space = _problem(self.scene)
         return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
     @staticmethod
-    def _nearest(space: DesignSpace, values: Floats) -> Layout:
+    def _nearest(space: Problem, values: Floats) -> Layout:
         """Return the layout with the feasible values that are nearest to these (n,)."""
         design = (values - space.low) / (space.high - space.low)
         return space.layout(space.project(design[None])[0])
@@ -251,14 +251,14 @@ class Design:
 
 
 @lru_cache(8)
-def _design_space(scene: Scene) -> DesignSpace:
-    """Return the design space of a scene, kept as it is needed for every change."""
-    return DesignSpace(scene)
+def _problem(scene: Scene) -> Problem:
+    """Return the problem of a scene, kept as it is needed for every change."""
+    return Problem(scene)
 
 
 def _approximate_uniform(scene: Scene) -> Layout:
     """Return the uniform baseline on fixed pivots, approximated if it would take over a second."""
-    space, scene = _design_space(scene), scene.on_pivots
+    space, scene = _problem(scene), scene.on_pivots
     if scene.count <= 100 and scene.scoring.follows_wave:
         layout = scene.uniform().layout
     else:

@@ -66,7 +66,7 @@ def observe_length(rules, distance, pairs_left, start, observation):
 
 
 @always_inline
-def observe_window(rules, layout, uniform, placed, start, observation):
+def observe_window(rules, layout, first, placed, start, observation):
     """Write the latest gaps, thicknesses and growths, the last first; 0 where there is none."""
     spacing, thickness, height = layout.spacing, layout.thickness, layout.height
     for j in range(start.window):
@@ -75,18 +75,18 @@ def observe_window(rules, layout, uniform, placed, start, observation):
             x = 0.0
             if i > 0:
                 unit = min(height[i - 1], height[i]) if rules.in_heights else 1.0
-                x = log_ratio(spacing[i - 1] / unit, uniform[i - 1].gap)
+                x = log_ratio(spacing[i - 1] / unit, first.gap)
             observation[start.gaps + j] = x
         if start.thicknesses >= 0:
             x = 0.0
             if i > 0:
                 unit = height[i] if rules.in_heights else 1.0
-                x = log_ratio(thickness[i] / unit, uniform[i - 1].thickness)
+                x = log_ratio(thickness[i] / unit, first.thickness)
             observation[start.thicknesses + j] = x
         if start.growths >= 0:
             x = 0.0
             if i > 0:
-                x = log_ratio(height[i] / height[i - 1], uniform[i - 1].growth)
+                x = log_ratio(height[i] / height[i - 1], first.growth)
             observation[start.growths + j] = x
 
 
@@ -127,7 +127,7 @@ def observe(batch, b, layout, observation):
         observe_tempo(rules, schedule_of(batch, b), state, placed, start, observation)
     if start.length_left >= 0:
         observe_length(rules, episode.distance, pairs - placed, start, observation)
-    observe_window(rules, layout, uniform_of(batch, b), placed, start, observation)
+    observe_window(rules, layout, uniform_of(batch, b)[0], placed, start, observation)
     if start.height >= 0:
         most = math.log(rules.growth_high) * pairs
         observation[start.height] = min(

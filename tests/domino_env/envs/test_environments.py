@@ -219,7 +219,7 @@ def test_observations_are_as_documented(name):
                 ("growths", scene.growth, tall / before, growth),
             ):
                 if free:
-                    latest = np.log(values[:k] / uniform[:k])[::-1][:window]
+                    latest = np.log(values[:k] / uniform[0])[::-1][:window]
                     expected[part] = [*latest, *np.zeros(window - len(latest))]
             if scene.growth:
                 height = np.log(layout.height[k] / h) / (count - 1)
@@ -237,6 +237,18 @@ def test_observations_are_as_documented(name):
             for part, values in expected.items():
                 np.testing.assert_allclose(observation[parts[part]], values, rtol=2e-6, atol=3e-6)
             assert parts[part].stop == len(observation)
+
+
+def test_equal_pieces_are_observed_as_equal_at_every_place():
+    """Pieces of the baseline differ from place to place; they are not the reference."""
+    env = DominoChain("draw", window=1)
+    _, observations, _, info = play(
+        env, at_random(env, np.random.default_rng(1), -0.1, 0.1), seed=0
+    )
+    thickness = info["layout"].thickness[1:]
+    observed = observations[1:, env.observation_layout["thicknesses"]][:, 0]
+    for kind in env.scene.stock.thickness:
+        assert len(set(observed[: len(thickness)][np.isclose(thickness, kind)])) == 1
 
 
 # bounds of actions --------------------------------------------------------------------------------
