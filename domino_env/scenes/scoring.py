@@ -7,6 +7,7 @@ draws: each stage is a value that a scene has or has not.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -90,15 +91,11 @@ class Scoring:
         StoppedError
             If `stop` returned True.
         """
-
-        def evaluate(placed: LayoutBatch, gradient: bool) -> Scores:
-            return self._evaluate(placed, gradient, stop)
-
         if self.placement is None:
-            return evaluate(layouts, gradient)
-        return self.placement.evaluate(layouts, evaluate, gradient)
+            return self._evaluate(layouts, gradient, stop)
+        return self.placement.evaluate(layouts, partial(self._evaluate, stop=stop), gradient)
 
-    def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop) -> Scores:
+    def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop = None) -> Scores:
         """Evaluate layouts as placed."""
         objective, pairs = self.objective, layouts.count - 1
         if self.run_out is not None:
@@ -112,7 +109,9 @@ class Scoring:
             return scores
         if waves.analytic is not None:
             derivatives = objective.derivatives(waves.analytic, layouts)
-            return scores.with_gradient(derivatives.first(pairs))
+            if self.run_out is not None:
+                derivatives = derivatives.first(pairs)
+            return scores.with_gradient(derivatives)
         fixed = replace(self, simulator=FixedPivots(), run_out=None)
         on_pivots = fixed._evaluate(layouts, True, stop)
         both = (scores.score > 0.0) & (on_pivots.score > 0.0)
