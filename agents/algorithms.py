@@ -4,11 +4,13 @@ The hyperparameters of PPO were chosen by hand on `sprint`, `ideal` and `sprint-
 standard deviation of the actions follows a schedule and is not learned: it decreases quickly to 0.1
 and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
 term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
-of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 3 million steps with this schedule end at
-a normalised score of 97 %, with a learned deviation and 64 environments at 70 to 94 %: it becomes
-small before the tight gaps at the end of the best layouts are found. In random scenes, 64
-environments and a slower schedule are better (`draw`, a million steps: 0.8219 m/s, with a learned
-deviation 0.8146 to 0.8205 m/s in three seeds).
+of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 2 million steps with this schedule end at
+a normalised score of 92 to 97 % (four seeds), 3 million with a learned deviation and 64
+environments at 95 % (one seed); on `varied`, 3 million steps at a median gain of 1.45 and 1.23 %
+(one seed each). With a learned deviation, shorter trainings end at 70 % on `sprint`, without the
+tight gaps at the end of the best layouts. In random scenes, 64 environments and a slower schedule
+are better (`draw`, a million steps: 0.8219 m/s, with a learned deviation 0.8146 to 0.8205 m/s in
+three seeds).
 
 SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except for
 
