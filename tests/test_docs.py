@@ -53,6 +53,7 @@ ADDED = {
     "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,ars,agent:sprint",
     "domino compare sprint --seconds": "--seconds 0.05 --seeds 1 --methods auto,cma,slsqp",
     "domino compare": "--seconds 0.05 --seeds 1",
+    "domino benchmark [a-z]": "--algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
     "domino benchmark": "sprint --algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
     "domino evaluate .*--scenes": "--scenes 2",
     "domino verify": "--no-engine --floor 0.5",
