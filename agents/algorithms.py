@@ -5,7 +5,7 @@ standard deviation of the actions follows a schedule and is not learned: it decr
 and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
 term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
 of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 2 million steps with this schedule end at
-a normalised score of 92 to 97 % (four seeds), 3 million with a learned deviation and 64
+a normalised score of 92 to 97 % (five seeds), 3 million with a learned deviation and 64
 environments at 95 % (one seed); on `varied`, 3 million steps at a median gain of 1.45 and 1.23 %
 (one seed each). With a learned deviation, shorter trainings end at 70 % on `sprint`, without the
 tight gaps at the end of the best layouts. In random scenes, 64 environments and a slower schedule
