@@ -227,7 +227,7 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
     design = problem.design(uniform.layout)
     layout = problem.layout(design)
     if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):  # [m] rounding
-        falls = Waves.from_waves([uniform.wave], problem.scene.count).falls
+        falls = Waves.from_waves([uniform.wave], problem.scene.row_count).falls
         score = np.array([uniform.score])
         # a wave that stops scores its reach minus 1
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)

@@ -75,10 +75,10 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
 
 def require_kind(scene: Scene) -> None:
     """Raise ValueError for a scene whose rules or objective no training scene has."""
-    on_floor = scene.simulator.is_slow
     restrictions = (scene.stock, scene.thickness_values, scene.growth)
     reasons = {
-        "its dominoes stand on a floor": on_floor,
+        "its dominoes stand on a floor": scene.simulator.is_slow,
+        "a run-out follows its dominoes": scene.run_out is not None,
         f"its objective is {scene.objective}": not scene.criterion.rewards_speed,
         "its scores are those of draws of placement noise": scene.scoring.placement is not None,
         "its gaps are not free": not scene.free_spacing,

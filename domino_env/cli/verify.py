@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from domino_env.cli import options
 
 if TYPE_CHECKING:
+    from domino_env.physics.layout import Layout
     from domino_env.rigid.verification import Verification
     from domino_env.scenes.scene import Scene
 
@@ -65,15 +66,18 @@ def run(arguments: argparse.Namespace) -> int:
 
     differs = False
     choices = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
-    layouts = [chosen.row(chosen.read(name)) for name, chosen in choices.items()]
+    layouts = [chosen.read(name) for name, chosen in choices.items()]
     for (name, chosen), layout in zip(choices.items(), layouts, strict=True):
         print(f"{name}\n{chosen.line}", file=output, flush=True)
         result = verification.verify(
-            layout, chosen.physics, floors=arguments.floor, engine=engine, progress=None
-        )
+            chosen.row(layout), chosen.physics, floors=arguments.floor, engine=engine,
+            progress=None,
+        )  # fmt: skip
         print("\n".join(verification.verification_table(result)), file=output)
         if chosen.scene is not None:
-            print("\n".join(_gains_on_floors(chosen.scene, result)), file=output, flush=True)
+            print(
+                "\n".join(_gains_on_floors(chosen.scene, layout, result)), file=output, flush=True
+            )
         differs |= any(verdict.startswith("DIFFERS") for verdict in result.verdicts)
         if arguments.json:
             options.write_json(verification.as_document(result), arguments.json)
@@ -83,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if differs else 0
 
 
-def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
+def _gains_on_floors(scene: Scene, layout: Layout, result: Verification) -> Iterator[str]:
     """Yield a line with the gain over the uniform baseline for each floor and fixed pivots.
 
     Nothing is yielded if scores are no speeds, or if layout or physics are not those of the scene.
@@ -92,11 +96,12 @@ def _gains_on_floors(scene: Scene, result: Verification) -> Iterator[str]:
     from domino_env.scenes.uniform import best_uniform_on
 
     baseline, physics = scene.uniform().layout, result.wave.physics
-    if scene.unit != "m/s" or scene.violations(result.wave.layout) or physics != scene.physics:
+    if scene.unit != "m/s" or scene.violations(layout) or physics != scene.physics:
         return
     for rigid in result.reference:
         friction = rigid.floor_friction
-        uniform = simulate_standing(best_uniform_on(scene, baseline, friction), physics, friction)
+        row = scene.row(best_uniform_on(scene, baseline, friction))
+        uniform = simulate_standing(row, physics, friction)
         speed, uniform_speed = rigid.mean_speed, uniform.mean_speed
         both_complete = min(speed, uniform_speed) > 0.0
         gain = f"{speed / uniform_speed - 1.0:+.2%}" if both_complete else "a wave stops"

@@ -244,7 +244,7 @@ class UniformLayouts:
         """
         scene, orders = self.scene, len(self.orders)
         simulations = scene.scoring.cost * orders
-        piece, scores = max(1, MAX_BATCH // (scene.count * simulations)), []
+        piece, scores = max(1, MAX_BATCH // (scene.row_count * simulations)), []
         for i in range(0, len(points), piece):
             spacing, thickness, height = self.sizes_at(points[i : i + piece])
             if scene.hand:

@@ -43,6 +43,7 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
     (lambda: design("stock"), "from a stock.*domino optimize"),
     (lambda: design("magnify"), "or grow.*domino optimize"),
     (lambda: design("jitter"), "its scores are those of draws.*domino optimize"),
+    (lambda: design("relay"), "a run-out follows its dominoes.*domino optimize"),
     (lambda: design("table"), "dominoes stand on a floor.*domino optimize"),
     (lambda: design(SMALL, tries=0), "tries = 0: give a whole number"),
     (lambda: design(SMALL, steps=-1), "steps = -1: give a whole number"),

@@ -5,6 +5,7 @@ import pytest
 
 import domino_env as de
 from domino_env import DominoChainVector
+from optimize import search
 
 FREE = de.Scene(
     count=9, spacing=(0.002, 0.04), thickness=(0.004, 0.012), first_thickness=0.0075,
@@ -63,6 +64,25 @@ def test_a_floor_simulates_the_whole_row():
     scores = scene.evaluate(batch, gradient=True)
     assert scores.score[0] == speed
     assert scores.gradient.spacing.shape == (1, 8)
+
+
+def test_a_limited_search_on_a_floor_begins_with_the_baseline_of_the_row():
+    scene = FREE.replace(count=4, thickness=(0.0075, 0.0075), floor_friction=0.5)
+    scene = scene.replace(spacing=(0.01, 0.02), run_out=de.RunOut(2, 0.01))
+    result = search(scene, "uniform", budget=2, seconds=60.0)
+    assert result.score == scene.uniform().score > 0.0
+    assert result.wave.layout.count == scene.row_count
+
+
+def test_gains_on_floors_compare_whole_rows(output_of, tmp_path):
+    scene = FREE.replace(name="row", count=4, thickness=(0.0075, 0.0075), spacing=(0.01, 0.02))
+    (tmp_path / "row.toml").write_text(scene.to_toml())
+    baseline = scene.uniform().layout
+    baseline.to_csv(tmp_path / "row.csv")
+    words = "--no-engine", "--floor", "0.5"
+    output = output_of("verify", tmp_path / "row.csv", "--scene", tmp_path / "row.toml", *words)
+    assert "fixed pivots: " in output
+    assert ": +0.00%" in output  # the layout is the baseline on fixed pivots
 
 
 def test_a_wave_that_ends_in_the_run_out_is_a_failure():
