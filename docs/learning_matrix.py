@@ -23,8 +23,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.algorithms import default_hyperparameters
-from agents.rollout import EVALUATION_SEEDS, SEEDS_PER_TRAINING, SELECTION_SEEDS
+from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, evaluation_seeds
 from agents.sb3 import make_model
+from agents.training import POOL_SCENES
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution, load_test_set
 from domino_env.core.tables import csv_table
@@ -40,7 +41,6 @@ STEPS = {"ppo": 400_000, "sac": 20_000, "td3": 20_000}
 LOGARITHMIC, LINEAR = "logarithmic", "linear"
 SEEDS = range(200, 203)
 EVALUATIONS = 20  # in a training; the best policy on other seeds or scenes is kept
-POOL_SCENES = 50  # scenes of the training on which policies are selected
 Case = tuple[str, str, str, str, int, int]  # the first six columns
 
 
@@ -57,10 +57,9 @@ class VariantEnv(DominoVecEnv):
         super().__init__(scene, num_envs)
         self.linear, self.first_rewards = actions == LINEAR, rewards == "v1"
         self.scale = 1.0
-        first = self.vector.scenes[0]
-        self.free_thickness = first.free_thickness
         if self.linear:
-            self.action_space = Box(-1.0, 1.0, (1 + self.free_thickness,), np.float32)
+            size = 1 + self.vector.scenes[0].free_thickness
+            self.action_space = Box(-1.0, 1.0, (size,), np.float32)
 
     def step_async(self, actions: Any) -> None:
         """Keep the actions (B, A) for `step_wait`."""
@@ -131,11 +130,11 @@ def train(case: Case) -> list[object]:
         test = VariantEnv(target, len(tests), actions, rewards)
         final: dict[str, Any] = {"options": {"scene": tests}}
     else:
-        number = len(SELECTION_SEEDS) if target.hand or target.placement else 1
-        key, selection = "score", VariantEnv(target, number, actions, rewards)
-        number = number if number == 1 else len(EVALUATION_SEEDS)
-        test = VariantEnv(target, number, actions, rewards)
-        choice, final = {"seed": SELECTION_SEEDS[0]}, {"seed": EVALUATION_SEEDS[0]}
+        seeds = evaluation_seeds(target)
+        chosen_seeds = seeds if len(seeds) == 1 else SELECTION_SEEDS
+        key, selection = "score", VariantEnv(target, len(chosen_seeds), actions, rewards)
+        test = VariantEnv(target, len(seeds), actions, rewards)
+        choice, final = {"seed": chosen_seeds[0]}, {"seed": seeds[0]}
     result = [-np.inf, -np.inf]  # best score in the selection, and its score in the test
 
     def act(observations: Any) -> Any:

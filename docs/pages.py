@@ -2,9 +2,8 @@
 
 ``python docs/pages.py`` writes the text between the comments ``<!-- name -->`` and ``<!-- end -->``
 of README.md and of docs/scenes/index.md, environments.md, actions-and-rewards.md, methods.md and
-reference.md. MkDocs calls
-`on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with a
-figure, and one for the public names of every package.
+reference.md. MkDocs calls `on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page
+for every scene, with a figure, and one for the public names of every package.
 """
 
 from __future__ import annotations

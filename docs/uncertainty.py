@@ -47,8 +47,8 @@ def main() -> None:
         known = {one: by[line[0], one] for one in ("uniform", "plan", "hindsight")}
         normalised = (score - known["plan"]) / (known["hindsight"] - known["plan"])
         scene = load_scene(line[0])
-        gain, tempo = 100.0 * scene.gain(score, known["uniform"]), scene.tempo
-        error = "" if tempo is None else f"{1e3 * tempo.tolerance * (1.0 / score - 1.0):.4f}"
+        gain = 100.0 * scene.gain(score, known["uniform"])
+        error = "" if scene.tempo is None else f"{scene.criterion.displayed(score):.4f}"
         written.append((*line, f"{score:.6f}", f"{gain:.3f}", f"{normalised:.4f}", error))
     write_csv(PATH, COLUMNS, written)
 

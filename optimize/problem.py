@@ -15,6 +15,7 @@ from domino_env.physics.physics import require_layout
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import ScoreGradient, Scores
+from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.scene import Scene
 from optimize.constraints.feasible_set import FeasibleSet
 
@@ -100,7 +101,7 @@ class Problem:
         self.dimension = len(self.low)
         self.discrete = self._feasible.discrete
         self.rtol = rtol
-        self.dominoes = scene.count * scene.scoring.cost
+        self.dominoes = scene.row_count * scene.scoring.cost
 
     def evaluate(
         self,
@@ -212,8 +213,8 @@ class Problem:
             If the scene has no schedule, or scores its mean over draws of placement noise; if the
             shape is another one; or if entries are outside of [0, 1].
         """
-        tempo, pairs = self.scene.tempo, self.scene.count - 1
-        if tempo is None or not self.scene.scoring.follows_wave:
+        tempo, pairs = self.schedule, self.scene.count - 1
+        if tempo is None:
             expected = 'give one with objective = "tempo" and no draws of placement noise'
             raise ValueError(f"scene '{self.scene.name}' is not scored by a schedule: {expected}")
         wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
@@ -233,6 +234,11 @@ class Problem:
         return scores, wave.arrival_times[1:] - tempo.schedule(self.scene.count), gradient
 
     # design vectors and layouts ------------------------------------------------------------------
+
+    @property
+    def schedule(self) -> Tempo | None:
+        """Schedule that scores the wave of a layout itself; None if there is none."""
+        return self.scene.tempo if self.scene.scoring.follows_wave else None
 
     @property
     def equality(self) -> tuple[Floats, float] | None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.wave import Outcome, Wave, simulate
+from domino_env.physics.wave import Outcome, Wave
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.waves import LayoutBatch
 
@@ -38,8 +38,7 @@ class EpisodeResults:
     rtol
         Relative error allowed in the arrival times.
     spacing
-        Gaps, (E, N-1) [m]. Here and below, entries beyond the placed dominoes are those of the
-        run-out, or not used.
+        Gaps, (E, N-1) [m]. Here and below, entries beyond the placed dominoes are not used.
     thickness
         Thicknesses, (E, N) [m].
     height
@@ -84,7 +83,7 @@ class EpisodeResults:
             groups.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
         for (_, placed), group in groups.items():
             scene = self.scenes[group[0]]
-            waves = self._simulate_group(scene, group)
+            waves = self._simulate_group(scene, placed, group)
             if placed == scene.count - 1:
                 self.outcome[group] = [wave.outcome for wave in waves]
                 self.reach[group] = [wave.reach for wave in waves]
@@ -94,17 +93,18 @@ class EpisodeResults:
             self._waves |= zip(group, waves, strict=True)
             self.score[group] = scene.as_placed.evaluate_waves(waves).score
 
-    def _simulate_group(self, scene: Scene, episodes: list[int]) -> list[Wave]:
+    def _simulate_group(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
         """Return the waves of episodes of one scene and one number of placed dominoes."""
         if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
-            return [simulate(self._row(episodes[0]), scene.physics, rtol=self.rtol)]
-        pairs = self._pairs(episodes[0])
+            return [scene.simulate(self.layout(episodes[0]), self.rtol)]
         heights = self.height if len(self.height) == 1 else self.height[episodes]
-        sizes = self.thickness[episodes, : pairs + 1], heights[:, : pairs + 1], scene.width
+        sizes = self.thickness[episodes, : placed + 1], heights[:, : placed + 1], scene.width
         batch = LayoutBatch(
-            self.spacing[episodes, :pairs], *sizes, scene.density, scene.physics, self.rtol,
+            self.spacing[episodes, :placed], *sizes, scene.density, scene.physics, self.rtol,
             scene.ground,
         )  # fmt: skip
+        if scene.run_out is not None and placed == scene.count - 1:
+            batch = scene.run_out.append_to(batch)
         waves = batch.simulate(record=True)
         return [waves.wave(b, batch.layout(b)) for b in range(len(episodes))]
 
@@ -135,26 +135,14 @@ class EpisodeResults:
 
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
-        return self._first_dominoes(i, self.placed[i])
-
-    def _row(self, i: int) -> Layout:
-        """Return the layout placed in episode i, with the run-out if it is complete."""
-        return self._first_dominoes(i, self._pairs(i))
-
-    def _pairs(self, i: int) -> int:
-        """Return the number of gaps of the row of episode i."""
-        scene, placed = self.scenes[i], self.placed[i]
-        return scene.row_count - 1 if placed == scene.count - 1 else placed
-
-    def _first_dominoes(self, i: int, pairs: int) -> Layout:
         sizes = self.spacing[i], self.thickness[i], self.height[i % len(self.height)]
-        return placed_layout(self.scenes[i], pairs, *sizes)
+        return placed_layout(self.scenes[i], self.placed[i], *sizes)
 
     def wave(self, i: int) -> Wave:
         """Return the wave of episode i; its reach is relative to the scene's N dominoes."""
         if i in self._waves:
             return self._waves[i]
-        wave = simulate(self._row(i), self.scenes[i].physics, rtol=self.rtol)
+        wave = self.scenes[i].simulate(self.layout(i), self.rtol)
         return replace(wave, reach=float(self.reach[i]))
 
 

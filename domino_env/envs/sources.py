@@ -132,7 +132,7 @@ class SceneSource:
         self.window = min(int(window), count - 1)
         size = self.pool_size + 2 * num_envs * (self.distribution is not None)
         self.longest = count * (COUNT_FACTOR if self.distribution is not None else 1)
-        self.run_out = 0 if self.first.run_out is None else self.first.run_out.count
+        self.run_out = self.first.row_count - self.first.count
         self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
         self.num_envs = int(num_envs)
         self.reference_speed: float | None = None
@@ -295,11 +295,10 @@ class SceneSource:
         """Write the first domino and the run-out of some environments into a batch."""
         scenes = batch.scene[envs]
         batch.thickness[envs, 0] = self.first_thickness[scenes]
-        run_out = self.first.run_out
-        if run_out is not None:
-            for env, end in zip(envs.tolist(), self.rules["count"][scenes].tolist(), strict=True):
-                batch.spacing[env, end - 1 : end - 1 + run_out.count] = run_out.spacing
-                batch.thickness[env, end : end + run_out.count] = batch.thickness[env, 0]
+        if self.first.run_out is not None:
+            places = self.rules["count"][scenes][:, None] + np.arange(self.run_out)
+            batch.spacing[envs[:, None], places - 1] = self.first.run_out.spacing
+            batch.thickness[envs[:, None], places] = self.first_thickness[scenes, None]
         if len(batch.height) == len(batch.scene):  # else environments share the heights
             batch.height[envs] = self.rules["unit"][scenes, None]
 

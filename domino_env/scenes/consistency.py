@@ -72,6 +72,7 @@ def _violations(tables: SceneFile) -> Iterator[str]:
             yield f"{first} and {second} exclude each other: {reason}; leave one of them out"
     yield from _violations_in_heights(tables)
     yield from _violations_of_units(tables)
+    yield from _violations_of_number(tables)
     yield from _violations_of_objective(tables)
     yield from _violations_of_sizes(tables)
     gaps, thicknesses = tables.spacing.domain()[1], tables.thickness_domain()[1]
@@ -114,26 +115,27 @@ def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
         hint = unit_hint(height, (low, high), (thinnest, thickest))
         yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
+    if tables.placement is not None and tables.placement.deviation > high:
+        yield (
+            f"placement.deviation = {tables.placement.deviation:g} m is more than the largest gap, "
+            f"{high:g} m: lengths are in metres, 0.5 mm is 0.0005"
+        )
     if tables.run_out is not None and tables.run_out.spacing >= height:
         yield (
             f"run_out.spacing = {tables.run_out.spacing:g} m is out of reach of a domino "
             f"{height:g} m high: give less; lengths are in metres, 3 mm is 0.003"
         )
-    noise, count = tables.placement, tables.row.count
-    if tables.run_out is not None and count + tables.run_out.count > MAX_DOMINOES:
+
+
+def _violations_of_number(tables: SceneFile) -> Iterator[str]:
+    """Yield sentences about rows of too many dominoes, or too many draws of them."""
+    count = tables.row.count + (tables.run_out.count if tables.run_out else 0)
+    if count > MAX_DOMINOES:
+        yield f"row.count and run_out.count add up to {count}: use at most {MAX_DOMINOES} dominoes"
+    if tables.placement is not None and count * tables.placement.draws > MOST_DRAWN_DOMINOES:
         yield (
-            f"row.count and run_out.count add up to {count + tables.run_out.count}: use at most "
-            f"{MAX_DOMINOES} dominoes"
-        )
-    if noise is not None and noise.deviation > high:
-        yield (
-            f"placement.deviation = {noise.deviation:g} m is more than the largest gap, {high:g} "
-            "m: lengths are in metres, 0.5 mm is 0.0005"
-        )
-    if noise is not None and count * noise.draws > MOST_DRAWN_DOMINOES:
-        yield (
-            f"placement.draws = {noise.draws} of {count} dominoes take too much memory: give at "
-            f"most {MOST_DRAWN_DOMINOES // count}"
+            f"placement.draws = {tables.placement.draws} of {count} dominoes take too much memory: "
+            f"give at most {MOST_DRAWN_DOMINOES // count}"
         )
 
 

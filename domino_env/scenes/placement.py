@@ -74,7 +74,9 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         """Return the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
         return _draw_errors(self, pairs)
 
-    def evaluate(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
+    def evaluate(
+        self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool, row_count: int
+    ) -> Scores:
         """Score all draws of layouts, and return the statistic for each layout.
 
         Parameters
@@ -85,6 +87,8 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             Function that scores layouts as placed.
         gradient
             Compute the derivatives of the statistic too.
+        row_count
+            Number of dominoes that `evaluate` simulates for each layout.
 
         Returns
         -------
@@ -92,7 +96,7 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             Statistics of the B layouts. If a quantile is not a success, the score is the mean reach
             of the draws minus 1. `falls` are those of all draws.
         """
-        size = max(1, MOST_DRAWN_DOMINOES // (self.draws * layouts.count))  # that fit into memory
+        size = max(1, MOST_DRAWN_DOMINOES // (self.draws * row_count))  # that fit into memory
         statistic = self._mean if self.quantile is None else self._quantile
         return Scores.concatenate([
             statistic(layouts[i : i + size], evaluate, gradient)

@@ -180,7 +180,8 @@ class Scene(Specification):
             The layouts, see `Scene.batch`.
         gradient
             Compute the exact derivatives of the scores with respect to gaps, thicknesses and
-            heights too. On a floor they are approximate, see `Scoring.evaluate`.
+            heights too. On a floor they are approximate: the derivatives with fixed pivots, times
+            the ratio of the scores on the floor and with fixed pivots.
         stop
             Function that returns True to end a simulation on a floor; None to run it to its end.
 

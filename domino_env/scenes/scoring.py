@@ -68,32 +68,12 @@ class Scoring:
         return replace(scores, score=self.limits.apply(scores.score, waves))
 
     def evaluate(self, layouts: LayoutBatch, gradient: bool = False, stop: Stop = None) -> Scores:
-        """Simulate layouts and score them.
-
-        Parameters
-        ----------
-        layouts
-            The layouts.
-        gradient
-            Compute the derivatives of the scores too. Those of free-standing layouts are
-            approximate: the derivatives with fixed pivots, times the ratio of the scores on the
-            floor and with fixed pivots.
-        stop
-            Function that returns True to end a slow simulation; None for none.
-
-        Returns
-        -------
-        Scores
-            Scores, reaches, numbers of falls, and derivatives if requested.
-
-        Raises
-        ------
-        StoppedError
-            If `stop` returned True.
-        """
+        """Simulate layouts and score them; arguments and result are those of `Scene.evaluate`."""
         if self.placement is None:
             return self._evaluate(layouts, gradient, stop)
-        return self.placement.evaluate(layouts, partial(self._evaluate, stop=stop), gradient)
+        evaluate = partial(self._evaluate, stop=stop)
+        count = layouts.count + (0 if self.run_out is None else self.run_out.count)
+        return self.placement.evaluate(layouts, evaluate, gradient, count)
 
     def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop = None) -> Scores:
         """Evaluate layouts as placed."""
@@ -120,10 +100,9 @@ class Scoring:
 
     def format_score(self, score: float, wave: Wave) -> str:
         """Format the score of a success with its unit, its simulator and its statistic."""
-        text = self.objective.format_score(score, wave, self.simulator.digits)
+        objective, noise = self.objective, self.placement
+        text = objective.format_score(score, wave, self.simulator.digits)
+        if noise is not None and noise.quantile is None:  # a mean is that of no wave
+            text = objective.label(score)
         text += self.simulator.place
-        if self.placement is None:
-            return text
-        if self.placement.quantile is None:
-            text = self.objective.label(score) + self.simulator.place
-        return self.placement.describe(text, self.objective.unit)
+        return text if noise is None else noise.describe(text, objective.unit)

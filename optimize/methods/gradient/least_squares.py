@@ -43,7 +43,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached or a layout is on time."""
     problem = evaluator.problem
     for start in starts(evaluator, rng):
-        if problem.scene.tempo is None or not problem.scene.scoring.follows_wave:
+        if problem.schedule is None:
             run_local_searches(evaluator, [LocalSearch(start, problem.projection)], MAX_STEPS)
         elif _fit_schedule(evaluator, start):
             evaluator.status = ON_SCHEDULE

@@ -94,7 +94,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         assignment.run(evaluator, rng)  # the score depends on the order of the dominoes
         return
     search = _Search(evaluator, _Elite(evaluator.problem))
-    if scene.tempo is not None and scene.scoring.follows_wave:
+    if evaluator.problem.schedule is not None:
         if least_squares.fits_schedule(evaluator, rng):
             evaluator.status = least_squares.ON_SCHEDULE
             return
@@ -294,9 +294,7 @@ class _Search:
         """Return True at the end of the search; report the reliability of the best layout."""
         best = max([self.elite.score, *(score for score, _ in self.optima)])
         # for a schedule, distances are relative to the distance of the best from the score 1
-        scene = self.elite.problem.scene
-        fits_schedule = scene.tempo is not None and scene.scoring.follows_wave
-        scale = 1.0 - best if fits_schedule else abs(best)
+        scale = abs(best) if self.elite.problem.schedule is None else 1.0 - best
         agree = sum(score >= best - AGREEMENT * scale for score, _ in self.optima)
         report = f"{agree} of {len(self.optima)} independent searches agree to {AGREEMENT:.3%}"
         self.evaluator.status = f"{report}, {self.elite.idle} perturbations without gain"
