@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,14 @@ from threadpoolctl import threadpool_limits
 from domino_env.core.checks import as_path, require
 from domino_env.core.progress import notice, progress_bar
 from domino_env.core.results import versions
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import UniformBaseline, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
 from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
@@ -160,7 +162,8 @@ def search(
             stack.callback(journal.close)
         compile_simulations(scene, gradients=True)
         start = clock()
-        uniform = find_baseline(scene, seconds)
+        scene = with_baseline(scene, seconds)
+        problem, uniform = Problem(scene), scene.uniform()
         callback = stack.enter_context(progress_line(scene, method, progress, callback))
         evaluator = Evaluator(
             problem, budget, seconds,
@@ -213,9 +216,17 @@ def search(
     return result
 
 
-def find_baseline(scene: Scene, seconds: float | None) -> UniformBaseline:
-    """Return the uniform baseline of a scene; on a floor within half the seconds of a search."""
-    return scene.uniform(None if seconds is None else BASELINE_SHARE * seconds)
+def with_baseline(scene: Scene, seconds: float | None) -> Scene:
+    """Return a scene with its uniform baseline; on a floor within half the seconds of a search."""
+    if scene.simulator.is_slow and scene.uniform_point is None and seconds is not None:
+        scene = scene.with_uniform(_best_point(scene, BASELINE_SHARE * seconds))
+    scene.uniform()
+    return scene
+
+
+@lru_cache(maxsize=32)  # scenes
+def _best_point(scene: Scene, seconds: float) -> Floats:
+    return best_point(scene, seconds=seconds)
 
 
 def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:

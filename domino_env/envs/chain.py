@@ -19,8 +19,8 @@ from domino_env.envs.vector import RTOL, WINDOW, DominoEnv, DominoVectorEnv, Inf
 from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
+from domino_env.scenes.design_problem import LENGTH_TOLERANCE
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.specification import LENGTH_TOLERANCE
 
 MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 

@@ -42,8 +42,8 @@ def check_document(document: dict[str, Any]) -> SceneFile:
     Parameters
     ----------
     document
-        Tables of the scene, as `tomllib` reads them from a file or `Specification.document`
-        returns them.
+        Tables of the scene, as `tomllib` reads them from a file or `Scene.document` returns
+        them.
 
     Returns
     -------

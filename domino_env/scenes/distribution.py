@@ -15,7 +15,6 @@ from domino_env.physics.standard import HEIGHT
 from domino_env.scenes.io.ranges import COUNT, PUSH, Place, fill_in, has_ranges, read_ranges
 from domino_env.scenes.io.reading import read_named, scene_from_document
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import format_toml
 from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
@@ -224,7 +223,7 @@ class SceneDistribution:
             if sampled.of is not None
         }
 
-    def numbers(self, scene: Specification) -> Floats:
+    def numbers(self, scene: Scene) -> Floats:
         """Return the sampled numbers of a scene of this distribution.
 
         Parameters
@@ -244,7 +243,7 @@ class SceneDistribution:
         ValueError
             For a scene that differs from the sampled ones in more than the sampled numbers.
         """
-        checks.require_type("scene", scene, Specification, "a Scene of this distribution")
+        checks.require_type("scene", scene, Scene, "a Scene of this distribution")
         tables = scene.document()
         units = self._units(scene.height, scene.physics.gravity)
         missing = any(key not in tables.get(table, ()) for table, key in self.ranges)

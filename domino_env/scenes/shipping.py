@@ -16,7 +16,7 @@ import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
-from domino_env.scenes import tables
+from domino_env.scenes import design_problem, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
@@ -28,14 +28,14 @@ HERE = Path(__file__).parent
 SCHEMA = HERE / "shipped" / "scene.schema.json"
 TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
 # tables in which a number may be a range
-RANGE_TABLES = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
+RANGE_TABLES = "RowTable", "SpacingTable", "RangeTable", "PhysicsTable"
 
 
 def scene_schema() -> dict[str, Any]:
     """Return the JSON Schema of scene files, draft 2020-12."""
     schema_of_file = msgspec.json.schema(tables.SceneFile)
     settings = {kind.table.__name__: kind.table for kind in OBJECTIVES.values() if kind.table}
-    classes = vars(tables) | settings
+    classes = vars(tables) | vars(design_problem) | settings
     definitions: dict[str, dict[str, Any]] = {
         name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
         for name, schema in schema_of_file["$defs"].items()
@@ -76,7 +76,7 @@ def write_scenes() -> None:
     write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
     baselines = {
-        name: {"stamp": stamp(scene), "point": best_point(scene).tolist()}
+        name: {"stamp": stamp(scene.document()), "point": best_point(scene).tolist()}
         for name, scene in scenes.items()
     }
     write_text(HERE / "shipped" / POINTS_FILE, json.dumps(baselines, indent=1) + "\n")

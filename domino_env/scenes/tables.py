@@ -1,60 +1,55 @@
-"""Tables of a scene's file: keys, units, ranges, and relations between the keys of one table.
+"""Tables of a scene's file, made from the fields of `DesignProblem`.
 
-The same tables check scenes made in Python. Editors check files by the JSON Schema that
+The tables check scenes made in Python too. Editors check files by the JSON Schema that
 `domino_env.scenes.shipping` makes from the tables; `SCHEMA` of a table adds relations between its
 keys to it.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_type_hints
 
 import msgspec
 from msgspec import Meta
 
 from domino_env.core.checks import numbers, require_type
-from domino_env.core.models import LARGEST, Amount, Size, Table, about, plain
-from domino_env.physics.ground import Ground
+from domino_env.core.models import LARGEST, Size, Table, about, plain
 from domino_env.physics.physics import Physics, require_physics
-from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
-from domino_env.scenes.limits import Limits
+from domino_env.scenes.design_problem import DesignProblem
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.placement import Placement
-from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
-from domino_env.scenes.run_out import RunOut
+from domino_env.scenes.rules import Bounds, Values
 
 # largest number of combinations of a listed gap and a listed thickness, all of which are simulated
 # for the uniform baseline
 MAX_COMBINATIONS = 100_000
 RESOLUTION = 1e-8  # [m] smallest difference between two listed values
-# fields with the same name and value in `SceneTables` and `Scene`
-SHARED_FIELDS = ("name", "objective", "stock", "ground", "limits", "placement", "run_out")
 
-# begins with a letter or a digit of any language; has no character special to paths or shells
-NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
-# one line of text that is not blank
-LINE_PATTERN = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
-
-if TYPE_CHECKING:
-    Objective = str
-else:
-    Objective = Literal[tuple(OBJECTIVES)]
+HINTS = get_type_hints(DesignProblem, include_extras=True)
+DEFAULTS = {field.name: field.default for field in dataclasses.fields(DesignProblem)}
+DEFAULTS["name"] = None  # that of the file
+# fields that are keys of [row], and those that are keys or tables of the file itself
+ROW = ("count", "height", "width", "density", "first_thickness", "length")
+TOP = ("name", "title", "objective", "stock", "ground", "limits", "placement", "run_out")
 
 
-class ChainTable(Table):
+def _with_fields(base: type[msgspec.Struct], *names: str) -> Any:
+    """Return a table of a file with the keys of `base`, and fields of `DesignProblem` as keys."""
+    keys: list[Any] = []
+    for name in names:
+        hint, default = HINTS[name], DEFAULTS[name]
+        is_required = default is dataclasses.MISSING
+        hint = hint | None if default is None else hint
+        keys.append((name, hint) if is_required else (name, hint, default))
+    frozen = base.__struct_config__.frozen
+    return msgspec.defstruct("Table", keys, bases=(base,), kw_only=True, frozen=frozen)
+
+
+class RowTable(_with_fields(Table, *ROW)):  # type: ignore[misc]
     """Dominoes of the chain."""
-
-    count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
-    height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
-    width: Annotated[Size, about("size across the chain; times do not depend on it [m]")] = WIDTH
-    density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
-    first_thickness: Annotated[
-        Size | None, about("thickness of domino 0 [m]; required if thickness is free")
-    ] = None
-    length: Annotated[Size | None, about("exact distance from first to last pivot [m]")] = None
 
 
 Step = Annotated[float, Meta(ge=RESOLUTION, le=LARGEST)]
@@ -131,12 +126,6 @@ class RangeTable(Table):
         return (values[0], values[-1]), values if len(values) > 1 else None
 
 
-class SpacingTable(RangeTable):
-    """Free gaps."""
-
-    largest_change: Annotated[Amount | None, about("largest change from gap to gap [m]")] = None
-
-
 class GrowthTable(Table, kw_only=True):
     """Bounds of the height of a domino over that of the one before."""
 
@@ -148,39 +137,22 @@ class GrowthTable(Table, kw_only=True):
             raise ValueError(f"min = {self.min} is more than max = {self.max}: give min <= max")
 
 
-class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
+class SpacingTable(_with_fields(RangeTable, "largest_change")):  # type: ignore[misc]
+    """Free gaps."""
+
+
+class PhysicsTable(_with_fields(Physics, "floor_friction")):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
-    floor_friction: Annotated[
-        Amount | None, about("friction coefficient of the floor; without it pivots are fixed")
-    ] = None
 
-
-Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
-
-
-class SceneTables(Table, kw_only=True):
+class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call-arg, misc]
     """Design problem: dominoes, allowed values, objective."""
 
-    name: Annotated[
-        Annotated[str, Meta(pattern=NAME_PATTERN, max_length=100)] | None,
-        about(
-            "name of the scene and of its run folders: begins with a letter or a digit, "
-            'none of / \\ < > : " | ? * ` $; default: name of the file',
-        ),
-    ] = None  # fmt: skip
-    title: Annotated[Title | None, about("subject of the scene in one line")] = None
-    objective: Annotated[Objective, about("rule by which layouts are scored")] = "mean_speed"
-    row: ChainTable
+    row: RowTable
     spacing: SpacingTable
     thickness: RangeTable | None = None
-    stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
     growth: GrowthTable | None = None
-    ground: Ground | None = None
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
-    limits: Limits | None = None
-    placement: Placement | None = None
-    run_out: RunOut | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 
@@ -199,7 +171,7 @@ class SceneTables(Table, kw_only=True):
     def first_thickness(self) -> float:
         """Return the thickness of domino 0 [m], by default the fixed one of the others."""
         if self.row.first_thickness is not None:
-            return self.row.first_thickness
+            return float(self.row.first_thickness)
         assert self.thickness is not None
         (low, _), _ = self.thickness.domain()
         return low * self.row.height if self.in_heights else low
@@ -217,7 +189,7 @@ class SceneTables(Table, kw_only=True):
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
         spacing, spacing_values = self.spacing.domain()
         thickness, thickness_values = self.thickness_domain()
-        shared = {name: getattr(self, name) for name in SHARED_FIELDS}
+        shared = {name: getattr(self, name) for name in TOP}
         return msgspec.structs.asdict(self.row) | shared | {
             "title": self.title or self.name,
             "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
@@ -238,10 +210,8 @@ def make_document(scene: Any) -> dict[str, Any]:
     require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
     gaps, change = (scene.spacing, scene.spacing_values), scene.largest_change
-    tables: dict[str, Any] = {
-        name: getattr(scene, name) for name in ("name", "title", *SHARED_FIELDS[1:])
-    } | {
-        "row": {name: getattr(scene, name) for name in ChainTable.__struct_fields__},
+    tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP} | {
+        "row": {name: getattr(scene, name) for name in ROW},
         "spacing": RangeTable.from_bounds("spacing", *gaps, largest_change=change, of=of),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }

@@ -8,12 +8,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.core.files import one_line
 from domino_env.core.progress import notice
 from domino_env.core.results import dataclass_repr
@@ -22,7 +23,7 @@ from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import StoppedError
-from domino_env.scenes.specification import Specification
+from domino_env.scenes.design_problem import DesignProblem
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Scorer = Callable[[Floats, float], Floats]
@@ -85,9 +86,8 @@ def gain(score: float, reference: float) -> float | None:
     return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
 
 
-def best_uniform(
-    scene: Specification, known: tuple[float, float] | None = None, seconds: float | None = None
-) -> tuple[Layout, float | None]:
+@lru_cache(maxsize=32)  # baselines
+def uniform_baseline(scene: DesignProblem, point: tuple[float, float] | None) -> UniformBaseline:
     """Return the best layout with one gap and one thickness within the scene's rules.
 
     The first domino has the thickness that the scene gives it. The dominoes of a stock stand in the
@@ -98,25 +98,17 @@ def best_uniform(
     the height before. If no layout with listed values has the length of the scene, the lists are
     ignored.
 
-    Baselines of the shipped scenes are stored in the package.
-
     Parameters
     ----------
     scene
         The scene.
-    known
+    point
         Result of `best_point`; None to search for it.
-    seconds
-        Time limit of the search on a floor [s], which ends with the best layout so far; at least
-        one layout is simulated. None for no limit.
 
     Returns
     -------
-    layout : Layout
-        The best layout.
-    score : float or None
-        Score of the layout if it is a mean over orders or the result of a search on a floor; None
-        if it has not been computed.
+    UniformBaseline
+        The baseline; equal arguments have the same one.
 
     Raises
     ------
@@ -124,19 +116,22 @@ def best_uniform(
         If the rules allow no uniform layout.
     """
     layouts, score = uniform_layouts(scene), None
-    point = known or _shipped_points().get(stamp(scene))
     if point is None and scene.count >= LONG_COUNT:
         notice(f"searching for the uniform baseline of '{one_line(scene.name, 40)}' ...")
-    if point is not None or not scene.simulator.is_slow:
-        best = best_point(scene) if point is None else np.array(point)
-        if scene.hand:
-            score = float(layouts.scores(best[None], FULL.rtol)[0])
+    if point is None and scene.simulator.is_slow:
+        best, score = _best_free_standing(layouts, math.inf)
     else:
-        best, score = _best_free_standing(layouts, math.inf if seconds is None else seconds)
-    return layouts.layout(best), score
+        best = best_point(scene) if point is None else np.array(point)
+    if scene.hand:
+        score = float(layouts.scores(best[None], FULL.rtol)[0])
+    layout = layouts.layout(best)
+    wave = scene.simulate(layout)
+    return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)
 
 
-def best_point(scene: Specification, *, quick: bool = False) -> Floats:
+def best_point(
+    scene: DesignProblem, *, quick: bool = False, seconds: float | None = None
+) -> Floats:
     """Return the two numbers (2,) of the uniform baseline, a point of `UniformLayouts`.
 
     Parameters
@@ -146,6 +141,9 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     quick
         Simulate some hundred layouts instead of thousands. The gap then has an error of 1 µm, and
         of two local maxima of nearly the same score the lower one may be returned.
+    seconds
+        Time limit of the search on a floor [s], which ends with the best layout so far; at least
+        one layout is simulated. None for no limit.
 
     Returns
     -------
@@ -155,7 +153,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     Raises
     ------
     ValueError
-        If the rules allow no uniform layout.
+        If the rules allow no uniform layout, and for a negative time limit.
 
     Notes
     -----
@@ -169,9 +167,10 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     the gap is then about 0.3 mm. The relative error of the speed is about 3e-4, as the maximum is
     flat.
     """
+    require("seconds", seconds, 0.0, unit="s", optional=True)
     layouts = uniform_layouts(scene)
     if scene.simulator.is_slow:
-        return _best_free_standing(layouts, math.inf)[0]
+        return _best_free_standing(layouts, math.inf if seconds is None else seconds)[0]
     is_random = scene.scoring.placement is not None or scene.hand > 0
     fineness = QUICK if quick else RANDOM if is_random else FULL
     points = grid(_axes(layouts, fineness))
@@ -189,7 +188,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
 
-def uniform_layouts(scene: Specification) -> UniformLayouts:
+def uniform_layouts(scene: DesignProblem) -> UniformLayouts:
     """Return the uniform layouts within the rules; if there are none, those without the lists."""
     try:
         return UniformLayouts(scene)
@@ -282,7 +281,7 @@ def _separate_points(points: Floats, scores: Floats, distance: Floats, keep: int
     return chosen
 
 
-def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None) -> Layout:
+def best_uniform_on(scene: DesignProblem, baseline: Layout, floor: float | None) -> Layout:
     """Return the fastest uniform layout on a floor.
 
     Parameters
@@ -305,16 +304,21 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     keeps_baseline = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
     if keeps_baseline or (floor is None and is_whole):
         return baseline
-    return best_uniform(scene.replace(
+    return uniform_baseline(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
         limits=None, placement=None,
-    ))[0]  # fmt: skip
+    ), None).layout  # fmt: skip
 
 
-def stamp(scene: Specification) -> str:
-    """Return a digest of the fields on which the baseline depends: all but name and title."""
-    tables = scene.document() | {"name": None, "title": None}
+def stamp(document: dict[str, Any]) -> str:
+    """Return a digest of the tables on which the baseline depends: all but name and title."""
+    tables = document | {"name": None, "title": None}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
+
+
+def stored_point(document: dict[str, Any]) -> tuple[float, float] | None:
+    """Return `best_point` of a scene with the tables of a shipped one; None for another scene."""
+    return _shipped_points().get(stamp(document))
 
 
 @cache
@@ -322,4 +326,4 @@ def _shipped_points() -> dict[str, tuple[float, float]]:
     """Return the best points of the shipped scenes, by their digests."""
     file = resources.files("domino_env.scenes") / "shipped" / POINTS_FILE
     entries = json.loads(file.read_text("utf-8")).values()
-    return {entry["stamp"]: entry["point"] for entry in entries}
+    return {entry["stamp"]: tuple(entry["point"]) for entry in entries}

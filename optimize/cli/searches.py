@@ -19,7 +19,6 @@ from optimize.cli.options import add_limit_options
 from optimize.executors import add_executor_options, open_executor
 
 if TYPE_CHECKING:
-    from domino_env.scenes.scene import Scene
     from optimize.result import SearchResult
 
 SUMMARY = "search for a layout that is better than the uniform baseline"
@@ -67,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
             tolerance=arguments.tolerance, folder=folder, executor=executor,
             resume=arguments.resume,
         )  # fmt: skip
-    print(f"uniform baseline: {_uniform(scene)}")
+    print(f"uniform baseline: {_uniform(result)}")
     print(f"best found:       {_best(result)}")
     print(f"the search ended: {result.stop_reason}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
@@ -78,9 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _uniform(scene: Scene) -> str:
+def _uniform(result: SearchResult) -> str:
     """Return the score, the sizes and the outcome of the uniform baseline as a text."""
-    uniform = scene.uniform()
+    scene, uniform = result.scene, result.uniform
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
     score, outcome = scene.format_score(uniform.score, uniform.wave), uniform.wave.outcome.name
     return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"

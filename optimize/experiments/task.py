@@ -21,7 +21,7 @@ from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.objectives.base import Objective
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import GRADIENT_COST, Evaluator, TraceEntry
-from optimize.searching import compile_simulations, find_baseline, search
+from optimize.searching import compile_simulations, search, with_baseline
 
 Label = float | int | str
 Sizes = tuple[float, ...]
@@ -274,7 +274,7 @@ def scene_with_baseline(
     scene = parse_scene(text, "scene", "scene")
     compile_simulations(scene)
     start = clock()
-    find_baseline(scene, seconds)
+    scene = with_baseline(scene, seconds)
     return scene, clock() - start
 
 

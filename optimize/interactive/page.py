@@ -29,10 +29,11 @@ from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
 from optimize.interactive.jobs import improvement_method, run_search
 from optimize.methods.registry import Method
+from optimize.searching import with_baseline
 
 FRAMES, INTERVAL = 150, 40  # frames of the animation, [ms] from one to the next
 MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an address
-FLOOR_SECONDS = 30.0  # [s] that the search of a uniform baseline on a floor may take
+FLOOR_SECONDS = 60.0  # [s] of a search on a floor; half of it may go into the uniform baseline
 UNIFORM_DELAY = 0.3  # [s] without a change of the scene before its uniform baseline is computed
 WIDE = {"sizing_mode": "stretch_width"}
 STYLE = """
@@ -349,7 +350,9 @@ class Page:
     def _uniform(self, scene: Scene) -> UniformBaseline | None:
         """Return the uniform baseline after `UNIFORM_DELAY`; None if the scene has then changed."""
         time.sleep(UNIFORM_DELAY)
-        return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
+        if scene != self.design.scene:
+            return None
+        return with_baseline(scene, FLOOR_SECONDS).uniform()
 
     def _complete(self, name: str, work: Callable[[], Any], is_current: Callable[[], bool]) -> None:
         """Set an attribute of the design to the result of `work`, which runs in a thread.

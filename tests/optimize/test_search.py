@@ -12,7 +12,7 @@ import pytest
 import domino_env as de
 from domino_env.core.threads import allowed_threads
 from domino_env.rigid import dynamics
-from domino_env.scenes.scene import Scene
+from domino_env.scenes import uniform
 from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import Evaluator, search
 from optimize.experiments.task import Task
@@ -42,20 +42,21 @@ def test_impossible_searches_are_rejected(words, message):
 
 
 def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch):
-    now, uniform = [0.0], Scene.uniform
+    now, find = [0.0], uniform.best_point
 
-    def slow(scene: Scene, seconds: float | None = None) -> object:
-        now[0] += 0.0 if "_uniform" in vars(scene) else 5.0
-        return uniform(scene, seconds)
+    def slow(scene: de.Scene) -> object:
+        now[0] += 5.0
+        return find(scene)
 
     def clock() -> float:
         return now[0]
 
-    monkeypatch.setattr(Scene, "uniform", slow)
-    scene = replace(scenes["spacing"], count=8)
+    monkeypatch.setattr(uniform, "best_point", slow)
+    scene = replace(scenes["spacing"], count=8, name="slow")
     result = search(scene, "random", seconds=4.0, clock=clock)
     assert (result.stop_reason, result.seconds) == ("limit of 4 s reached", 5.0)
-    tasks = [Task(scene.to_toml(), "random", seed, seconds=4.0) for seed in range(3)]
+    text = replace(scene, count=9).to_toml()
+    tasks = [Task(text, "random", seed, seconds=4.0) for seed in range(3)]
     assert [task.run(clock=clock).seconds for task in tasks] == [5.0] * 3
     assert now == [10.0]  # found once for all tasks
 
@@ -87,12 +88,11 @@ def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch):
 
     monkeypatch.setattr(UniformLayouts, "scores", counting)
     scene = scenes["spacing"].replace(floor_friction=0.31, count=5)
-    coarse = scene.uniform(0.0)
-    assert 1 <= simulated[0] <= allowed_threads()
-    assert scene.uniform() is coarse
     result = search(scene, "random", seconds=1e-9)
+    assert 1 <= simulated[0] <= allowed_threads()
     assert result.evaluations <= allowed_threads()
-    assert result.uniform is coarse
+    assert result.uniform is result.scene.uniform()
+    assert scene.uniform().score >= result.uniform.score  # without a limit
 
 
 @pytest.mark.parametrize(("method", "tolerance"), [("random", None), ("powell", 1e-2)])
@@ -161,15 +161,15 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
     """Near a stall a wave may complete at the tolerance of the search and not at a closer one."""
     scene = scenes["spacing"]
     expected = search(scene, "random", budget=300)
-    original, gaps = Scene.evaluate, []
+    original, gaps = de.Scene.evaluate, []
 
-    def inflated(scene: Scene, batch, gradient=False, stop=None):
+    def inflated(scene: de.Scene, batch, gradient=False, stop=None):
         gaps.extend(batch.spacing)
         result = original(scene, batch, gradient, stop)
         result.score[-1] = 5.0 if len(gaps) == 302 else result.score[-1]  # two of them compile
         return result
 
-    monkeypatch.setattr(Scene, "evaluate", inflated)
+    monkeypatch.setattr(de.Scene, "evaluate", inflated)
     result = search(scene, "random", budget=300)
     assert result.trace[-1][3] == 5.0
     assert result.score == expected.score == scene.score(result.layout)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.scenes.uniform import best_point
 
 SPRINT, VARIED = de.load_scene("sprint"), de.load_distribution("varied")
 SMALL = de.Scene(
@@ -126,7 +127,7 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: SMALL.evaluate(3), "batch = 3: give a LayoutBatch"),
     (lambda: SMALL.batch(0.02), "spacing has shape (): give (B, N-1)"),
     (lambda: SMALL.batch([[0.02]], [[0.007]] * 2), "thickness has shape (2, 1): give (1, 1)"),
-    (lambda: SMALL.uniform("x"), "seconds = 'x' s: give a finite number"),
+    (lambda: best_point(SMALL, seconds="x"), "seconds = 'x' s: give a finite number"),
     (lambda: VARIED.scene([np.nan] * 6), "numbers[0] = nan: give a finite number"),
     (lambda: VARIED.scene([1]), "numbers has shape (1,): give (6,), SceneD"),
     (lambda: VARIED.numbers(3), "scene = 3: give a Scene"),

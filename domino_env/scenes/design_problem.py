@@ -1,105 +1,94 @@
-"""Specification: the fields and rules of a scene as a value."""
+"""Fields, rules, layouts and scores of a design problem."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import numbers, require_type
+from domino_env.core.checks import numbers, require, require_type
+from domino_env.core.models import Amount, Size, about
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes import rules
-from domino_env.scenes.consistency import check_document
 from domino_env.scenes.limits import Limits
-from domino_env.scenes.objectives import OBJECTIVES, Objective
+from domino_env.scenes.objectives import OBJECTIVES, Objective, Scores
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.placement import Placement
-from domino_env.scenes.rules import Bounds, Stock
+from domino_env.scenes.placement import Placement, add_errors
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scoring import Scoring
-from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator
-from domino_env.scenes.tables import make_document
-from domino_env.scenes.waves import LayoutBatch
+from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator, Stop
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 LENGTH_TOLERANCE = 1e-9  # [m] largest difference from the length of the scene
+SCORE_RTOL = 1e-10  # relative tolerance of reported scores; that of searches may be larger
 DERIVED: Any = None  # default of fields whose values then follow from other fields
+
+# begins with a letter or a digit of any language; has no character special to paths or shells
+NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+# one line of text that is not blank
+LINE_PATTERN = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
+
+Name = Annotated[str, Meta(pattern=NAME_PATTERN, max_length=100)]
+Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
+if TYPE_CHECKING:
+    ObjectiveName = str
+else:
+    ObjectiveName = Literal[tuple(OBJECTIVES)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Specification:
-    """Fields and rules of a design problem; see `Scene`."""
+class DesignProblem:
+    """Fields, rules, layouts and scores of a design problem; see `Scene`.
 
-    name: str = "own"
-    title: str = DERIVED
-    objective: str = "mean_speed"
+    The types of the fields have the ranges and descriptions of the keys in scene files:
+    `domino_env.scenes.tables` makes the tables of the files from them.
+    """
+
+    name: Annotated[
+        Name,
+        about(
+            "name of the scene and of its run folders: begins with a letter or a digit, "
+            'none of / \\ < > : " | ? * ` $; default: name of the file',
+        ),
+    ] = "own"  # fmt: skip
+    title: Annotated[Title, about("subject of the scene in one line")] = DERIVED
+    objective: Annotated[ObjectiveName, about("rule by which layouts are scored")] = "mean_speed"
     physics: Physics = Physics()  # noqa: RUF009 - frozen
-    count: int
-    height: float = HEIGHT
-    width: float = WIDTH
-    density: float = DENSITY
-    first_thickness: float = DERIVED
+    count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
+    height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
+    width: Annotated[Size, about("size across the chain; times do not depend on it [m]")] = WIDTH
+    density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
+    first_thickness: Annotated[
+        Size, about("thickness of domino 0 [m]; required if thickness is free")
+    ] = DERIVED
+    length: Annotated[Size | None, about("exact distance from first to last pivot [m]")] = None
     spacing: Bounds
+    spacing_values: Values | None = None
     thickness: Bounds = DERIVED
-    length: float | None = None
-    spacing_values: tuple[float, ...] | None = None
-    thickness_values: tuple[float, ...] | None = None
-    largest_change: float | None = None
-    stock: Stock | None = None
-    growth: Bounds | None = None
+    thickness_values: Values | None = None
+    largest_change: Annotated[Amount | None, about("largest change from gap to gap [m]")] = None
     in_heights: bool = False
+    stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
+    growth: Bounds | None = None
     limits: Limits | None = None
     settings: Any = None
-    floor_friction: float | None = None
+    floor_friction: Annotated[
+        Amount | None, about("friction coefficient of the floor; without it pivots are fixed")
+    ] = None
     ground: Ground | None = None
     placement: Placement | None = None
     run_out: RunOut | None = None
-
-    def __post_init__(self) -> None:
-        try:
-            vars(self).update(check_document(self.document()).fields())
-        except ValueError as error:
-            raise ValueError(f"scene '{self.name}': {error}") from None
-
-    @classmethod
-    def from_document(cls, document: dict[str, Any]) -> Self:
-        """Return the scene of a file's document, which has a name.
-
-        Parameters
-        ----------
-        document
-            Tables of the file, as `tomllib` reads them.
-
-        Returns
-        -------
-        Scene
-            The scene.
-
-        Raises
-        ------
-        ValueError
-            For an invalid document; the message has key, value and accepted range.
-        """
-        scene = object.__new__(cls)
-        vars(scene).update(check_document(document).fields())
-        return scene
-
-    def document(self) -> dict[str, Any]:
-        """Return the tables of the file that is read as the same scene.
-
-        Returns
-        -------
-        dict
-            Values by table and key, in the units of scene files.
-        """
-        return make_document(self)
 
     def replace(self, **changes: Any) -> Self:
         """Return another scene, with some fields changed.
@@ -371,3 +360,222 @@ class Specification:
                     f"({error:+.3g} m)"
                 )
         return violations
+
+    @property
+    def unit(self) -> str:
+        """Unit of the score of a success, such as "m/s"; empty for none."""
+        return self.criterion.unit
+
+    def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
+        """Simulate a layout with the scene's physics.
+
+        Parameters
+        ----------
+        layout
+            The layout; the scene's rules are not checked.
+        rtol
+            Relative tolerance of the arrival times.
+
+        Returns
+        -------
+        Wave
+            The wave of the layout, with the run-out of the scene.
+        """
+        return simulate(self.row(layout), self.physics, rtol=rtol)
+
+    def score(self, layout: Layout | Wave) -> float:
+        """Return the score of a layout; higher is better.
+
+        Parameters
+        ----------
+        layout
+            A layout, which is simulated with a relative tolerance of 1e-10, or its wave, for which
+            the scene's rules are not checked.
+
+        Returns
+        -------
+        float
+            More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that stops
+            scores between -1 and 0, higher the further it came; with "toppled" it scores more than
+            0 too. See `domino_env.scenes.objectives`.
+
+        Raises
+        ------
+        TypeError
+            For anything but a layout or a wave.
+        ValueError
+            For a layout that violates the scene's rules, and for a wave of other physics or of
+            another number of dominoes.
+        """
+        if isinstance(layout, Wave):
+            if layout.physics != self.physics:
+                raise ValueError(
+                    f"wave of {layout.physics}: give one of the scene's {self.physics}"
+                )
+            return float(self.evaluate_waves([layout]).score[0])
+        self._require_valid(layout)
+        return self.score(self.simulate(layout))
+
+    def _require_valid(self, layout: Layout) -> None:
+        """Raise a ValueError for a layout that violates the scene's rules."""
+        if violations := self.violations(layout):
+            raise ValueError(f"scene '{self.name}': {'; '.join(violations)}")
+
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False, stop: Stop = None) -> Scores:
+        """Simulate and score B layouts at once, without checking the scene's rules.
+
+        Parameters
+        ----------
+        batch
+            The layouts, see `Scene.batch`.
+        gradient
+            Compute the exact derivatives of the scores with respect to gaps, thicknesses and
+            heights too. On a floor they are approximate: the derivatives with fixed pivots, times
+            the ratio of the scores on the floor and with fixed pivots.
+        stop
+            Function that returns True to end a simulation on a floor; None to run it to its end.
+
+        Returns
+        -------
+        Scores
+            Scores, reaches, numbers of falls, and derivatives if requested.
+
+        Raises
+        ------
+        TypeError
+            For anything but a batch.
+        StoppedError
+            If `stop` returned True.
+        """
+        require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
+        return self.scoring.evaluate(batch, gradient, stop)
+
+    def evaluate_waves(self, waves: Sequence[Wave]) -> Scores:
+        """Score waves that have been simulated.
+
+        The wave of an incomplete layout can be scored if it stopped. Its `reach` must then refer to
+        all N dominoes of the scene, not to those of the layout. Complete layouts are simulated
+        again, with all threads, if the scores need their draws of placement noise or free-standing
+        dominoes.
+
+        Parameters
+        ----------
+        waves
+            Waves of layouts of the scene, complete or not.
+
+        Returns
+        -------
+        Scores
+            Scores, reaches and numbers of falls.
+
+        Raises
+        ------
+        TypeError
+            For anything but a sequence of waves.
+        ValueError
+            For a wave of more dominoes than the scene has, or of fewer if it propagated.
+        """
+        require_type("waves", waves, Sequence, "a list of waves")
+        scores = self.scoring.score(Waves.from_waves(waves, self.row_count))
+        complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.row_count]
+        if complete and not self.scoring.follows_wave:
+            first = slice(0, self.count - 1)  # without the run-out
+            layouts = [waves[b].layout for b in complete]
+            batch = self.batch(
+                np.array([layout.spacing[first] for layout in layouts]),
+                np.array([layout.thickness[1:][first] for layout in layouts]),
+                np.array([layout.height[1:][first] for layout in layouts]),
+                waves[0].rtol,
+            )
+            simulated = self.scoring.evaluate(batch)
+            for name in ("score", "reach", "falls"):
+                getattr(scores, name)[complete] = getattr(simulated, name)
+        return scores
+
+    def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
+        """Return the scores of a layout with random errors of its gaps and random orders of pieces.
+
+        Parameters
+        ----------
+        layout
+            The layout without errors. If the scene draws pieces in random order, these replace
+            those of the layout.
+        seeds
+            One seed per draw, 0 or more; an environment reset with the same seed has the same
+            errors and the same order of pieces.
+
+        Returns
+        -------
+        NDArray
+            (len(seeds),) scores of the placed layouts.
+
+        Raises
+        ------
+        ValueError
+            For a layout that violates the scene's rules, and for invalid seeds.
+        """
+        self._require_valid(layout)
+        require("seeds", seed_array := np.atleast_1d(seeds), 0, whole=True, array=True)
+        numbers("seeds", seed_array, None, ("draws",), "one seed per draw")
+        generators = [np.random.default_rng(seed) for seed in seed_array]
+        errors = [self.placement_errors(generator) for generator in generators]
+        gaps = add_errors(layout.spacing, np.array(errors))
+        ones = np.ones((len(gaps), 1))
+        thicknesses = self.orders(generators) if self.hand else ones * layout.thickness[1:]
+        batch = self.batch(gaps, thicknesses, ones * layout.height[1:], SCORE_RTOL)
+        return np.asarray(self.as_placed.evaluate(batch).score)
+
+    def placement_errors(self, generator: np.random.Generator) -> Floats:
+        """Draw random errors of the gaps of a layout.
+
+        Parameters
+        ----------
+        generator
+            Source of randomness.
+
+        Returns
+        -------
+        NDArray
+            (N-1,) errors [m]; without placement noise zeros, for which nothing is drawn.
+        """
+        if self.placement is None:
+            return np.zeros(self.count - 1)
+        return self.placement.deviation * generator.standard_normal(self.count - 1)
+
+    def gain(self, score: float, reference: float) -> float | None:
+        """Return the gain of a score over a reference, such as that of the uniform baseline.
+
+        Parameters
+        ----------
+        score, reference
+            Two scores of the scene.
+
+        Returns
+        -------
+        float or None
+            score / reference - 1, or with a schedule of hits a tenth of the decimal logarithm of
+            score / reference; None if one of the scores is 0 or less, as without a success.
+        """
+        if min(score, reference) <= 0.0:
+            return None
+        return float(self.criterion.gain(np.array(score), np.array(reference)))
+
+    def format_score(self, score: float, wave: Wave) -> str:
+        """Format a score with its unit.
+
+        Parameters
+        ----------
+        score
+            A score of the scene.
+        wave
+            The wave that has this score.
+
+        Returns
+        -------
+        str
+            Text such as "0.828550 m/s", or the reason for a score of 0 or less.
+        """
+        if score > 0.0:
+            return self.scoring.format_score(score, wave)
+        violates_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
+        return "violates a limit of the scene" if violates_limit else self.criterion.failure
