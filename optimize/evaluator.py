@@ -324,28 +324,43 @@ class Evaluator:
         scores = _unpack([np.concatenate(parts) for parts in arrays])
         return scores.squeeze() if single else scores
 
-    def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Compute how late each domino of a layout is hit, see `Problem.lateness`.
+    def evaluate_by(
+        self, kind: str, design: Floats, compute: Callable[[Floats], tuple[Scores, list[Floats]]]
+    ) -> tuple[Scores, list[Floats]]:
+        """Score a design vector by a function that computes more than its score.
+
+        Parameters
+        ----------
+        kind
+            Name of the function in the journal.
+        design
+            (n,) the design vector.
+        compute
+            Function of the design vector that returns its scores, (1,) each and without a gradient,
+            and more arrays.
+
+        Returns
+        -------
+        scores : Scores
+            The scores.
+        arrays : list of ndarray
+            The other arrays.
 
         Raises
         ------
         BudgetSpent
             If a limit is reached.
-        ValueError
-            For the reasons of `Problem.lateness`.
         """
         self.require_more()
-        design = np.asarray(design, dtype=np.float64)
-        answer = self._replay("lateness", design[None])
+        answer = self._replay(kind, design[None])
         if answer is None:
-            scores, lateness, gradient = self.problem.lateness(design)
-            answer = [*_pack(scores), lateness, gradient]
-            self._store("lateness", design[None], answer)
-        *arrays, lateness, gradient = answer
-        scores = _unpack(arrays)
+            scores, arrays = compute(design)
+            answer = [*_pack(scores), *arrays]
+            self._store(kind, design[None], answer)
+        scores, arrays = _unpack(answer[:3]), answer[3:]
         self._count(scores)
         self._update_best(scores, lambda _: design)
-        return scores, lateness, gradient
+        return scores, arrays
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:

@@ -12,7 +12,6 @@ from domino_env.core.checks import numbers
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import require_layout
-from domino_env.physics.wave import Outcome, simulate
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import ScoreGradient, Scores
 from domino_env.scenes.objectives.tempo import Tempo
@@ -24,7 +23,7 @@ GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradie
 # The error of a score is smooth, except for jumps within the tolerance where the simulator changes
 # its quadrature rule. With this step and this tolerance, differences are exact to about 1e-8.
 STEP = 1e-5  # change of an entry of a design vector for a difference
-# relative error allowed in the arrival times for a difference and for `Problem.lateness`
+# relative error allowed in the arrival times for a difference
 STEP_RTOL = 1e-10
 
 
@@ -186,52 +185,6 @@ class Problem:
             np.fill_diagonal(points[n:], below)
             score = evaluate(points, rtol=STEP_RTOL).score
             scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.is_continuous
-
-    def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
-        """Compute how late each domino is hit in a scene with a schedule, for least squares.
-
-        This takes as long as N/2 gradients, measured at N = 40.
-
-        Parameters
-        ----------
-        design
-            (n,) a design vector.
-
-        Returns
-        -------
-        scores : Scores
-            Its score, reach and falls, (1,) each.
-        lateness : ndarray
-            (N-1,) arrival time minus schedule of dominoes 1 … N-1 [s]; empty if the wave stops.
-        gradient : ndarray
-            (N-1, n) derivatives of the lateness with respect to the design vector [s]; empty if the
-            wave stops.
-
-        Raises
-        ------
-        ValueError
-            If the scene has no schedule, or scores its mean over draws of placement noise; if the
-            shape is another one; or if entries are outside of [0, 1].
-        """
-        tempo, pairs = self.schedule, self.scene.count - 1
-        if tempo is None:
-            expected = 'give one with objective = "tempo" and no draws of placement noise'
-            raise ValueError(f"scene '{self.scene.name}' is not scored by a schedule: {expected}")
-        wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        scores = self.scene.evaluate_waves([wave])
-        if wave.outcome != Outcome.PROPAGATED:
-            return scores, np.empty(0), np.empty((0, self.dimension))
-        gradients = [wave.pullback(unit) for unit in np.eye(pairs + 1)[1:]]
-        if self.scene.ground is not None:
-            gradients = [self.scene.ground.along_ground(g, wave.layout) for g in gradients]
-        designs = np.repeat(self.check(self.as_batch(design)), pairs, axis=0)
-        by_sizes = ScoreGradient(
-            np.array([g.spacing for g in gradients]),
-            np.array([g.thickness[1:] for g in gradients]),
-            np.array([g.height[1:] for g in gradients]),
-        )
-        gradient = self.design_gradient(designs, self.values(designs), by_sizes)
-        return scores, wave.arrival_times[1:] - tempo.schedule(self.scene.count), gradient
 
     # design vectors and layouts ------------------------------------------------------------------
 
