@@ -1,4 +1,4 @@
-"""Options and exit codes of the commands whose results are stored in a study."""
+"""Options of the commands that search, and exit codes of those that store a study."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options
 from domino_env.core.files import amount, require_unused, require_writable
-from optimize.executors import add_executor_options, open_executor
+from optimize.executors import open_executor
 
 if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
@@ -46,6 +46,19 @@ def add_limit_options(
         parser,
         ("budget", NATURAL, "N", None, f"evaluations of {run} at most ({budget})"),
         ("seconds", SECONDS, "S", None, time),
+    )
+
+
+def add_executor_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options --workers and --dask."""
+    group = parser.add_argument_group(
+        "executor", "processes that do the work (this one); the results are the same"
+    )
+    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
+    add_options(
+        group,
+        ("workers", NATURAL, "N", None, "number of processes"),
+        ("dask", str, "ADDRESS", None, f'{dask} (extra "dist", docs/studies.md)'),
     )
 
 

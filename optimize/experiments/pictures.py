@@ -33,8 +33,8 @@ DASH = np.array([-0.1, 0.0, 0.1, np.nan])  # places of a value that is not a num
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
-CLOCK_NAMES = {"seconds": "processor seconds", "evaluations": "environment steps"}
-EARLIEST = {"seconds": 1e-2, "evaluations": 10.0}  # first time that is drawn, on each clock
+CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
+EARLIEST = {"seconds": 1e-2, "steps": 10.0}  # first time that is drawn, on each clock
 
 
 def draw_curves(

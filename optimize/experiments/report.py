@@ -14,12 +14,11 @@ from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table, write_csv
 from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study
-from optimize.experiments.task import describe_labels, read_scene
+from optimize.experiments.task import TRACE_COLUMNS, describe_labels, read_scene
 
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
-TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
 PAGE = """# {title}
 
 {runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
@@ -39,10 +38,10 @@ def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
     steps = (
         (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
         for r in experiment.results
-        for n, falls, seconds, score in r.trace
+        for n, falls, seconds, score in zip(*map(r.trace.get, TRACE_COLUMNS), strict=True)
     )
     write_runs(experiment, folder / "runs.csv")
-    write_csv(folder / "traces.csv", TRACE_COLUMNS, steps)
+    write_csv(folder / "traces.csv", ("scene", "method", "seed", *TRACE_COLUMNS), steps)
     draw_over_time(experiment, folder / "gaps.png")
     write_text(folder / "comparison.md", page(experiment, "Methods compared", "gaps.png"))
     return COMPARISON_FILES
@@ -75,7 +74,7 @@ def write_runs(experiment: Experiment, path: Path) -> None:
         (
             r.scene_name, *r.labels.values(), r.method, r.seed, r.score, r.uniform_score, r.gain,
             experiment.shortfall(r), experiment.time_to(r, 1e-2), experiment.time_to(r, 1e-3),
-            r.outcome, r.mean_speed, r.evaluations, r.falls, r.seconds, r.key,
+            r.outcome, r.mean_speed, r.work["evaluations"], r.work["falls"], r.seconds, r.key,
         )
         for r in experiment.results
     )  # fmt: skip
@@ -145,7 +144,7 @@ def table(experiment: Experiment, problems: Sequence[str]) -> list[str]:
                 f"{criterion.displayed(runs[0].uniform_score):.5f}",
                 *[gain, shortfall][: len(relative)],
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
-                f"{np.median([r.evaluations for r in runs]):.0f}",
+                f"{np.median([r.work['evaluations'] for r in runs]):.0f}",
             ))  # fmt: skip
     note = ["", f"{len(lines) - MAX_LINES} more: the CSV file has all results."]
     return markdown_table(names, lines[:MAX_LINES]) + (note if len(lines) > MAX_LINES else [])

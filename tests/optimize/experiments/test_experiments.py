@@ -58,7 +58,7 @@ def test_a_shortfall_is_reached_at_its_time_and_not_before(compared):
                 times = np.array([time * (1.0 - 1e-9), time])
                 earlier, reached = compared.shortfalls(result, times)
                 assert reached <= shortfall * (1.0 + 1e-9)
-                assert earlier > shortfall or time == result.trace[0][2]
+                assert earlier > shortfall or time == result.trace["seconds"][0]
             else:
                 assert compared.shortfalls(result, np.array([1e9]))[0] > shortfall
 
@@ -70,7 +70,7 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
         assert (float(line["score"]), float(line["gain"])) == (result.score, result.gain)
         assert "seconds_to_1_percent" in line
     steps = read_csv(tmp_path / "traces.csv")
-    assert len(steps) == sum(len(r.trace) for r in compared.results)
+    assert len(steps) == sum(len(r.trace["score"]) for r in compared.results)
     lines = report.table(compared, ["spacing"])[2:]
     medians = {line.split("|")[1].strip(): float(line.split("|")[2]) for line in lines}
     assert list(medians.values()) == sorted(medians.values(), reverse=True)
