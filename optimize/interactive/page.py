@@ -14,7 +14,6 @@ import numpy as np
 import panel as pn
 from bokeh.models import Range1d
 
-from domino_env.cli.simulate import noise_summary, placement_noise, rigid_summary
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
@@ -24,9 +23,10 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.comparison import ComparedLayout, headline
 from domino_env.view.report import UNIFORM_NAME
-from optimize.interactive.design import SPACING, THICKNESS, Design, known_best
+from domino_env.view.summaries import noise_summary, placement_noise, rigid_summary
+from optimize.interactive.design import SPACING, THICKNESS, StudioDesign, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
-from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
+from optimize.interactive.figures import MM, TITLES, ChainPicture, Curve, set_view
 from optimize.interactive.jobs import improvement_method, run_search
 from optimize.methods.registry import Method
 
@@ -142,7 +142,7 @@ class Page:
         Panel object of the page; its figures and widgets are the other public attributes.
     """
 
-    def __init__(self, design: Design, schedule: Schedule) -> None:
+    def __init__(self, design: StudioDesign, schedule: Schedule) -> None:
         self.design, self._schedule = design, schedule
         self._pending: dict[Callable[..., None], Any] = {}  # arguments of scheduled calls
         self._stop_event: threading.Event | None = None  # stops the running search; None: no search
@@ -152,7 +152,7 @@ class Page:
         self._waves: list[Wave] = []  # of the design, and of the layout that it is compared with
         self._motions: list[Motion] = []  # of these waves; empty until the player is used
         self._view = Range1d(-1.0, 1.0)
-        self.chain, self.compared = Chain(self._view), Chain(self._view)
+        self.chain, self.compared = ChainPicture(self._view), ChainPicture(self._view)
         self.chain.figure.title.text = "Your layout"
         self.curves = {quantity: Curve(self._view, quantity) for quantity in TITLES}
         for quantity in (SPACING, THICKNESS):
@@ -420,7 +420,7 @@ class Page:
     # from the page to the design ----------------------------------------------------------------
 
     def drag(self, quantity: str, index: int, value: float) -> None:
-        """Change a gap or a thickness and show the design; see `Design.drag` for the arguments."""
+        """Change a gap or a thickness, see `StudioDesign.drag`, and show the design."""
         self.design.drag(quantity, index, value)
         self._redraw()
 

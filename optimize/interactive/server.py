@@ -11,7 +11,7 @@ from typing import Any
 from domino_env.core.checks import require, require_extra, require_type
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.interactive.design import Design
+from optimize.interactive.design import StudioDesign
 from optimize.interactive.exchange import KEY, MAX_UPLOAD, open_design, read_link
 from optimize.searching import compile_simulations
 
@@ -51,9 +51,9 @@ class Studio:
         Address of the page; empty while it is not served.
     """
 
-    def __init__(self, design: Design, port: int = 0) -> None:
+    def __init__(self, design: StudioDesign, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
-        require_type("design", design, Design, "a Design; studio(scene) makes one")
+        require_type("design", design, StudioDesign, "a StudioDesign; studio(scene) makes one")
         self.design, self.url = design, ""
         self._port, self._first_step = port, design.first_step
 
@@ -124,7 +124,7 @@ class Studio:
         from optimize.interactive.page import Page
 
         document: Any = pn.state.curdoc
-        self.design, message = Design(*self._first_step), ""
+        self.design, message = StudioDesign(*self._first_step), ""
         try:
             if link := (pn.state.session_args or {}).get(KEY):
                 self.design = read_link(link[0].decode())
