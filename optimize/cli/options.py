@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -138,18 +138,14 @@ def run_study(
     kind: str,
     default: str,
     tasks: Sequence[Task],
-    write: Callable[[Experiment, Path], Sequence[str]],
     **options: Any,
 ) -> int:
-    """Run the tasks of a command in a study, and write the report.
+    """Run the tasks of a command in a study, write the report, and print tables of a comparison.
 
     Parameters
     ----------
     arguments, kind, default, tasks
         See `open_study`. Without ``--out`` the report is written to runs/STUDY.
-    write
-        Function that writes the report of an experiment into a folder and returns the names of its
-        files.
     **options
         Further arguments of `run_experiment`.
 
@@ -167,6 +163,7 @@ def run_study(
     KeyboardInterrupt
         If the experiment was interrupted; the message has the number of complete runs.
     """
+    from optimize.experiments.report import table, write
     from optimize.experiments.runner import run_experiment
 
     # the executor is opened first: if it does not answer, no empty study is created
@@ -182,6 +179,10 @@ def run_study(
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options
             )
+            if kind == "comparison":
+                for problem in experiment.problems:
+                    print("", problem, *table(experiment, [problem]), sep="\n")
+                print()
             files = ", ".join(write(experiment, folder))
             print(f"{amount(len(experiment.results), 'result')}; written to {folder}: {files}")
             return exit_code(experiment)

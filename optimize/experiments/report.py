@@ -14,10 +14,11 @@ from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table, write_csv
 from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study
-from optimize.experiments.task import TRACE_COLUMNS, describe_labels, read_scene
+from optimize.experiments.task import TRACE_COLUMNS, describe_labels
 
+# page, runs, further tables, picture
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
-SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
+SWEEP_FILES: Sequence[str] = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
 PAGE = """# {title}
 
@@ -31,32 +32,28 @@ came this close to it.{note}
 SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
 
 
-def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, tables and picture of a comparison to a folder; return their names."""
-    from optimize.experiments.pictures import draw_over_time
+def write(experiment: Experiment, folder: Path) -> Sequence[str]:
+    """Write the page, tables and picture of a comparison or a sweep; return the files' names."""
+    from optimize.experiments.pictures import draw_over_settings, draw_over_time
 
-    steps = (
-        (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
-        for r in experiment.results
-        for n, falls, seconds, score in zip(*map(r.trace.get, TRACE_COLUMNS), strict=True)
-    )
-    write_runs(experiment, folder / "runs.csv")
-    write_csv(folder / "traces.csv", ("scene", "method", "seed", *TRACE_COLUMNS), steps)
-    draw_over_time(experiment, folder / "gaps.png")
-    write_text(folder / "comparison.md", page(experiment, "Methods compared", "gaps.png"))
-    return COMPARISON_FILES
-
-
-def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, table and picture of a sweep to a folder; return their names."""
-    from optimize.experiments.pictures import draw_over_settings
-
-    scene = read_scene(experiment.tasks[0].scene)
-    title = f"{scene.name}, swept over {', '.join(experiment.keys)}"
-    write_runs(experiment, folder / "sweep.csv")
-    draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.criterion)
-    write_text(folder / "sweep.md", page(experiment, title, "sweep.png"))
-    return SWEEP_FILES
+    if experiment.keys:
+        names = SWEEP_FILES
+        scene = experiment.results[0].scene_name
+        title = f"{scene}, swept over {', '.join(experiment.keys)}"
+        draw_over_settings(experiment, folder / names[-1])
+    else:
+        names, title = COMPARISON_FILES, "Methods compared"
+        draw_over_time(experiment, folder / names[-1])
+        entries = (
+            (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
+            for r in experiment.results
+            for n, falls, seconds, score in zip(*map(r.trace.get, TRACE_COLUMNS), strict=True)
+        )
+        columns = ("scene", "method", "seed", *TRACE_COLUMNS)
+        write_csv(folder / names[2], columns, entries)
+    write_runs(experiment, folder / names[1])
+    write_text(folder / names[0], page(experiment, title, names[-1]))
+    return names
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
