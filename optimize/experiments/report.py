@@ -20,15 +20,7 @@ from optimize.experiments.task import TRACE_COLUMNS, describe_labels
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES: Sequence[str] = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
-PAGE = """# {title}
-
-{runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
-*shortfall* from the best known; *to 1 %* and *to 0.1 %* are the {clock} until the score of a run \
-came this close to it.{note}
-
-![{title}]({picture})
-{sections}
-"""
+PAGE = Path(__file__).with_name("report_page.md")  # template of the page
 SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
 
 
@@ -103,7 +95,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
         sections += ["", f"## {problem}", "", text, ""]
         sections += table(experiment, [problem])
     sections += failures_section(experiment)
-    return PAGE.format(
+    return PAGE.read_text("utf-8").format(
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
         clock="seconds" if experiment.clock == "seconds" else "layouts simulated",

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,13 +36,7 @@ MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an ad
 FLOOR_SECONDS = 30.0  # [s] that the search of a uniform baseline on a floor may take
 UNIFORM_DELAY = 0.3  # [s] without a change of the scene before its uniform baseline is computed
 WIDE = {"sizing_mode": "stretch_width"}
-STYLE = """
-h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
-.numbers { display: flex; flex-wrap: wrap; gap: 4px 28px; font-size: 13px; color: #5c636d; }
-.numbers b { font-size: 20px; color: #1d2126; }
-.message { padding: 10px 16px; font-size: 14px; background: #fff; border-top: 2px solid #5c636d; }
-.error { color: #b03a00; border-color: #b03a00; }
-"""
+STYLE = Path(__file__).with_name("page.css").read_text("utf-8")
 # at the bottom of the window, visible wherever the page is scrolled
 FOOT = {"position": "fixed", "bottom": "0", "left": "0", "z-index": "9"}
 NOTHING, KEPT = "nothing", "kept layout"  # choices of "Compare with"

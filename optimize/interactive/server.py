@@ -20,15 +20,7 @@ CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
 CHECKS_WITHOUT_TAB = 2  # after so many in a row the server ends; a tab that reloads misses one
 CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
 HEIGHT = 1200  # [px] of the page in a notebook
-TEMPLATE = """
-{% extends base %}
-{% block postamble %}
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto;
-padding: 8px 20px 80px 8px; max-width: 1500px; }</style>
-{% endblock %}
-{% block contents %}{{ embed(roots.page) }}{% endblock %}
-"""
+TEMPLATE = Path(__file__).with_name("template.html")  # of the document that contains the page
 
 
 class Studio:
@@ -133,7 +125,7 @@ class Studio:
         page = Page(self.design, document.add_next_tick_callback)
         page.notify(message, "error")
         pn.state.on_session_destroyed(lambda _: page.stop())
-        template = pn.Template(TEMPLATE)
+        template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
         return template
 

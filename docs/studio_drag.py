@@ -1,4 +1,4 @@
-"""Benchmark of a drag on the server: ``python -m optimize.interactive.bench``."""
+"""Print the median time of a drag on the server of the studio: python docs/studio_drag.py."""
 
 from __future__ import annotations
 
