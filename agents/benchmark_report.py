@@ -11,13 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agents.benchmark import (
-    TRACE_POINTS,
-    best_known_score,
-    is_learner,
-    read_target,
-    target_hash,
-)
+from agents.benchmark import TRACE_POINTS, best_known_score, is_learner, read_target, target_hash
 from agents.scripted import SCRIPTED
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
@@ -65,7 +59,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
             round(float(experiment.normalise(r, r.score)), 5),
             *(r.work.get(name, 0) for name in WORK), round(r.seconds, 4),
-            experiment.seconds_past_uniform(r), r.key, target_hash(read_target(r.scene)),
+            round(experiment.seconds_past_uniform(r), 4), r.key, target_hash(read_target(r.scene)),
             json.dumps(r.versions), _trace_text(r.trace),
         )
         for r in experiment.results

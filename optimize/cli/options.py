@@ -134,11 +134,7 @@ def open_study(
 
 
 def run_study(
-    arguments: argparse.Namespace,
-    kind: str,
-    default: str,
-    tasks: Sequence[Task],
-    **options: Any,
+    arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task], **options: Any
 ) -> int:
     """Run the tasks of a command in a study, write the report, and print tables of a comparison.
 

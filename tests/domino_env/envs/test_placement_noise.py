@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from env_scenes import size_of
 
-from domino_env import (
-    DominoChain,
-    DominoChainVector,
-    DominoLayoutVector,
-    Placement,
-    load_scene,
-)
+from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Placement, load_scene
 from domino_env.envs.vector import RTOL
 from domino_env.scenes.placement import LEAST_GAP
 
