@@ -1,8 +1,8 @@
 """Entry point of the `domino` command, outside the packages.
 
 Importing `domino_env` loads Gymnasium to register the environments, which takes longer than
-everything else in `domino --help`. Commands need no registered environments: if this module is
-loaded first, the package does not register them.
+everything else in `domino --help`. Commands need no registered environments: the variable
+DOMINO_COMMAND of the process tells the package not to register them.
 """
 
 import os
@@ -15,6 +15,7 @@ def main() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # until `main` sets a handler, Ctrl-C ends the process without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.environ["DOMINO_COMMAND"] = "1"
     from domino_env.cli.main import main
 
     code = main()

@@ -37,9 +37,8 @@ from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import parse_document
 from domino_env.scenes.pool import load_test_set
-from optimize.evaluator import TraceEntry
 from optimize.experiments.compare import known_score, require_distinct
-from optimize.experiments.task import Task, TaskResult, digest, read_scene
+from optimize.experiments.task import Task, TaskResult, Trace, digest, read_scene
 from optimize.methods import registry
 from optimize.searching import compile_simulations
 
@@ -61,9 +60,9 @@ class BenchmarkTask(Task):
     """Run of a benchmark.
 
     `method` is an algorithm of `domino train`, a third-party algorithm, a scripted policy or a
-    search method; `seconds` limits only searches, see `benchmark_tasks`. The `evaluations` of the
-    result are the number of dominoes placed. With a scene distribution, scores are median gains in
-    the test set, the score of the uniform baseline is 0, and there is no layout.
+    search method; `seconds` limits only searches, see `benchmark_tasks`. All results have the
+    clocks "steps" and "seconds". With a scene distribution, scores are median gains in the test
+    set, the score of the uniform baseline is 0, and there is no layout.
 
     Attributes
     ----------
@@ -119,7 +118,7 @@ class BenchmarkTask(Task):
         Returns
         -------
         TaskResult
-            Result of the run, whose `evaluations` are dominoes placed.
+            Result of the run.
 
         Raises
         ------
@@ -146,15 +145,17 @@ class BenchmarkTask(Task):
                 evaluation = np.array([_gain(rollout.gain) for rollout in rollouts])
             placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)  # dominoes
             work = {"simulations": sum(rollout.simulations for rollout in rollouts)}
-            return self._evaluation_result(evaluation, [(placed, placed, seconds, np.nan)], work)
+            trace = {"steps": [placed], "seconds": [seconds], "score": [np.nan]}
+            return self._evaluation_result(evaluation, trace, work)
         if not isinstance(target, Scene):
             return self._search_all(scenes)
         result = super().run(clock)
-        placed = target.count - 1
-        trace = [(placed * n, falls, t, score) for n, falls, t, score in result.trace]
-        return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])
+        steps = [(target.count - 1) * number for number in result.trace["evaluations"]]
+        return msgspec.structs.replace(
+            result, trace=result.trace | {"steps": steps}, work=result.work | {"steps": steps[-1]}
+        )
 
-    def _train(self) -> tuple[ScenePolicy, list[TraceEntry], Mapping[str, int]]:
+    def _train(self) -> tuple[ScenePolicy, Trace, Mapping[str, int]]:
         """Train; return the policy, its learning curve, and counts such as "simulations"."""
         if self.method not in ALGORITHMS:
             return train_third_party(self.method, self.target, self.steps, self.seed)
@@ -173,7 +174,7 @@ class BenchmarkTask(Task):
         return ScenePolicy.load(folder), learning_curve(folder), work
 
     def _evaluation_result(
-        self, evaluation: Rollout | Floats, trace: list[TraceEntry], work: Mapping[str, int]
+        self, evaluation: Rollout | Floats, trace: Trace, work: Mapping[str, int]
     ) -> TaskResult:
         """Return the result of a policy from its layout, or from its gains in a test set.
 
@@ -185,7 +186,7 @@ class BenchmarkTask(Task):
         else:
             score = gain = float(np.median(evaluation))
             uniform, wave = 0.0, None
-        trace[-1] = (*trace[-1][:3], score)
+        trace["score"][-1] = score
         return self.make_result(trace, score, uniform, gain, wave, **work)
 
     def software_versions(self) -> dict[str, str]:
@@ -203,22 +204,26 @@ class BenchmarkTask(Task):
             Task(scene.to_toml(), self.method, self.seed, None, limit).run(clock=time.process_time)
             for scene in scenes
         ]
-        traces = [np.array(result.trace) for result in results]
-        ends = [trace[-1, 2] for trace in traces]
-        first, last = max(trace[0, 2] for trace in traces), max(ends)
+        names = "evaluations", "seconds", "score"
+        traces = [np.array([result.trace[name] for name in names]).T for result in results]
+        ends = [trace[-1, 1] for trace in traces]
+        first, last = max(trace[0, 1] for trace in traces), max(ends)
         uniform = np.array([result.uniform_score for result in results])
         pairs = np.array([scene.count - 1 for scene in scenes])
-        entries: list[TraceEntry] = []
+        entries: list[tuple[int, float, float]] = []
         # the logarithmic scale starts above 0 [s]
         for elapsed in np.geomspace(max(first, 1e-6), max(last, 1e-6), TRACE_POINTS):
-            latest = np.array([t[np.searchsorted(t[:, 2], elapsed, "right") - 1] for t in traces])
-            gain = float(np.median(np.maximum(latest[:, 3] / uniform - 1.0, STOPPED_GAIN)))
-            placed, falls = int(latest[:, 0] @ pairs), int(latest[:, 1].sum())
-            entries.append((placed, falls, float(np.minimum(elapsed, ends).sum()), gain))
+            latest = np.array([t[np.searchsorted(t[:, 1], elapsed, "right") - 1] for t in traces])
+            gain = np.median(np.maximum(latest[:, 2] / uniform - 1.0, STOPPED_GAIN))
+            entries.append((int(latest[:, 0] @ pairs), np.minimum(elapsed, ends).sum(), gain))
         score = float(np.median([_gain(result.gain) for result in results]))
-        names = "simulations", "gradients"
-        counts = {name: sum(getattr(result, name) for result in results) for name in names}
-        return self.make_result(entries, score, 0.0, score, None, **counts)
+        steps, seconds, scores = zip(*entries, strict=True)
+        trace = {"steps": steps, "seconds": seconds, "score": scores}
+        work = {
+            name: sum(result.work[name] for result in results)
+            for name in ("simulations", "gradients")
+        }
+        return self.make_result(trace, score, 0.0, score, None, **work)
 
 
 def benchmark_tasks(
@@ -287,25 +292,25 @@ def is_learner(name: str) -> bool:
     return name in ALGORITHMS or load_fit(name) is not None
 
 
-def learning_curve(folder: Path) -> list[TraceEntry]:
-    """Read the learning curve of a training in the form of the trace of a search.
+def learning_curve(folder: Path) -> Trace:
+    """Read the learning curve of a training, see `TaskResult.trace`.
 
     Returns
     -------
-    list of tuple
-        (dominoes placed, intervals simulated, processor time [s], score of the best policy so far)
-        at every change of the score and at the end. If scenes are sampled, the score is that in the
+    dict
+        Dominoes placed, "steps", processor "seconds", and "score" of the best policy so far, at
+        every change of the score and at the end. If scenes are sampled, the score is that in the
         test set.
     """
     with (folder / PROGRESS).open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    trace: list[TraceEntry] = []
-    for line in lines:
-        steps = int(float(line["steps"]))
-        score, seconds = float(line["test_score"]), float(line["processor_seconds"])
-        if not trace or score != trace[-1][3] or line is lines[-1]:
-            trace.append((steps, steps, seconds, score))
-    return trace
+    scores, last = [line["test_score"] for line in lines], len(lines) - 1
+    changes = [line for k, line in enumerate(lines) if k in (0, last) or scores[k] != scores[k - 1]]
+    return {
+        "steps": [int(float(line["steps"])) for line in changes],
+        "seconds": [float(line["processor_seconds"]) for line in changes],
+        "score": [float(line["test_score"]) for line in changes],
+    }
 
 
 @lru_cache(8)  # more than the default targets of a benchmark

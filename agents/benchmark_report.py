@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
-from agents import benchmark
-from agents.benchmark import Target, best_known_score, is_learner, read_target, target_hash
+from agents.benchmark import TRACE_POINTS, best_known_score, is_learner, read_target, target_hash
 from agents.scripted import SCRIPTED
-from domino_env import Scene
-from domino_env.core.files import errors_with_path, write_text
+from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
-from domino_env.scenes.distribution import load_any
 from optimize.experiments import estimates
 from optimize.experiments.experiment import Experiment, best_of_problems
 from optimize.experiments.report import failures_section
-from optimize.experiments.task import TaskResult
+from optimize.experiments.task import TaskResult, Trace
 
 RUNS, REPORT, INTERVALS = "benchmark.csv", "benchmark.md", "benchmark-reached.png"
 # pictures of scores over processor time and over dominoes placed
-OVER_CLOCK = {"seconds": "benchmark-seconds.png", "evaluations": "benchmark-steps.png"}
+OVER_CLOCK = {"seconds": "benchmark-seconds.png", "steps": "benchmark-steps.png"}
 FILES = REPORT, RUNS, INTERVALS, *OVER_CLOCK.values()
 TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
+WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 COLUMNS = (
-    "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", "steps",
-    "simulations", "gradients", "updates", "processor_seconds", "seconds_past_uniform", "key",
-    "scene_hash", "versions", "trace",
+    "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", *WORK,
+    "processor_seconds", "seconds_past_uniform", "key", "scene_hash", "versions", "trace",
 )  # fmt: skip
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 # text of the section of a scene distribution
@@ -59,14 +54,13 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     """
     from optimize.experiments.pictures import draw_intervals, draw_over_clock
 
-    experiment = replace(experiment, results=tuple(map(_shorten, experiment.results)))
     lines = (
         (
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
-            round(float(experiment.normalise(r, r.score)), 5), r.evaluations, r.simulations,
-            r.gradients, r.updates, r.seconds, experiment.seconds_past_uniform(r), r.key,
-            target_hash(read_target(r.scene)), json.dumps(r.versions),
-            json.dumps([(steps, seconds, score) for steps, _, seconds, score in r.trace]),
+            round(float(experiment.normalise(r, r.score)), 5),
+            *(r.work.get(name, 0) for name in WORK), round(r.seconds, 4),
+            round(experiment.seconds_past_uniform(r), 4), r.key, target_hash(read_target(r.scene)),
+            json.dumps(r.versions), _trace_text(r.trace),
         )
         for r in experiment.results
     )  # fmt: skip
@@ -78,80 +72,19 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
         draw_over_clock(experiment, clock, folder / picture, learning)
 
 
-def _shorten(result: TaskResult) -> TaskResult:
-    """Return a result with the trace entries and digits that the table of runs has.
-
-    The table has no numbers of simulated intervals: they are 0.
-    """
-    trace = result.trace
-    indices = np.unique(np.linspace(0, len(trace) - 1, benchmark.TRACE_POINTS).round().astype(int))
-    points = [trace[i] for i in indices]
-    return msgspec.structs.replace(
-        result, seconds=round(result.seconds, 4),
-        trace=[(n, 0, round(t, 4), float(f"{score:.7g}")) for n, _, t, score in points],
-    )  # fmt: skip
+def _trace_text(trace: Trace) -> str:
+    """Return at most `TRACE_POINTS` entries of a trace: [steps, seconds, score], as JSON."""
+    entries = list(zip(trace["steps"], trace["seconds"], trace["score"], strict=True))
+    indices = np.unique(np.linspace(0, len(entries) - 1, TRACE_POINTS).round().astype(int))
+    chosen = [entries[i] for i in indices]
+    return json.dumps([(n, round(t, 4), float(f"{score:.7g}")) for n, t, score in chosen])
 
 
-def read_runs(path: Path, targets: Iterable[Target] = ()) -> list[TaskResult]:
-    """Read the results in a table of runs, except those of scenes that have changed.
+def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
+    """Return an experiment with the stored runs of its study added.
 
-    Parameters
-    ----------
-    path
-        The file; if it does not exist, there are no results.
-    targets
-        Scenes and scene distributions that are not shipped.
-
-    Returns
-    -------
-    list of TaskResult
-        Results without layouts and numbers of simulated intervals; empty if there is no file.
-
-    Raises
-    ------
-    ValueError
-        If the file is not a table of runs of this version, or names an unknown scene.
-    """
-    if not path.exists():
-        return []
-    by_name = {target.name: target for target in targets}
-    results = list[TaskResult]()
-    with path.open(newline="", encoding="utf-8") as file, errors_with_path(path):
-        lines = csv.DictReader(file)
-        if tuple(lines.fieldnames or ()) != COLUMNS:
-            raise ValueError(
-                "not a table of runs of this version: move it, or use another folder (--out)"
-            )
-        for line in lines:
-            name = line["scene"]
-            if name not in by_name:
-                by_name[name] = load_any(name)
-            if line["scene_hash"] == target_hash(by_name[name]):
-                results.append(_result(line, by_name[name].to_toml()))
-    return results
-
-
-def _result(line: Mapping[str, str], scene: str) -> TaskResult:
-    """Return the result in a line of the table of runs."""
-    score, uniform = float(line["score"]), float(line["uniform"])  # 0 if scenes are sampled
-    target = read_target(scene)
-    gain = target.gain(score, uniform) if isinstance(target, Scene) else score
-    trace = [(n, 0, seconds, value) for n, seconds, value in json.loads(line["trace"])]
-    return TaskResult(
-        key=line["key"], scene_name=line["scene"], method=line["algorithm"], seed=int(line["seed"]),
-        score=score, uniform_score=uniform, gain=gain,
-        outcome="", mean_speed=0.0, spacing=(), thickness=(), height=(),
-        evaluations=int(line["steps"]), falls=0, seconds=float(line["processor_seconds"]),
-        trace=trace, versions=json.loads(line["versions"]), scene=scene,
-        simulations=int(line["simulations"]), gradients=int(line["gradients"]),
-        updates=int(line["updates"]),
-    )  # fmt: skip
-
-
-def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
-    """Return an experiment with stored runs added.
-
-    Its own runs replace stored runs of the same scene, method and seed.
+    Its own runs, or later ones, replace those of the same scene, method and seed. Runs on an
+    earlier scene of the same name are left out.
 
     Raises
     ------
@@ -159,10 +92,12 @@ def merge_runs(stored: Iterable[TaskResult], experiment: Experiment | None = Non
         If there is no run.
     """
     experiment = experiment or Experiment((), (), {})
-    runs = {(r.scene_name, r.method, r.seed): r for r in (*stored, *experiment.results)}
-    results = tuple(runs.values())
-    if not results:
+    runs = [*stored, *experiment.results]
+    if not runs:
         raise ValueError("no run has a result yet: leave out --page")
+    scenes = {run.scene_name: run.scene for run in runs}
+    latest = {(r.scene, r.method, r.seed): r for r in runs if r.scene == scenes[r.scene_name]}
+    results = tuple(latest.values())
     best = best_of_problems(results, best_known_score, fixed=True)
     return replace(experiment, results=results, best=best)
 
@@ -255,15 +190,13 @@ def table(
 
 def _work_table(experiment: Experiment) -> list[str]:
     """Return a table of the medians of steps, simulations, updates and times of each algorithm."""
-    names = ("algorithm", "steps", "simulations", "gradients", "updates", "processor time")
     lines = []
     for name in experiment.methods:
         runs = experiment.runs(name)
-        counts = ((r.evaluations, r.simulations, r.gradients, r.updates) for r in runs)
-        medians = np.median(list(counts), axis=0)
+        medians = [np.median([r.work.get(count, 0) for r in runs]) for count in WORK]
         seconds = float(np.median([r.seconds for r in runs]))
         lines.append((f"`{name}`", *(f"{n:,.0f}" for n in medians), _seconds_text(seconds)))
-    return list(markdown_table(names, lines))
+    return list(markdown_table(("algorithm", *WORK, "processor time"), lines))
 
 
 def _improvement_table(experiment: Experiment) -> list[str]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from agents.policy import ScenePolicy
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.types import Singles
-from optimize.evaluator import TraceEntry
+from optimize.experiments.task import Trace
 from optimize.methods import registry
 
 Fit = Callable[[Callable[[], DominoChain], int, int], Any]
@@ -78,7 +78,7 @@ def load_fit(name: str) -> Fit | None:
 
 def train_third_party(
     name: str, target: Scene | SceneDistribution, steps: int | None, seed: int
-) -> tuple[ScenePolicy, list[TraceEntry], dict[str, int]]:
+) -> tuple[ScenePolicy, Trace, dict[str, int]]:
     """Train with a third-party algorithm.
 
     Parameters
@@ -96,10 +96,10 @@ def train_third_party(
     -------
     policy : ScenePolicy
         The policy.
-    trace : list of tuple
-        One entry: the dominoes placed, twice, the processor time [s] with that of ended child
-        processes, and nan for the score, which is not known. As steps in child processes are not
-        counted, the number of dominoes is at least that requested.
+    trace : dict
+        One entry: the "steps", the processor "seconds" with those of ended child processes, and
+        nan for the "score", which is not known. As steps in child processes are not counted, their
+        number is at least that requested.
     work : dict
         Number of simulated layouts, "simulations".
 
@@ -126,5 +126,5 @@ def train_third_party(
         return actions if observations.ndim > 1 else actions[0]
 
     (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
-    trace = [(placed, placed, seconds, np.nan)]
+    trace: Trace = {"steps": [placed], "seconds": [seconds], "score": [np.nan]}
     return ScenePolicy(Path(name), policy, size, target), trace, dict(work)

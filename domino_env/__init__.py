@@ -13,7 +13,7 @@ Names are imported when they are first used. Importing the package registers the
 results, and the environments with Gymnasium.
 """
 
-import sys
+import os
 
 import lazy_loader
 
@@ -25,9 +25,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
-# `_domino_command` is the module of the `domino` command, which uses no registered environments
-# and starts faster without them
-if "_domino_command" not in sys.modules:
+# the `domino` command sets this variable: it uses no registered environments, and starts faster
+# without Gymnasium
+if "DOMINO_COMMAND" not in os.environ:
     from domino_env.envs import register
 
     register()

@@ -8,7 +8,6 @@ bitwise the same in all cases, because a task contains everything that determine
 
 from __future__ import annotations
 
-import argparse
 import logging
 import os
 import signal
@@ -284,18 +283,3 @@ def open_executor(
             yield pool
     else:
         yield None
-
-
-def add_executor_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options --workers and --dask."""
-    from domino_env.cli.options import NATURAL, add_options
-
-    group = parser.add_argument_group(
-        "executor", "processes that do the work (this one); the results are the same"
-    )
-    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
-    add_options(
-        group,
-        ("workers", NATURAL, "N", None, "number of processes"),
-        ("dask", str, "ADDRESS", None, f'{dask} (extra "dist", docs/studies.md)'),
-    )

@@ -44,7 +44,7 @@ def test_a_third_party_algorithm_is_benchmarked(tmp_path, monkeypatch):
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
     fixed, sampled = benchmark_tasks(["sprint", "varied"], ["outside_algorithm:fit"], 1, 320)
     result, again = fixed.run(), fixed.run()
-    assert (result.evaluations, result.simulations) == (320, 8)
+    assert (result.work["steps"], result.work["simulations"]) == (320, 8)
     assert result.score == again.score
     assert load_scene("sprint").score(result.layout) == pytest.approx(result.score)
     assert -1.0 <= sampled.run().score < 0.1

@@ -4,10 +4,10 @@ An algorithm is one of those of `domino train`, a scripted policy (ramp), a sear
 auto) or a third-party algorithm: `package.module:fit` with a function fit(make_env, steps, seed)
 that returns an object with `predict`.
 
-Every result is stored when its run ends. Each training of an algorithm of `domino train` has a
-folder in runs/benchmark. The same command executes missing runs, continues stopped trainings and
-rewrites the page. Runs in the table benchmark.csv of the output folder are not repeated and remain
-on the page. After Ctrl-C the page has all complete runs. Times are processor times.
+Every result is stored in the study when its run ends. Each training of an algorithm of `domino
+train` has a folder in runs/benchmark. The same command executes missing runs, continues stopped
+trainings and rewrites the page, which has all runs of the study, also those of earlier commands.
+After Ctrl-C the page has all complete runs. Times are processor times.
 
 The default scenes are sprint, course, sprint-thickness, ideal, varied, draw and tempo-noise. In
 varied every episode has a new scene, and scores are those in the test set. In draw and tempo-noise
@@ -41,15 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("seconds", SECONDS, "S", None, "processor time of a search [s]; varied: 0.04 S per scene"),
     )
     add_out_option(parser, DEFAULT_FOLDER)
-    add_flags(parser, page="write the page from the table without running anything")
+    add_flags(parser, page="write the page of the study without running anything")
     add_study_options(parser, "benchmark")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Execute missing runs, write the page, print its table; return 1 if a run failed, else 0."""
     from agents.algorithms import ALGORITHMS, require_learning
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, read_target
-    from agents.benchmark_report import FILES, RUNS, merge_runs, read_runs, table, write
+    from agents.benchmark import BASELINES, ENVIRONMENT, SCENES, benchmark_tasks
+    from agents.benchmark_report import FILES, gather, table, write
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
@@ -58,22 +58,16 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, algorithms, arguments.seeds, arguments.steps, arguments.seconds
     )
-    folder = Path(arguments.out)
-    previous = read_runs(folder / RUNS, {read_target(task.scene) for task in tasks})
-    if arguments.page:
-        experiment = merge_runs(previous)
-    else:
-        if {*algorithms} & {*ALGORITHMS}:
-            require_learning()
-        with open_executor(arguments.workers, arguments.dask) as executor:
-            require_writable(folder)
-            study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
-            results = study.results()
-            for result in previous:
-                if result.key not in results:
-                    study.add(result)
+    folder, experiment = Path(arguments.out), None
+    if {*algorithms} & {*ALGORITHMS} and not arguments.page:
+        require_learning()
+    with open_executor(arguments.workers, arguments.dask) as executor:
+        require_writable(folder)
+        settings = {"environment": ENVIRONMENT}
+        study = open_store(arguments.store).begin(arguments.name, "benchmark", settings)
+        if not arguments.page:
             experiment = run_experiment(tasks, executor, study, name="benchmark", progress=None)
-            experiment = merge_runs(previous, experiment)
+    experiment = gather(study.results().values(), experiment)
     write(experiment, folder, _command(arguments))
     print("\n".join(table(experiment)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")

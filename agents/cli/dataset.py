@@ -11,7 +11,8 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import NATURAL, SEED, add_options, folder, number
-from optimize.executors import add_executor_options, open_executor
+from optimize.cli.options import add_executor_options
+from optimize.executors import open_executor
 
 SUMMARY = "write scenes with searched layouts and episodes"
 

@@ -23,7 +23,7 @@ from domino_env.physics.standard import HEIGHT
 from domino_env.physics.steady import steady_wave
 from domino_env.physics.wave import simulate, simulate_batch
 from domino_env.rigid.simulation import simulate_standing
-from domino_env.validation.source import TEMPLATE, Chain, Quantity, Setting, Source
+from domino_env.validation.source import TEMPLATE, MeasuredChain, Quantity, Setting, Source
 
 Effect = Callable[[Setting, float, float], float]
 """Function of setting, pitch [m] and friction: speed with an effect over speed without it."""
@@ -76,7 +76,7 @@ class Comparison:
 
     label: str
     setting: Setting
-    chains: tuple[Chain, ...]
+    chains: tuple[MeasuredChain, ...]
     factors: Floats
     friction: float
     uncertainty: float

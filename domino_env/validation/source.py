@@ -85,7 +85,7 @@ class Setting(Table, frozen=True):  # type: ignore[misc]
         return value if quantity == "speed" else value * self.pitch(x)
 
 
-class Chain(Table):
+class MeasuredChain(Table):
     """Chains of one spacing on one floor, and their measured value.
 
     Attributes
@@ -147,7 +147,7 @@ class Source(Table):
     quantity: Quantity
     unit: str
     setting: Setting
-    chains: Annotated[tuple[Chain, ...], Meta(min_length=1)] = msgspec.field(name="rows")
+    chains: Annotated[tuple[MeasuredChain, ...], Meta(min_length=1)] = msgspec.field(name="rows")
     title: str = ""
     reference: str = ""
     read: str = ""
@@ -235,7 +235,7 @@ class Source(Table):
             readings[str(reading["what"])] = read_model(Setting, own | changes, "instead")
         return readings
 
-    def chains_of(self, setting: Setting) -> tuple[Chain, ...]:
+    def chains_of(self, setting: Setting) -> tuple[MeasuredChain, ...]:
         """Return the chains on the floor of a setting; all chains if it has none."""
         return tuple(chain for chain in self.chains if setting.floor in (None, chain.floor))
 

@@ -17,15 +17,9 @@ them.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from domino_env.cli.options import NATURAL, add_options, add_out_option
 from optimize.cli import options
-
-if TYPE_CHECKING:
-    from optimize.experiments.experiment import Experiment
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0  # [s]
@@ -48,7 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run or continue the comparison, print its tables and write the folder."""
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.compare import known_score, plan_tasks
-    from optimize.experiments.report import table, write_comparison
     from optimize.methods import registry
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
@@ -58,13 +51,4 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.seconds = DEFAULT_SECONDS
     tasks = plan_tasks(scenes, methods, range(arguments.seeds), arguments.budget, arguments.seconds)
     default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
-
-    def write(experiment: Experiment, folder: Path) -> Sequence[str]:
-        for problem in experiment.problems:
-            print("", problem, *table(experiment, [problem]), sep="\n")
-        print()
-        return write_comparison(experiment, folder)
-
-    return options.run_study(
-        arguments, "comparison", default, tasks, write, known_score=known_score
-    )
+    return options.run_study(arguments, "comparison", default, tasks, known_score=known_score)

@@ -1,16 +1,16 @@
-"""Options and exit codes of the commands whose results are stored in a study."""
+"""Options of the commands that search, and exit codes of those that store a study."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options
 from domino_env.core.files import amount, require_unused, require_writable
-from optimize.executors import add_executor_options, open_executor
+from optimize.executors import open_executor
 
 if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
@@ -46,6 +46,19 @@ def add_limit_options(
         parser,
         ("budget", NATURAL, "N", None, f"evaluations of {run} at most ({budget})"),
         ("seconds", SECONDS, "S", None, time),
+    )
+
+
+def add_executor_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options --workers and --dask."""
+    group = parser.add_argument_group(
+        "executor", "processes that do the work (this one); the results are the same"
+    )
+    dask = "tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this machine"
+    add_options(
+        group,
+        ("workers", NATURAL, "N", None, "number of processes"),
+        ("dask", str, "ADDRESS", None, f'{dask} (extra "dist", docs/studies.md)'),
     )
 
 
@@ -121,22 +134,14 @@ def open_study(
 
 
 def run_study(
-    arguments: argparse.Namespace,
-    kind: str,
-    default: str,
-    tasks: Sequence[Task],
-    write: Callable[[Experiment, Path], Sequence[str]],
-    **options: Any,
+    arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task], **options: Any
 ) -> int:
-    """Run the tasks of a command in a study, and write the report.
+    """Run the tasks of a command in a study, write the report, and print tables of a comparison.
 
     Parameters
     ----------
     arguments, kind, default, tasks
         See `open_study`. Without ``--out`` the report is written to runs/STUDY.
-    write
-        Function that writes the report of an experiment into a folder and returns the names of its
-        files.
     **options
         Further arguments of `run_experiment`.
 
@@ -154,6 +159,7 @@ def run_study(
     KeyboardInterrupt
         If the experiment was interrupted; the message has the number of complete runs.
     """
+    from optimize.experiments.report import table, write
     from optimize.experiments.runner import run_experiment
 
     # the executor is opened first: if it does not answer, no empty study is created
@@ -169,6 +175,10 @@ def run_study(
             experiment = run_experiment(
                 tasks, executor, study, name=study.name, progress=None, **options
             )
+            if kind == "comparison":
+                for problem in experiment.problems:
+                    print("", problem, *table(experiment, [problem]), sep="\n")
+                print()
             files = ", ".join(write(experiment, folder))
             print(f"{amount(len(experiment.results), 'result')}; written to {folder}: {files}")
             return exit_code(experiment)

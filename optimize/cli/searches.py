@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli import options
 from domino_env.core.files import amount
-from optimize.cli.options import add_limit_options
-from optimize.executors import add_executor_options, open_executor
+from optimize.cli.options import add_executor_options, add_limit_options
+from optimize.executors import open_executor
 
 if TYPE_CHECKING:
     from optimize.result import SearchResult

@@ -37,11 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check all points, run or continue the searches, and write the folder."""
-    from optimize.experiments.report import write_sweep
     from optimize.experiments.sweep import plan_sweep
 
     tasks = plan_sweep(
         arguments.scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
         arguments.seconds,
     )  # fmt: skip
-    return options.run_study(arguments, "sweep", f"sweep-{tasks[0].scene_name}", tasks, write_sweep)
+    return options.run_study(arguments, "sweep", f"sweep-{tasks[0].scene_name}", tasks)

@@ -16,7 +16,6 @@ from optimize.experiments.estimates import Estimate, improvement, interquartile_
 from optimize.experiments.task import Task, TaskResult
 
 SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
-CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace that measure time
 CURVE_POINTS, SHORTFALL_POINTS = 120, 200  # times of a curve: enough for smooth lines in a panel
 EARLIEST = {"evaluations": 1.0, "seconds": 1e-4}  # least time of the curves of shortfalls
 KnownScore = Callable[[TaskResult], float]
@@ -85,7 +84,7 @@ class Experiment:
 
     @property
     def clock(self) -> str:
-        """Key of `CLOCKS` by which runs are limited; with "evaluations" they are reproducible."""
+        """Clock by which runs are limited; with "evaluations" they are reproducible."""
         return "seconds" if self.tasks[0].budget is None else "evaluations"
 
     def describe_seeds(self, statistic: str) -> str:
@@ -113,10 +112,10 @@ class Experiment:
         result
             Result of the run.
         clock
-            Key of `CLOCKS` for the times; None for that of the limit.
+            Clock of the trace (see `TaskResult`) for the times; None for that of the limit.
         """
-        trace = np.array(result.trace, dtype=np.float64)
-        return trace[:, CLOCKS[clock or self.clock]], trace[:, -1]
+        trace = result.trace
+        return np.array(trace[clock or self.clock]), np.array(trace["score"])
 
     def best_scores(self, result: TaskResult, times: Floats, clock: str | None = None) -> Floats:
         """Return the best scores (T,) of a run at each time; -inf before its first layout.
@@ -128,7 +127,7 @@ class Experiment:
         times
             (T,) times on the clock.
         clock
-            Key of `CLOCKS`; None for that of the limit.
+            Clock of the trace; None for that of the limit.
         """
         step_times, scores = self.best_steps(result, clock)
         last = np.searchsorted(step_times, times, side="right") - 1
@@ -228,7 +227,7 @@ class Experiment:
         method
             Name of the method.
         clock
-            Key of `CLOCKS`.
+            Clock of the trace, which all runs have.
         problem
             Name of a problem; None for all.
         earliest

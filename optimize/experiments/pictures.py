@@ -15,7 +15,6 @@ from domino_env.core import plot_style
 from domino_env.core.colours import BEST_KNOWN, FAINT, UNIFORM
 from domino_env.core.files import amount
 from domino_env.core.types import Floats
-from domino_env.scenes.objectives.base import Objective
 from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label
@@ -33,8 +32,8 @@ DASH = np.array([-0.1, 0.0, 0.1, np.nan])  # places of a value that is not a num
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
-CLOCK_NAMES = {"seconds": "processor seconds", "evaluations": "environment steps"}
-EARLIEST = {"seconds": 1e-2, "evaluations": 10.0}  # first time that is drawn, on each clock
+CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
+EARLIEST = {"seconds": 1e-2, "steps": 10.0}  # first time that is drawn, on each clock
 
 
 def draw_curves(
@@ -132,23 +131,15 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
     draw_curves(path, panels, headings, (clock, "shortfall from the best known"), prepare, best)
 
 
-def draw_over_settings(experiment: Experiment, path: Path, name: str, criterion: Objective) -> None:
+def draw_over_settings(experiment: Experiment, path: Path) -> None:
     """Draw gains or RMS errors in a panel for each setting, over all values of the other settings.
 
-    Of two settings with few values and one method, there is a curve for each value of the other.
-
-    Parameters
-    ----------
-    experiment
-        A sweep.
-    path
-        PNG file.
-    name
-        Name of the scene that was varied.
-    criterion
-        Objective of that scene. If its scores have no unit, `displayed` numbers are drawn.
+    Of two settings with few values and one method, there is a curve for each value of the other. If
+    the scores of the first scene have no unit, `displayed` numbers are drawn.
     """
-    keys, unit = experiment.keys, criterion.unit
+    first = experiment.results[0]
+    keys, criterion = experiment.keys, first.criterion
+    unit = criterion.unit
     quantity = "gain over uniform" if unit else criterion.quantity()
     places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
     groups, methods = experiment.describe_seeds(MEDIANS), experiment.methods
@@ -158,7 +149,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, criterion:
         groups = "medians and range over seeds and the other settings"
     scenes = amount(len(experiment.problems), "scene")
     headings = (
-        f"{name}: {quantity}, over {' and '.join(keys)}",
+        f"{first.scene_name}: {quantity}, over {' and '.join(keys)}",
         f"{scenes}, {experiment.tasks[0].limit} for each search, {groups}",
     )
     points: dict[tuple[str, str], dict[float, list[float]]] = {}  # by panel and curve

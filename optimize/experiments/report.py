@@ -14,50 +14,38 @@ from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table, write_csv
 from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study
-from optimize.experiments.task import describe_labels, read_scene
+from optimize.experiments.task import TRACE_COLUMNS, describe_labels
 
+# page, runs, further tables, picture
 COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
-SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
+SWEEP_FILES: Sequence[str] = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
-TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
-PAGE = """# {title}
-
-{runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
-*shortfall* from the best known; *to 1 %* and *to 0.1 %* are the {clock} until the score of a run \
-came this close to it.{note}
-
-![{title}]({picture})
-{sections}
-"""
+PAGE = Path(__file__).with_name("report_page.md")  # template of the page
 SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
 
 
-def write_comparison(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, tables and picture of a comparison to a folder; return their names."""
-    from optimize.experiments.pictures import draw_over_time
+def write(experiment: Experiment, folder: Path) -> Sequence[str]:
+    """Write the page, tables and picture of a comparison or a sweep; return the files' names."""
+    from optimize.experiments.pictures import draw_over_settings, draw_over_time
 
-    steps = (
-        (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
-        for r in experiment.results
-        for n, falls, seconds, score in r.trace
-    )
-    write_runs(experiment, folder / "runs.csv")
-    write_csv(folder / "traces.csv", TRACE_COLUMNS, steps)
-    draw_over_time(experiment, folder / "gaps.png")
-    write_text(folder / "comparison.md", page(experiment, "Methods compared", "gaps.png"))
-    return COMPARISON_FILES
-
-
-def write_sweep(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, table and picture of a sweep to a folder; return their names."""
-    from optimize.experiments.pictures import draw_over_settings
-
-    scene = read_scene(experiment.tasks[0].scene)
-    title = f"{scene.name}, swept over {', '.join(experiment.keys)}"
-    write_runs(experiment, folder / "sweep.csv")
-    draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.criterion)
-    write_text(folder / "sweep.md", page(experiment, title, "sweep.png"))
-    return SWEEP_FILES
+    if experiment.keys:
+        names = SWEEP_FILES
+        scene = experiment.results[0].scene_name
+        title = f"{scene}, swept over {', '.join(experiment.keys)}"
+        draw_over_settings(experiment, folder / names[-1])
+    else:
+        names, title = COMPARISON_FILES, "Methods compared"
+        draw_over_time(experiment, folder / names[-1])
+        entries = (
+            (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
+            for r in experiment.results
+            for n, falls, seconds, score in zip(*map(r.trace.get, TRACE_COLUMNS), strict=True)
+        )
+        columns = ("scene", "method", "seed", *TRACE_COLUMNS)
+        write_csv(folder / names[2], columns, entries)
+    write_runs(experiment, folder / names[1])
+    write_text(folder / names[0], page(experiment, title, names[-1]))
+    return names
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
@@ -75,7 +63,7 @@ def write_runs(experiment: Experiment, path: Path) -> None:
         (
             r.scene_name, *r.labels.values(), r.method, r.seed, r.score, r.uniform_score, r.gain,
             experiment.shortfall(r), experiment.time_to(r, 1e-2), experiment.time_to(r, 1e-3),
-            r.outcome, r.mean_speed, r.evaluations, r.falls, r.seconds, r.key,
+            r.outcome, r.mean_speed, r.work["evaluations"], r.work["falls"], r.seconds, r.key,
         )
         for r in experiment.results
     )  # fmt: skip
@@ -107,7 +95,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
         sections += ["", f"## {problem}", "", text, ""]
         sections += table(experiment, [problem])
     sections += failures_section(experiment)
-    return PAGE.format(
+    return PAGE.read_text("utf-8").format(
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
         clock="seconds" if experiment.clock == "seconds" else "layouts simulated",
@@ -145,7 +133,7 @@ def table(experiment: Experiment, problems: Sequence[str]) -> list[str]:
                 f"{criterion.displayed(runs[0].uniform_score):.5f}",
                 *[gain, shortfall][: len(relative)],
                 *(time_format.format(t) if np.isfinite(t) else "–" for t in times),
-                f"{np.median([r.evaluations for r in runs]):.0f}",
+                f"{np.median([r.work['evaluations'] for r in runs]):.0f}",
             ))  # fmt: skip
     note = ["", f"{len(lines) - MAX_LINES} more: the CSV file has all results."]
     return markdown_table(names, lines[:MAX_LINES]) + (note if len(lines) > MAX_LINES else [])

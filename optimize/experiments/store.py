@@ -248,8 +248,9 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
 def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, and return their number.
 
-    The columns are the name of the study, the fields of `TaskResult`, in SI units, and one for each
-    label (``label.NAME`` if another column has that name). A CSV file has lists as JSON.
+    The columns are the name of the study, the fields of `TaskResult`, in SI units, each count of
+    its ``work``, each column of its trace (``trace.NAME``), and each label (``label.NAME`` if
+    another column has that name). A CSV file has lists as JSON.
 
     Raises
     ------
@@ -309,6 +310,7 @@ def best_result(study: Study, name: str) -> TaskResult:
 def _cells(study: str, result: TaskResult) -> dict[str, Any]:
     """Return the cells of a result by column."""
     cells = {"study": study} | msgspec.structs.asdict(result)
-    labels = cells.pop("labels")
-    cells["versions"] = json.dumps(result.versions)
+    labels, work, trace = (cells.pop(name) for name in ("labels", "work", "trace"))
+    cells |= work | {"versions": json.dumps(result.versions)}
+    cells |= {f"trace.{name}": column for name, column in trace.items()}
     return cells | {f"label.{k}" if k in cells else k: value for k, value in labels.items()}

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
 
 from domino_env.core.checks import require, require_type
 from domino_env.core.files import amount
@@ -20,12 +22,14 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.objectives.base import Objective
 from domino_env.scenes.scene import Scene
-from optimize.evaluator import GRADIENT_COST, Evaluator, TraceEntry
+from optimize.evaluator import GRADIENT_COST, Evaluator
 from optimize.searching import compile_simulations, search, with_baseline
 
 Label = float | int | str
 Sizes = tuple[float, ...]
+Trace = dict[str, list[int | float]]
 
+TRACE_COLUMNS = ("evaluations", "falls", "seconds", "score")  # of the trace of a search
 CACHED_SCENES = 32  # of each process, with their uniform baselines: several tasks share a scene
 
 
@@ -50,14 +54,15 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     spacing, thickness, height
         Gaps (N-1,), thicknesses (N,) and heights (N,) of the best layout [m]; empty if there is
         none.
-    evaluations, falls, seconds
-        Number of scored layouts (in the benchmark of `agents`: of placed dominoes), number of
-        simulated intervals between hits, and time [s].
+    seconds
+        Time [s].
+    work
+        Counts of the run by name, those that it has: "evaluations", scored layouts; "falls",
+        simulated intervals between hits; "steps", placed dominoes; "simulations", simulated
+        layouts; "gradients", those that were simulated with their gradient; "updates" of a policy.
     trace
-        (evaluations, falls, seconds, best score) at every improvement and at the end.
-    simulations, gradients, updates
-        Number of simulated layouts, of those that were simulated with their gradient, and of
-        updates of a policy.
+        Columns of equal length by name: the best "score", and the clocks of the run at that time,
+        "seconds" and counts of `work`, at every improvement and at the end.
     versions
         Version of each software that the result may depend on, by name.
     scene
@@ -76,13 +81,9 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     spacing: Sizes = ()
     thickness: Sizes = ()
     height: Sizes = ()
-    evaluations: int
-    falls: int
     seconds: float
-    trace: list[TraceEntry]
-    simulations: int = 0
-    gradients: int = 0
-    updates: int = 0
+    work: dict[str, int]
+    trace: Trace
     labels: dict[str, Label] = {}
     versions: dict[str, str] = {}
     scene: str = ""
@@ -199,8 +200,9 @@ class Task:
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
+        trace = zip(TRACE_COLUMNS, zip(*result.trace, strict=True), strict=True)
         return self.make_result(
-            result.trace, result.score, result.uniform.score, result.gain, result.wave,
+            dict(trace), result.score, result.uniform.score, result.gain, result.wave,
             simulations=result.evaluations, gradients=gradients,
         )  # fmt: skip
 
@@ -210,7 +212,7 @@ class Task:
 
     def make_result(
         self,
-        trace: Sequence[TraceEntry],
+        trace: Mapping[str, ArrayLike],
         score: float,
         uniform_score: float,
         gain: float | None,
@@ -222,25 +224,27 @@ class Task:
         Parameters
         ----------
         trace
-            See `TaskResult`; its last entry has the totals of the run.
+            See `TaskResult`; its last entries are the totals of the run.
         score, uniform_score, gain
             See `TaskResult`.
         wave
             Wave of the best layout; None if there is no layout.
-        work
-            `simulations`, `gradients` and `updates`, see `TaskResult`.
+        **work
+            Counts that the trace does not have, see `TaskResult`.
         """
-        values: dict[str, Any] = dict(work)
+        values: dict[str, Any] = {}
         if wave is not None:
             values |= {"outcome": wave.outcome.name, "mean_speed": float(wave.mean_speed)}
             for part in ("spacing", "thickness", "height"):
                 values[part] = tuple(getattr(wave.layout, part).tolist())
-        entries = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
+        columns = {name: np.array(column).tolist() for name, column in trace.items()}
+        totals = {name: column[-1] for name, column in columns.items()}
+        seconds, _ = totals.pop("seconds"), totals.pop("score")
         return TaskResult(
             key=self.key, scene_name=self.scene_name, method=self.method, seed=self.seed,
             score=float(score), uniform_score=float(uniform_score),
             gain=None if gain is None else float(gain),
-            evaluations=entries[-1][0], falls=entries[-1][1], seconds=entries[-1][2], trace=entries,
+            seconds=seconds, work=totals | work, trace=columns,
             labels=self.labels, versions=self.software_versions(), scene=self.scene, **values,
         )  # fmt: skip
 

@@ -25,7 +25,7 @@ UNIFORM = "result of the uniform baseline (best equal gaps)"
 NORMALISED = "normalised score (100 %: best known layout)"
 
 
-class Design:
+class StudioDesign:
     """A scene and one of its layouts, which satisfies the rules of the scene after every change.
 
     Parameters

@@ -19,7 +19,7 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
 from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
-from optimize.interactive.design import NAME, TITLE, Design
+from optimize.interactive.design import NAME, TITLE, StudioDesign
 
 MAX_UPLOAD = 8 * 2**20  # [bytes]; at most 5 000 dominoes are drawn, which take 1 MB
 MAX_LINK_CONTENT = 2**20  # [bytes] of a link, decompressed
@@ -28,7 +28,7 @@ USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened 
 NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}  # by ending
 
 
-def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
+def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> StudioDesign:
     """Return the design of a scene, a layout, their name or path, a run folder or a link.
 
     Parameters
@@ -41,7 +41,7 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
 
     Returns
     -------
-    Design
+    StudioDesign
         A new design.
 
     Raises
@@ -53,19 +53,19 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
         For a source of another type.
     """
     if isinstance(source, Scene):
-        return Design(source)
+        return StudioDesign(source)
     if isinstance(source, Layout):
-        return Design(_scene_for(source, default), source)
+        return StudioDesign(_scene_for(source, default), source)
     if str(source).startswith(("http://", "https://")):
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = as_path("source", source)
     if path.is_dir():
         path = path / "layout.csv"
     if path.suffix.lower() not in (".csv", ".json"):
-        return Design(load_scene(source))
+        return StudioDesign(load_scene(source))
     scene = scene_beside(path)
     layout = read_layout(path, scene or default)
-    return Design(scene or _scene_for(layout, default), layout)
+    return StudioDesign(scene or _scene_for(layout, default), layout)
 
 
 def _scene_for(layout: Layout, default: Scene | None) -> Scene:
@@ -85,7 +85,7 @@ def _scene_for(layout: Layout, default: Scene | None) -> Scene:
     )  # fmt: skip
 
 
-def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Design:
+def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> StudioDesign:
     """Return the design of a scene (.toml), a layout (.csv, .json) or both.
 
     Parameters
@@ -97,7 +97,7 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
 
     Returns
     -------
-    Design
+    StudioDesign
         A new design.
 
     Raises
@@ -126,7 +126,7 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
             raise ValueError(message) from None
 
 
-def receive(design: Design, files: Mapping[str, bytes]) -> str:
+def receive(design: StudioDesign, files: Mapping[str, bytes]) -> str:
     """Open files that a browser sent, as a step of the history of a design.
 
     Parameters
@@ -164,7 +164,7 @@ def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
         return BytesIO(path.read_bytes())
 
 
-def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
+def exports(design: StudioDesign) -> dict[str, tuple[str, Callable[[Path], object]]]:
     """Return the ending and the writer of each kind of file, by its label on the page.
 
     Parameters
@@ -188,14 +188,14 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     }  # fmt: skip
 
 
-def make_link(design: Design) -> str:
+def make_link(design: StudioDesign) -> str:
     """Return the query of a link that contains the scene and the layout, for `read_link`."""
     texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
     data = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
 
-def read_link(text: str) -> Design:
+def read_link(text: str) -> StudioDesign:
     """Return the design in a link.
 
     Parameters
@@ -205,7 +205,7 @@ def read_link(text: str) -> Design:
 
     Returns
     -------
-    Design
+    StudioDesign
         A new design.
 
     Raises

@@ -58,7 +58,7 @@ def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None
     view.update(start=begin, end=begin + width)
 
 
-class Chain:
+class ChainPicture:
     """Picture of a chain to scale at one instant.
 
     Parameters

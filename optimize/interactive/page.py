@@ -8,13 +8,13 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import panel as pn
 from bokeh.models import Range1d
 
-from domino_env.cli.simulate import noise_summary, placement_noise, rigid_summary
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
@@ -24,9 +24,10 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.comparison import ComparedLayout, headline
 from domino_env.view.report import UNIFORM_NAME
-from optimize.interactive.design import SPACING, THICKNESS, Design, known_best
+from domino_env.view.summaries import noise_summary, placement_noise, rigid_summary
+from optimize.interactive.design import SPACING, THICKNESS, StudioDesign, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
-from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
+from optimize.interactive.figures import MM, TITLES, ChainPicture, Curve, set_view
 from optimize.interactive.jobs import improvement_method, run_search
 from optimize.methods.registry import Method
 from optimize.searching import with_baseline
@@ -36,13 +37,7 @@ MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an ad
 FLOOR_SECONDS = 60.0  # [s] of a search on a floor; half of it may go into the uniform baseline
 UNIFORM_DELAY = 0.3  # [s] without a change of the scene before its uniform baseline is computed
 WIDE = {"sizing_mode": "stretch_width"}
-STYLE = """
-h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
-.numbers { display: flex; flex-wrap: wrap; gap: 4px 28px; font-size: 13px; color: #5c636d; }
-.numbers b { font-size: 20px; color: #1d2126; }
-.message { padding: 10px 16px; font-size: 14px; background: #fff; border-top: 2px solid #5c636d; }
-.error { color: #b03a00; border-color: #b03a00; }
-"""
+STYLE = Path(__file__).with_name("page.css").read_text("utf-8")
 # at the bottom of the window, visible wherever the page is scrolled
 FOOT = {"position": "fixed", "bottom": "0", "left": "0", "z-index": "9"}
 NOTHING, KEPT = "nothing", "kept layout"  # choices of "Compare with"
@@ -143,7 +138,7 @@ class Page:
         Panel object of the page; its figures and widgets are the other public attributes.
     """
 
-    def __init__(self, design: Design, schedule: Schedule) -> None:
+    def __init__(self, design: StudioDesign, schedule: Schedule) -> None:
         self.design, self._schedule = design, schedule
         self._pending: dict[Callable[..., None], Any] = {}  # arguments of scheduled calls
         self._stop_event: threading.Event | None = None  # stops the running search; None: no search
@@ -153,7 +148,7 @@ class Page:
         self._waves: list[Wave] = []  # of the design, and of the layout that it is compared with
         self._motions: list[Motion] = []  # of these waves; empty until the player is used
         self._view = Range1d(-1.0, 1.0)
-        self.chain, self.compared = Chain(self._view), Chain(self._view)
+        self.chain, self.compared = ChainPicture(self._view), ChainPicture(self._view)
         self.chain.figure.title.text = "Your layout"
         self.curves = {quantity: Curve(self._view, quantity) for quantity in TITLES}
         for quantity in (SPACING, THICKNESS):
@@ -423,7 +418,7 @@ class Page:
     # from the page to the design ----------------------------------------------------------------
 
     def drag(self, quantity: str, index: int, value: float) -> None:
-        """Change a gap or a thickness and show the design; see `Design.drag` for the arguments."""
+        """Change a gap or a thickness, see `StudioDesign.drag`, and show the design."""
         self.design.drag(quantity, index, value)
         self._redraw()
 

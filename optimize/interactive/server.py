@@ -11,7 +11,7 @@ from typing import Any
 from domino_env.core.checks import require, require_extra, require_type
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.interactive.design import Design
+from optimize.interactive.design import StudioDesign
 from optimize.interactive.exchange import KEY, MAX_UPLOAD, open_design, read_link
 from optimize.searching import compile_simulations
 
@@ -20,15 +20,7 @@ CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
 CHECKS_WITHOUT_TAB = 2  # after so many in a row the server ends; a tab that reloads misses one
 CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
 HEIGHT = 1200  # [px] of the page in a notebook
-TEMPLATE = """
-{% extends base %}
-{% block postamble %}
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto;
-padding: 8px 20px 80px 8px; max-width: 1500px; }</style>
-{% endblock %}
-{% block contents %}{{ embed(roots.page) }}{% endblock %}
-"""
+TEMPLATE = Path(__file__).with_name("template.html")  # of the document that contains the page
 
 
 class Studio:
@@ -51,9 +43,9 @@ class Studio:
         Address of the page; empty while it is not served.
     """
 
-    def __init__(self, design: Design, port: int = 0) -> None:
+    def __init__(self, design: StudioDesign, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
-        require_type("design", design, Design, "a Design; studio(scene) makes one")
+        require_type("design", design, StudioDesign, "a StudioDesign; studio(scene) makes one")
         self.design, self.url = design, ""
         self._port, self._first_step = port, design.first_step
 
@@ -124,7 +116,7 @@ class Studio:
         from optimize.interactive.page import Page
 
         document: Any = pn.state.curdoc
-        self.design, message = Design(*self._first_step), ""
+        self.design, message = StudioDesign(*self._first_step), ""
         try:
             if link := (pn.state.session_args or {}).get(KEY):
                 self.design = read_link(link[0].decode())
@@ -133,7 +125,7 @@ class Studio:
         page = Page(self.design, document.add_next_tick_callback)
         page.notify(message, "error")
         pn.state.on_session_destroyed(lambda _: page.stop())
-        template = pn.Template(TEMPLATE)
+        template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
         return template
 

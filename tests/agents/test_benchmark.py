@@ -3,6 +3,7 @@
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from env_scenes import SMALL
@@ -13,7 +14,7 @@ pytest.importorskip("stable_baselines3")
 import domino_env as de
 from agents import evaluate
 from agents.benchmark import BenchmarkTask, benchmark_tasks, best_known_score, learning_curve
-from agents.benchmark_report import FILES, merge_runs, page, read_runs
+from agents.benchmark_report import FILES, gather, page
 from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
@@ -26,6 +27,7 @@ from optimize.experiments.estimates import (
 )
 from optimize.experiments.experiment import best_of_problems
 from optimize.experiments.runner import run_experiment
+from optimize.experiments.store import open_store
 from optimize.experiments.task import TaskResult
 
 SCORES = np.array(
@@ -86,11 +88,11 @@ class KnownTask(BenchmarkTask):
 
     def run(self, clock=None) -> TaskResult:
         seconds = 240.0 if self.method == "ppo" else 1.0
-        trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
+        trace = {"steps": [10, 20], "seconds": [0.5 * seconds, seconds], "score": [0.5, 1.0]}
         return self.make_result(trace, 1.0, 0.5, None)
 
 
-def test_curves_are_evaluated_over_seconds_and_over_evaluations():
+def test_curves_are_evaluated_over_seconds_and_over_steps():
     tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=3)
     known = [KnownTask(*astuple(task)) for task in tasks]
     done = run_experiment(known, known_score=best_known_score)
@@ -99,7 +101,7 @@ def test_curves_are_evaluated_over_seconds_and_over_evaluations():
     times = np.array([119.9, 120.0, 240.0])
     best = done.best_scores(learned, times)
     assert done.normalise(learned, best).tolist() == [-np.inf, 0.0, 1.0]
-    assert done.best_steps(learned, "evaluations")[0].tolist() == [10.0, 20.0]
+    assert done.best_steps(learned, "steps")[0].tolist() == [10.0, 20.0]
     assert done.score_after("cma", 0.7) == 0.0
     assert done.seconds_past_uniform(learned) == 240.0
     for known, normalised in ((0.5, 0.0), (0.75, 2.0)):  # no gain is possible; a fixed reference
@@ -120,18 +122,21 @@ def test_a_repeated_benchmark_trains_nothing_and_writes_the_same_files(tmp_path,
     assert main([*command.split(), "--page"]) == 0
     assert {name: (home / name).read_bytes() for name in FILES} == first
 
-    Path("runs/studies.sqlite").unlink()  # the table of runs is enough
     with monkeypatch.context() as patch:
         patch.setattr(BenchmarkTask, "run", None)  # nothing is left to run
         assert main([*command.split(), "--algorithms", "auto,ppo"]) == 0
     for name in {*FILES} - {"benchmark.md"}:  # ramp is still there; the page has the new command
         assert (home / name).read_bytes() == first[name]
-    learned, ramp, searched = read_runs(home / "benchmark.csv", [SMALL])
-    assert searched.evaluations % (SMALL.count - 1) == 0  # dominoes placed
-    assert ramp.simulations == 4059
-    assert (learned.updates, learned.gradients) == (4 * 8 * learned.evaluations // 3072, 0)
+    learned, ramp, searched = (
+        open_store("runs/studies.sqlite").study("benchmark").results().values()
+    )
+    assert searched.work["steps"] == searched.work["evaluations"] * (SMALL.count - 1)
+    assert ramp.work["simulations"] == 4059
+    steps = learned.work["steps"]
+    assert (learned.work["updates"], learned.work["gradients"]) == (4 * 8 * steps // 3072, 0)
     assert {"commit", "processor", "torch"} <= learned.versions.keys()
-    assert read_runs(home / "benchmark.csv", [replace(SMALL, count=8)]) == []  # another scene
+    changed = msgspec.structs.replace(ramp, scene=replace(SMALL, count=8).to_toml())
+    assert gather([learned, ramp, searched, changed]).results == (changed,)  # another scene
 
     tasks = benchmark_tasks(["small.toml"], ["ppo"], 1, 3000, 0.2)
     (trained / "summary.json").unlink()  # as if it had been killed before its end
@@ -151,14 +156,14 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     policy = ScenePolicy.load(tasks[0].folder).policy
     gains = evaluate_gains(policy, de.load_distribution("varied"), three)
     assert learned.score == np.median(gains)
-    assert learned.trace[-1][3] == learned.score
-    assert learning_curve(tasks[0].folder)[-1][3] == pytest.approx(learned.score)  # test set
-    assert searched.simulations > 30
-    assert searched.gradients == 0
+    assert learned.trace["score"][-1] == learned.score
+    assert learning_curve(tasks[0].folder)["score"][-1] == pytest.approx(learned.score)  # test set
+    assert searched.work["simulations"] > 30
+    assert searched.work["gradients"] == 0
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
     assert gains.tolist() == pytest.approx(again, abs=1e-6)
-    assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
-    assert "baselines in the test set" in page(merge_runs([learned]), "")
+    assert searched.trace["score"][-1] == pytest.approx(searched.score, abs=1e-6)
+    assert "baselines in the test set" in page(gather([learned]), "")
 
 
 @pytest.mark.parametrize(("given", "message"), [

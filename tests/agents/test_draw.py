@@ -9,10 +9,12 @@ import domino_env as de
 from agents.draw import open_loop, rule, shipped_references
 from agents.rollout import EVALUATION_SEEDS, SEEDS_PER_TRAINING, SELECTION_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
-from domino_env import DominoChain
+from domino_env import DominoChain, DominoChainVector
 
 DRAW = de.load_scene("draw")
 SMALL = DRAW.replace(count=8, stock=de.Stock((0.005, 0.0075, 0.010), (2, 3, 3), 2))
+
+TWELVE = DRAW.replace(count=12, stock=de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3))
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +111,14 @@ def test_training_seeds_differ_from_selection_and_evaluation_seeds():
         assert min(seeds) >= SEEDS_PER_TRAINING > max(*SELECTION_SEEDS, *EVALUATION_SEEDS)
         assert not used & {*seeds}
         used |= {*seeds}
+
+
+def test_rollouts_and_the_baseline_are_means_over_the_same_orders():
+    rollout = ScriptedPolicy("uniform").build(TWELVE)
+    scores = TWELVE.score_placed(rollout.layout, EVALUATION_SEEDS)
+    assert rollout.score == rollout.uniform.score == scores.mean() != TWELVE.uniform().score
+    env = DominoChainVector(3, TWELVE)
+    env.reset(seed=EVALUATION_SEEDS[0])
+    for _ in range(TWELVE.count - 1):  # pieces as they come
+        info = env.step(np.zeros((3, 4)))[4]
+    assert info["score"] == pytest.approx(scores[:3], rel=1e-5)

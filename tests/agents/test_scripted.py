@@ -8,9 +8,11 @@ from env_scenes import SMALL
 
 import domino_env as de
 from agents import design, evaluate
-from agents.rollout import build, complete_layout
-from agents.scripted import SCRIPTED, ScriptedPolicy
+from agents.rollout import EVALUATION_SEEDS, build, complete_layout
+from agents.scripted import SCRIPTED, ScriptedPolicy, uniform
 from domino_env import DominoChain
+
+NOISY = de.load_scene("sprint").replace(count=12, placement=de.Placement(0.002))
 
 
 @pytest.mark.parametrize("name", ["uniform", "greedy", "ramp"])
@@ -90,3 +92,29 @@ def test_a_layout_whose_wave_stops_is_completed():
 def test_scripted_policies_are_evaluated_by_name(output_of, scene, words):
     assert evaluate("uniform", SMALL).score == SMALL.uniform().score
     assert f"{scene}: {words}" in output_of("evaluate", "uniform", "--scene", scene)
+
+
+def test_layouts_are_compared_by_means_over_the_same_errors():
+    exact = NOISY.replace(placement=None)
+    assert NOISY.uniform().score == exact.uniform().score
+    same = build(lambda o: np.zeros((*o.shape[:-1], 1)), NOISY)
+    scripted = uniform(NOISY)
+    assert same.score == pytest.approx(scripted.score, rel=1e-6)
+    assert scripted.gain == pytest.approx(0.0, abs=1e-12)
+    mean = NOISY.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
+    assert scripted.score == mean < exact.score(scripted.layout)
+
+
+def test_a_controller_keeps_the_schedule_that_a_plan_misses():
+    scene = de.load_scene("tempo-noise")
+    plan, controller = (ScriptedPolicy(name).build(scene) for name in ("plan", "controller"))
+    assert 4.0 * plan.uniform.score < plan.score < 0.6 * controller.score
+    tempo = scene.settings
+    errors = scene.placement_errors(np.random.default_rng(EVALUATION_SEEDS[0]))
+    chosen = controller.layout.spacing - errors
+    free = (chosen > scene.spacing[0] + 1e-6) & (chosen < scene.spacing[1] - 1e-6)
+    for n in np.flatnonzero(free)[::9]:  # without its own error, each hit is on time
+        gaps = np.append(controller.layout.spacing[:n], chosen[n])
+        first = de.Layout(gaps, controller.layout.thickness[: n + 2], scene.height)
+        wave = scene.simulate(first)
+        assert wave.arrival_times[-1] == pytest.approx(tempo.schedule(40)[n], abs=1e-6)

@@ -24,9 +24,9 @@ ROOT = Path(__file__).parents[2]
 
 def repeatable(result: TaskResult) -> tuple:
     """Return the parts of a result that do not depend on the process that computes it."""
-    trace = [(n, falls, score) for n, falls, _, score in result.trace]
+    trace = [result.trace[name] for name in ("evaluations", "falls", "score")]
     sizes = (result.spacing, result.thickness, result.height)
-    return (result.key, result.score, result.uniform_score, sizes, result.evaluations, trace)
+    return (result.key, result.score, result.uniform_score, sizes, result.work, trace)
 
 
 def results_of(tasks, executor=None, study=None) -> list[tuple]:

@@ -4,16 +4,7 @@ import numpy as np
 import pytest
 from env_scenes import size_of
 
-from agents.rollout import EVALUATION_SEEDS, build
-from agents.scripted import ScriptedPolicy, uniform
-from domino_env import (
-    DominoChain,
-    DominoChainVector,
-    DominoLayoutVector,
-    Layout,
-    Placement,
-    load_scene,
-)
+from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Placement, load_scene
 from domino_env.envs.vector import RTOL
 from domino_env.scenes.placement import LEAST_GAP
 
@@ -47,29 +38,3 @@ def test_errors_are_those_of_the_scene_and_are_observed():
     assert gaps == pytest.approx(np.maximum(INTENDED.spacing + errors, LEAST_GAP), rel=1e-12)
     ratios = np.log(gaps / SCENE.uniform().layout.spacing)
     assert observed == pytest.approx(ratios, abs=1e-6)
-
-
-def test_layouts_are_compared_by_means_over_the_same_errors():
-    exact = SCENE.replace(placement=None)
-    assert SCENE.uniform().score == exact.uniform().score
-    same = build(lambda o: np.zeros((*o.shape[:-1], 1)), SCENE)
-    scripted = uniform(SCENE)
-    assert same.score == pytest.approx(scripted.score, rel=1e-6)
-    assert scripted.gain == pytest.approx(0.0, abs=1e-12)
-    mean = SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
-    assert scripted.score == mean < exact.score(scripted.layout)
-
-
-def test_a_controller_keeps_the_schedule_that_a_plan_misses():
-    scene = load_scene("tempo-noise")
-    plan, controller = (ScriptedPolicy(name).build(scene) for name in ("plan", "controller"))
-    assert 4.0 * plan.uniform.score < plan.score < 0.6 * controller.score
-    tempo = scene.settings
-    errors = scene.placement_errors(np.random.default_rng(EVALUATION_SEEDS[0]))
-    chosen = controller.layout.spacing - errors
-    free = (chosen > scene.spacing[0] + 1e-6) & (chosen < scene.spacing[1] - 1e-6)
-    for n in np.flatnonzero(free)[::9]:  # without its own error, each hit is on time
-        gaps = np.append(controller.layout.spacing[:n], chosen[n])
-        first = Layout(gaps, controller.layout.thickness[: n + 2], scene.height)
-        wave = scene.simulate(first)
-        assert wave.arrival_times[-1] == pytest.approx(tempo.schedule(40)[n], abs=1e-6)

@@ -11,7 +11,7 @@ import pytest
 import domino_env as de
 from domino_env.validation import measured
 from domino_env.validation.measured_page import markdown
-from domino_env.validation.source import Chain, Source, read_source, shipped_sources
+from domino_env.validation.source import MeasuredChain, Source, read_source, shipped_sources
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCES = shipped_sources()
@@ -22,7 +22,7 @@ def synthetic(source: Source, friction: float, factor: float = 1.0) -> Source:
     chains = []
     for chain in source.chains:
         value = factor * measured.model_value(source.quantity, source.setting, chain.x, friction)
-        chains.append(Chain(chain.x, value, chain.uncertainty, chain.floor))
+        chains.append(MeasuredChain(chain.x, value, chain.uncertainty, chain.floor))
     return msgspec.structs.replace(source, chains=tuple(chains))
 
 

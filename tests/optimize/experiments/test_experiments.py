@@ -58,19 +58,19 @@ def test_a_shortfall_is_reached_at_its_time_and_not_before(compared):
                 times = np.array([time * (1.0 - 1e-9), time])
                 earlier, reached = compared.shortfalls(result, times)
                 assert reached <= shortfall * (1.0 + 1e-9)
-                assert earlier > shortfall or time == result.trace[0][2]
+                assert earlier > shortfall or time == result.trace["seconds"][0]
             else:
                 assert compared.shortfalls(result, np.array([1e9]))[0] > shortfall
 
 
 def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
-    report.write_comparison(compared, tmp_path)
+    report.write(compared, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(report.COMPARISON_FILES)
     for line, result in zip(read_csv(tmp_path / "runs.csv"), compared.results, strict=True):
         assert (float(line["score"]), float(line["gain"])) == (result.score, result.gain)
         assert "seconds_to_1_percent" in line
     steps = read_csv(tmp_path / "traces.csv")
-    assert len(steps) == sum(len(r.trace) for r in compared.results)
+    assert len(steps) == sum(len(r.trace["score"]) for r in compared.results)
     lines = report.table(compared, ["spacing"])[2:]
     medians = {line.split("|")[1].strip(): float(line.split("|")[2]) for line in lines}
     assert list(medians.values()) == sorted(medians.values(), reverse=True)
@@ -253,7 +253,7 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept):
 
 
 def test_the_report_of_a_sweep_has_all_runs(scenes, swept, tmp_path):
-    report.write_sweep(swept, tmp_path)
+    report.write(swept, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(report.SWEEP_FILES)
     for line, r in zip(read_csv(tmp_path / "sweep.csv"), swept.results, strict=True):
         assert [float(line[key]) for key in swept.keys] == list(r.labels.values())
@@ -271,7 +271,7 @@ def test_the_report_of_a_sweep_has_all_runs(scenes, swept, tmp_path):
 def test_sweeps_of_words_and_without_gains_are_drawn(scenes, scene, axes, tmp_path):
     swept_scene = scenes.get(scene) or de.load_scene(scene)
     experiment = sweep(swept_scene, axes, methods=["uniform"], budget=1)
-    report.write_sweep(experiment, tmp_path)
+    report.write(experiment, tmp_path)
     pictures.draw_over_time(experiment, tmp_path / "gaps.png")
     for name in ("sweep.png", "gaps.png"):
         assert (tmp_path / name).stat().st_size > 10_000
@@ -288,7 +288,7 @@ def test_two_settings_have_a_curve_for_each_value_of_the_other(scenes, tmp_path,
     drawn: list[str] = []
     monkeypatch.setattr(pictures, "draw_curves", lambda *arguments: drawn.extend(arguments[-1]))
     swept = sweep(scenes["spacing"], ["physics.push=5,8", "row.count=5"], ["uniform"], budget=1)
-    pictures.draw_over_settings(swept, tmp_path, "spacing", scenes["spacing"].criterion)
+    pictures.draw_over_settings(swept, tmp_path)
     assert drawn == ["row.count = 5", "physics.push = 5", "physics.push = 8"]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from optimize.interactive.design import SPACING, THICKNESS, Design
+from optimize.interactive.design import SPACING, THICKNESS, StudioDesign
 from optimize.interactive.jobs import improvement_method, run_search
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
@@ -26,7 +26,7 @@ SCENES = {
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("wanted", [1e-9, 0.0101, 0.0263, 7.0])
 def test_a_drag_anywhere_keeps_the_rules(kind: str, wanted: float) -> None:
-    design = Design(SCENES[kind])
+    design = StudioDesign(SCENES[kind])
     for part in [SPACING, THICKNESS][: 1 + design.scene.free_thickness]:
         design.drag(part, 5, wanted)
         assert design.scene.violations(design.layout) == []
@@ -34,7 +34,7 @@ def test_a_drag_anywhere_keeps_the_rules(kind: str, wanted: float) -> None:
 
 
 def test_a_drag_sets_the_nearest_value_allowed() -> None:
-    free, listed = Design(SPRINT), Design(LISTED)
+    free, listed = StudioDesign(SPRINT), StudioDesign(LISTED)
     for wanted, set_to, nearest in ((0.0263, 0.0263, 0.020), (7.0, 0.040, 0.040)):
         free.drag(SPACING, 5, wanted)
         listed.drag(SPACING, 5, wanted)
@@ -43,7 +43,7 @@ def test_a_drag_sets_the_nearest_value_allowed() -> None:
 
 
 def test_a_drag_with_a_fixed_length_changes_the_neighbours() -> None:
-    design = Design(COURSE)
+    design = StudioDesign(COURSE)
     before = design.layout.spacing
     design.drag(SPACING, 20, before[20] + 0.001)
     changed = np.flatnonzero(abs(design.layout.spacing - before) > 1e-9)
@@ -57,7 +57,7 @@ def test_a_drag_with_a_fixed_length_changes_the_neighbours() -> None:
 
 
 def test_a_drag_is_one_step_of_the_history() -> None:
-    design = Design(SPRINT)
+    design = StudioDesign(SPRINT)
     first = design.layout
     for gap in (0.010, 0.011, 0.012):
         design.drag(SPACING, 3, gap)
@@ -81,7 +81,7 @@ def test_a_drag_is_one_step_of_the_history() -> None:
     {"ground": de.Ground(slope=2.0)}, {"physics": SPRINT.physics.replace(push=12.0)},
 ], ids=lambda fields: next(iter(fields)))  # fmt: skip
 def test_another_scene_keeps_the_shape(fields: dict[str, Any]) -> None:
-    design = Design(SPRINT)
+    design = StudioDesign(SPRINT)
     design.drag(SPACING, 0, 0.030)
     design.commit()
     design.change(**fields)
@@ -91,7 +91,7 @@ def test_another_scene_keeps_the_shape(fields: dict[str, Any]) -> None:
 
 
 def test_an_impossible_scene_changes_nothing() -> None:
-    design = Design(SPRINT)
+    design = StudioDesign(SPRINT)
     before = design.scene, design.layout
     with pytest.raises(ValueError, match="length"):
         design.change(length=9.0)
@@ -110,7 +110,7 @@ def test_an_impossible_scene_changes_nothing() -> None:
 
 
 def test_displayed_numbers_agree_with_the_command(output_of, tmp_path) -> None:
-    design = Design(SPRINT)
+    design = StudioDesign(SPRINT)
     design.drag(SPACING, 3, 0.012)
     design.uniform = SPRINT.uniform()
     numbers = design.numbers()
@@ -127,7 +127,7 @@ def test_displayed_numbers_agree_with_the_command(output_of, tmp_path) -> None:
 
 
 def test_displayed_numbers_of_a_schedule_are_errors() -> None:
-    design = Design(de.load_scene("tempo"))
+    design = StudioDesign(de.load_scene("tempo"))
     name = "result of the uniform baseline (best equal gaps)"
     assert design.numbers()[name] == "computing …"
     design.uniform = design.scene.uniform()
@@ -135,7 +135,7 @@ def test_displayed_numbers_of_a_schedule_are_errors() -> None:
 
 
 def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
-    design = Design(SPRINT.replace(spacing=(0.002, 0.060)))
+    design = StudioDesign(SPRINT.replace(spacing=(0.002, 0.060)))
     assert design.stop is None
     design.uniform = design.scene.uniform()
     assert "+0.00%" in design.numbers().values()
@@ -149,7 +149,7 @@ def test_improving_raises_the_score_and_keeps_the_rules(kind: str, monkeypatch) 
     monkeypatch.setattr("optimize.interactive.jobs.SHOW_INTERVAL", 0.0)
     monkeypatch.setattr("optimize.interactive.jobs.STEP_PAUSE", 0.0)
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
-    design, scores = Design(scene), list[float]()
+    design, scores = StudioDesign(scene), list[float]()
 
     def show(layout: de.Layout, _: float) -> None:
         scores.append(scene.score(layout))

@@ -11,28 +11,28 @@ import pytest
 
 import domino_env as de
 from optimize.interactive import exchange
-from optimize.interactive.design import SPACING, Design
+from optimize.interactive.design import SPACING, StudioDesign
 
 SPRINT = de.load_scene("sprint")
 
 
 @pytest.fixture
-def design() -> Design:
-    design = Design(SPRINT)
+def design() -> StudioDesign:
+    design = StudioDesign(SPRINT)
     design.drag(SPACING, 3, 0.0123456789)
     design.commit()
     return design
 
 
-def sent(design: Design, name: str) -> bytes:
+def sent(design: StudioDesign, name: str) -> bytes:
     ending, write = exchange.exports(design)[name]
     return exchange.make_file(write, f"row{ending}").read()
 
 
 @pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
 def test_files_and_links_restore_the_same_design(name: str) -> None:
-    design = Design(de.load_scene(name))
-    other = Design(SPRINT)
+    design = StudioDesign(de.load_scene(name))
+    other = StudioDesign(SPRINT)
     files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
     assert exchange.receive(other, files) == "opened row.toml, row.csv"
     link = exchange.make_link(design)
@@ -42,14 +42,16 @@ def test_files_and_links_restore_the_same_design(name: str) -> None:
         assert (found.scene, found.layout, found.score) == expected
 
 
-def test_reports_and_templates_are_exported(design: Design) -> None:
+def test_reports_and_templates_are_exported(design: StudioDesign) -> None:
     assert sent(design, "Template (PDF)").startswith(b"%PDF")
     page = sent(design, "Report (HTML)").decode()
     assert '"uniform baseline"' in page
     assert f"{design.score:.6f} m/s" in page
 
 
-def test_a_layout_is_opened_with_its_scene_or_one_that_fits(design: Design, tmp_path: Path) -> None:
+def test_a_layout_is_opened_with_its_scene_or_one_that_fits(
+    design: StudioDesign, tmp_path: Path
+) -> None:
     run = tmp_path / "run"
     run.mkdir()
     design.layout.to_csv(run / "layout.csv")
@@ -80,7 +82,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_an_invalid_file_has_the_message_of_the_command_line(
-    name: str, design: Design, tmp_path: Path
+    name: str, design: StudioDesign, tmp_path: Path
 ) -> None:
     path = tmp_path / name
     path.write_bytes(WRONG[name])
@@ -103,7 +105,9 @@ def test_an_invalid_file_has_the_message_of_the_command_line(
     ({"big.csv": b" " * (exchange.MAX_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
     ({"long.csv": b"spacing,thickness\n" + b".02,.01\n" * 5999 + b",.01\n"}, "6,000 dominoes: g"),
 ])  # fmt: skip
-def test_other_uploads_are_rejected(design: Design, files: dict[str, bytes], words: str) -> None:
+def test_other_uploads_are_rejected(
+    design: StudioDesign, files: dict[str, bytes], words: str
+) -> None:
     with pytest.raises(ValueError, match=words):
         exchange.receive(design, files)
 

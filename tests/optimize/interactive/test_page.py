@@ -15,7 +15,7 @@ import pytest
 
 import domino_env as de
 from optimize import Studio, studio
-from optimize.interactive.design import Design
+from optimize.interactive.design import StudioDesign
 from optimize.interactive.exchange import open_design
 
 pytest.importorskip("panel", reason="needs the extra 'studio'")
@@ -86,7 +86,7 @@ class Tab:
         return self.of("a", "Link that contains this layout", "href")
 
     @property
-    def design(self) -> Design:
+    def design(self) -> StudioDesign:
         """The design in the link of the page."""
         return open_design(self.link)
 

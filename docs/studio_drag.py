@@ -1,4 +1,4 @@
-"""Benchmark of a drag on the server: ``python -m optimize.interactive.bench``."""
+"""Print the median time of a drag on the server of the studio: python docs/studio_drag.py."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from statistics import median
 import numpy as np
 
 from domino_env.scenes.io.reading import load_scene
-from optimize.interactive.design import SPACING, Design
+from optimize.interactive.design import SPACING, StudioDesign
 from optimize.interactive.page import Page
 
 DRAGS = 100  # positions of the pointer that are timed
@@ -22,7 +22,7 @@ def measure_drag(count: int) -> float:
     count
         Number of dominoes.
     """
-    page = Page(Design(load_scene("sprint").replace(count=count)), lambda _: None)
+    page = Page(StudioDesign(load_scene("sprint").replace(count=count)), lambda _: None)
     gaps = iter(0.018 + 1e-4 * np.arange(DRAGS))  # [m] of gap 5, within the bounds
     return median(timeit.repeat(lambda: page.drag(SPACING, 5, next(gaps)), number=1, repeat=DRAGS))
 
