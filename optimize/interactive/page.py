@@ -20,6 +20,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import RigidWave, simulate_standing
+from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.comparison import ComparedLayout, headline
@@ -96,6 +97,19 @@ def _one_thickness(scene: Scene) -> float | None:
     return None if varies else _mm(scene.thickness[0])
 
 
+def _count_after(scene: Scene) -> int | None:
+    """Return the number of dominoes of the run-out; None if the scene cannot have one."""
+    if scene.stock or scene.growth or scene.tempo:
+        return None
+    return scene.run_out.count if scene.run_out else 0
+
+
+def _change_count_after(scene: Scene, count: float) -> dict[str, Any]:
+    """Return the change of the scene to a run-out of `count` dominoes, first at a middle gap."""
+    spacing = scene.run_out.spacing if scene.run_out else 0.2 * scene.height
+    return {"run_out": RunOut(int(count), spacing) if count else None}
+
+
 CONTROLS = (
     Control("Number of dominoes", 2, 200, 1, lambda s: None if s.stock else s.count,
             lambda _, v: {"count": int(v)}, pn.widgets.EditableIntSlider),
@@ -112,6 +126,11 @@ CONTROLS = (
             lambda s, v: {"physics": s.physics.replace(push=v)}),
     Control("Friction between dominoes", 0, 1, 0.01, lambda s: s.physics.friction,
             lambda s, v: {"physics": s.physics.replace(friction=v)}),
+    Control("Dominoes after these, at fixed gaps (0: none)", 0, 200, 1, _count_after,
+            _change_count_after, pn.widgets.EditableIntSlider),
+    Control("Gaps of the dominoes after these [mm]", 0.5, 100, 0.1,
+            lambda s: _mm(s.run_out.spacing) if s.run_out else None,
+            lambda s, v: {"run_out": s.run_out.replace(spacing=v / MM)}),
     Control("Slope [°], positive downhill", -15, 15, 0.1,
             lambda s: s.ground.slope if s.ground else 0.0,
             lambda _, v: {"ground": Ground(slope=v) if v else None}),
