@@ -135,8 +135,8 @@ class DominoChain(DominoEnv):
     - If all pieces of a stock are placed, the rest of the chain has the pieces that remain, and the
       gaps of the baseline.
     - If hits have a schedule ("tempo"), Φ_k = 10 log10(S_k) - 10 log10(S_u) k / (N - 1), where S_k
-      is the score if all later hits are on time, and at least 1e-4, and S_u that of the uniform
-      baseline. The unit is the decibel.
+      is the score if all later hits are as late as the last one, and at least 1e-4, and S_u that
+      of the uniform baseline. The unit is the decibel.
     - If pieces are drawn in random order, T_k and v are means over the orders of seeds 0 to 63.
       Rewards and return of the baseline in one order therefore differ from 0.
     - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.

@@ -131,14 +131,16 @@ def expected_gain(rules, uniform, batch, b):
 
 
 @always_inline
-def gain_in_tempo(rules, episode):
+def gain_in_tempo(rules, episode, late):
     """Return the part of the gain [%] that the dominoes placed so far contribute.
 
     Each contributes the same part of the gain of a layout without errors of arrival times, and the
-    errors reduce it. With all dominoes placed it is the gain of the layout.
+    errors reduce it; later hits count as late as the last one, `late` [s]. With all dominoes placed
+    it is the gain of the layout.
     """
     pairs = rules.count - 1
-    score = 1.0 / (1.0 + math.sqrt(episode.lateness / pairs) / rules.tolerance)
+    squares = episode.lateness + (pairs - episode.placed) * late * late
+    score = 1.0 / (1.0 + math.sqrt(squares / pairs) / rules.tolerance)
     most = -math.log10(rules.score_unit)
     return 10.0 * (math.log10(max(score, rules.least_score)) + most * episode.placed / pairs)
 
@@ -150,7 +152,7 @@ def step_reward(rules, uniform, batch, b):
     if rules.tolerance > 0.0:
         late = batch.states[b].time - schedule_of(batch, b)[episode.placed, 0]
         episode.lateness += late * late
-        return gain_in_tempo(rules, episode) - episode.reward_sum
+        return gain_in_tempo(rules, episode, late) - episode.reward_sum
     if not rules.rewards_steps:
         return 0.0
     return expected_gain(rules, uniform[episode.placed], batch, b) - episode.reward_sum

@@ -99,7 +99,8 @@ def test_rewards_and_observations_follow_a_schedule(noise):
     _, observations, rewards, info = play(env, actions.__getitem__, seed=0)
     tempo, parts = scene.settings, env.observation_layout
     late = info["wave"].arrival_times[1:] - tempo.schedule(8)
-    rms = np.sqrt(np.cumsum(np.append(0.0, late**2)) / 7)
+    squares, left = np.append(0.0, late**2), np.arange(7, -1, -1)
+    rms = np.sqrt((np.cumsum(squares) + left * squares) / 7)
     scores, ends = 1.0 / (1.0 + rms / tempo.tolerance), np.log10(scene.uniform().score)
     returns = 10.0 * (np.log10(scores) - ends * np.arange(8) / 7)
     assert rewards == pytest.approx(np.diff(returns), rel=1e-6)
