@@ -31,9 +31,10 @@ RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 HINTS = get_type_hints(DesignProblem, include_extras=True)
 DEFAULTS = {field.name: field.default for field in dataclasses.fields(DesignProblem)}
 DEFAULTS["name"] = None  # that of the file
-# fields that are keys of [row], and those that are keys or tables of the file itself
+# fields that are keys of [row], keys of no table, and tables
 ROW = ("count", "height", "width", "density", "first_thickness", "length")
-TOP = ("name", "title", "objective", "stock", "ground", "limits", "placement", "run_out")
+TOP = ("name", "title", "objective")
+TABLES = ("stock", "ground", "limits", "placement", "run_out")
 
 
 def _with_fields(base: type[msgspec.Struct], *names: str) -> Any:
@@ -189,7 +190,7 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
         spacing, spacing_values = self.spacing.domain()
         thickness, thickness_values = self.thickness_domain()
-        shared = {name: getattr(self, name) for name in TOP}
+        shared = {name: getattr(self, name) for name in TOP + TABLES}
         return msgspec.structs.asdict(self.row) | shared | {
             "title": self.title or self.name,
             "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
@@ -210,7 +211,7 @@ def make_document(scene: Any) -> dict[str, Any]:
     require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
     gaps, change = (scene.spacing, scene.spacing_values), scene.largest_change
-    tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP} | {
+    tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP + TABLES} | {
         "row": {name: getattr(scene, name) for name in ROW},
         "spacing": RangeTable.from_bounds("spacing", *gaps, largest_change=change, of=of),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
@@ -247,7 +248,7 @@ else:
     SceneFile = msgspec.defstruct(
         "SceneFile",
         [(name, kind.table | None, None) for name, kind in OBJECTIVES.items() if kind.table],
-        bases=(SceneTables,),
+        bases=(_with_fields(SceneTables, *TABLES),),
         namespace={"__doc__": SceneTables.__doc__},
         module=__name__,
         kw_only=True,
