@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -136,7 +136,7 @@ class SceneSource:
         self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
         self.num_envs = int(num_envs)
         self.reference_speed: float | None = None
-        self.scenes: list[Scene | None] = [None] * size
+        self.scenes = np.full(size, None, object)
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.score, self.speed = np.zeros((3, size))
@@ -281,7 +281,7 @@ class SceneSource:
         Entries beyond the number of dominoes of a scene are not used.
         """
         for i, hits, mean_speed, value in zip(indices.tolist(), times, speed, score, strict=True):
-            scene = cast("Scene", self.scenes[i])
+            scene = self.scenes[i]
             typical = typical_speed(scene)
             unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
             rules, count = self.rules[i], scene.count
