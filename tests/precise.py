@@ -7,7 +7,7 @@ positions. In an interval between hits, u = ω² of the leader obeys u' = 2P + 2
 equation is solved by Gauss-Legendre collocation on panels that are halved until the halves agree
 with the whole. The result has about 18 correct digits unless u is nearly 0 somewhere.
 
-``python tests/precise.py`` writes the waves of `edge_cases.short_cases` into `REFERENCE` (three
+``python -m tests.precise`` writes the waves of `edge_cases.short_cases` into `REFERENCE` (three
 minutes).
 """
 
