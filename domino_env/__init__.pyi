@@ -1,8 +1,8 @@
 from .envs.chain import DominoChain as DominoChain
-from .envs.chain import DominoChainVector as DominoChainVector
 from .envs.layout import DominoLayout as DominoLayout
 from .envs.layout import DominoLayoutVector as DominoLayoutVector
 from .envs.rendering import Snapshot as Snapshot
+from .envs.vector import DominoChainVector as DominoChainVector
 from .physics.forces import Diagnosis as Diagnosis
 from .physics.forces import diagnose as diagnose
 from .physics.gradient import Gradient as Gradient

@@ -6,15 +6,16 @@ Therefore a wave is simulated when it is first read, unless the score required i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, ClassVar, Self
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
+from domino_env.envs.sources import SceneSource
+from domino_env.kernels.step.batch import Batch
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
 from domino_env.scenes.scene import Scene
@@ -23,66 +24,66 @@ from domino_env.scenes.waves import LayoutBatch
 _OUTCOMES = np.array([*Outcome], object)  # members by value
 
 
-@dataclass(eq=False)
 class EpisodeResults:
     """Results of E episodes that ended together.
 
+    The whole layout is simulated again in three cases: the score is not the mean speed of the wave;
+    the error estimate exceeds the tolerance, as only a new simulation can be more exact; or the
+    layout is uniform, for which `simulate` has another algorithm. The score of the uniform baseline
+    is known.
+
+    Parameters
+    ----------
+    source
+        Scenes of the episodes.
+    batch
+        Arrays of the environments; those of these episodes are copied.
+    envs
+        Indices of the environments (E,).
+
     Attributes
     ----------
-    scenes
-        Scene of each episode.
-    baseline
-        Scores of their uniform baselines, (E,).
-    unit
-        Divisors of positive scores in `returns`, (E,).
-    rtol
-        Relative error allowed in the arrival times.
-    spacing
-        Gaps, (E, N-1) [m]. Here and below, entries beyond the placed dominoes are not used.
-    thickness
-        Thicknesses, (E, N) [m].
-    height
-        Heights, (E, N), or (1, N) if all episodes share them [m].
-    placed
-        Numbers of dominoes placed after the first, E integers.
     outcome
         Values of `Outcome`, (E,).
     reach
         Fraction of the scene's N dominoes that each wave reached, (E,).
     score
-        Scores as in `Scene.score`, (E,). `simulate` replaces scores, outcomes and reaches that the
-        steps could not determine.
+        Scores as in `Scene.score`, (E,).
+    returns
+        Gains over the uniform baseline, (E,) [%]. A score of 0 or less counts as the gain of the
+        lowest success, plus the score.
     """
 
-    scenes: list[Scene]
-    baseline: Floats
-    unit: Floats
-    rtol: float
-    spacing: Floats
-    thickness: Floats
-    height: Floats
-    placed: list[int]
-    outcome: NDArray[np.int64]
-    reach: Floats
-    score: Floats
-    _waves: dict[int, Wave] = field(default_factory=dict)
+    def __init__(self, source: SceneSource, batch: Batch, envs: NDArray[np.intp]) -> None:
+        episodes, scenes = batch.episodes[envs], batch.scene[envs]
+        self._scenes, self._rtol = source.scenes[scenes], source.rtol
+        self._are_sampled = source.distribution is not None
+        # entries beyond the placed dominoes are not used
+        self._placed: list[int] = episodes["placed"].tolist()
+        self._spacing, self._thickness = batch.spacing[envs], batch.thickness[envs]
+        share_heights = len(batch.height) != len(batch.scene)
+        self._height = batch.height if share_heights else batch.height[envs]
+        self._waves: dict[int, Wave] = {}
+        self.outcome, self.reach = episodes["outcome"], episodes["reach"]
+        self.score = episodes["score"]
+        is_uniform = episodes["as_uniform"]
+        self._simulate(np.flatnonzero(episodes["uncertain"] & ~is_uniform).tolist())
+        if is_uniform.any():
+            for name in ("score", "outcome", "reach"):
+                getattr(self, name)[is_uniform] = getattr(source, name)[scenes[is_uniform]]
+        self.returns = self._returns(source.score[scenes], source.rules["score_unit"][scenes])
 
-    def simulate(self, episodes: Iterable[int]) -> None:
+    def _simulate(self, episodes: list[int]) -> None:
         """Simulate the whole layouts of some episodes, and score their waves.
 
         A wave that stopped before all dominoes were placed keeps its outcome and reach, as its
         layout is incomplete.
-
-        Parameters
-        ----------
-        episodes
-            Indices of the episodes.
         """
         groups: dict[tuple[int, int], list[int]] = {}
         for i in episodes:
-            groups.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
+            groups.setdefault((id(self._scenes[i]), self._placed[i]), []).append(i)
         for (_, placed), group in groups.items():
-            scene = self.scenes[group[0]]
+            scene = self._scenes[group[0]]
             waves = self._simulate_group(scene, placed, group)
             if placed == scene.count - 1:
                 self.outcome[group] = [wave.outcome for wave in waves]
@@ -96,11 +97,11 @@ class EpisodeResults:
     def _simulate_group(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
         """Return the waves of episodes of one scene and one number of placed dominoes."""
         if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
-            return [scene.simulate(self.layout(episodes[0]), self.rtol)]
-        heights = self.height if len(self.height) == 1 else self.height[episodes]
-        sizes = self.thickness[episodes, : placed + 1], heights[:, : placed + 1], scene.width
+            return [scene.simulate(self.layout(episodes[0]), self._rtol)]
+        heights = self._height if len(self._height) == 1 else self._height[episodes]
+        sizes = self._thickness[episodes, : placed + 1], heights[:, : placed + 1], scene.width
         batch = LayoutBatch(
-            self.spacing[episodes, :placed], *sizes, scene.density, scene.physics, self.rtol,
+            self._spacing[episodes, :placed], *sizes, scene.density, scene.physics, self._rtol,
             scene.ground,
         )  # fmt: skip
         if scene.run_out is not None and placed == scene.count - 1:
@@ -108,78 +109,69 @@ class EpisodeResults:
         waves = batch.simulate(record=True)
         return [waves.wave(b, batch.layout(b)) for b in range(len(episodes))]
 
-    @cached_property
-    def returns(self) -> Floats:
-        """Gains over the uniform baseline, (E,) [%]; cached, so `simulate` has to come first.
-
-        A score of 0 or less counts as the gain of the lowest success, plus the score.
-        """
-        gain, unit = self.scenes[0].criterion.gain, self.unit
+    def _returns(self, baseline: Floats, unit: Floats) -> Floats:
+        """Return `returns`, for scores of the baselines and divisors of positive scores (E,)."""
+        gain = self._scenes[0].criterion.gain
 
         def value(score: Floats) -> Floats:
-            return gain(np.maximum(score, 0.0), unit) + np.minimum(score, 0.0)
+            return np.asarray(gain(np.maximum(score, 0.0), unit) + np.minimum(score, 0.0))
 
-        baseline = np.where(self.baseline > 0.0, 0.0, value(self.baseline))
-        return 100.0 * (value(self.score) - baseline)
+        return 100.0 * (value(self.score) - np.where(baseline > 0.0, 0.0, value(baseline)))
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the last info of each episode, an array (E,) for each key."""
-        episodes = range(len(self.placed))
-        return {
+        later = [(self, i) for i in range(len(self._placed))]
+        infos: dict[str, NDArray[Any]] = {
             "score": self.score.copy(),
             "gain": self.returns / 100.0,
             "outcome": _OUTCOMES[self.outcome],
-            "layout": object_array(LazyLayout.from_episode(self, i) for i in episodes),
-            "wave": object_array(LazyWave.from_episode(self, i) for i in episodes),
+            "layout": np.fromiter((_later(LazyLayout, episode) for episode in later), object),
+            "wave": np.fromiter((_later(LazyWave, episode) for episode in later), object),
         }
+        if self._are_sampled:
+            infos["scene"] = self._scenes
+        return infos
 
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
-        sizes = self.spacing[i], self.thickness[i], self.height[i % len(self.height)]
-        return placed_layout(self.scenes[i], self.placed[i], *sizes)
+        sizes = self._spacing[i], self._thickness[i], self._height[i % len(self._height)]
+        return placed_layout(self._scenes[i], self._placed[i], *sizes)
 
     def wave(self, i: int) -> Wave:
         """Return the wave of episode i; its reach is relative to the scene's N dominoes."""
         if i in self._waves:
             return self._waves[i]
-        wave = self.scenes[i].simulate(self.layout(i), self.rtol)
+        wave: Wave = self._scenes[i].simulate(self.layout(i), self._rtol)
         return replace(wave, reach=float(self.reach[i]))
 
 
-class _Lazy:
-    """Result of one episode, computed when an attribute is first read."""
+class _Later:
+    """Field of a result of an episode; all fields are computed when one of them is first read.
 
-    _compute: ClassVar[str]  # name of the method of `EpisodeResults` that computes it
+    Then they are attributes of the instance, which are read instead of these.
+    """
 
-    @classmethod
-    def from_episode(cls, results: EpisodeResults, i: int) -> Self:
-        """Return the result of episode i, to be computed later."""
-        self = object.__new__(cls)
-        self.__dict__["_episode"] = (results, i)
-        return self
+    def __init__(self, name: str, compute: Callable[[EpisodeResults, int], object]) -> None:
+        self.name, self.compute = name, compute
 
-    def __getattr__(self, name: str) -> Any:
-        episode = None if name.startswith("__") else self.__dict__.pop("_episode", None)
-        if episode is None:
-            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-        results, i = episode
-        self.__dict__.update(vars(getattr(results, self._compute)(i)))
-        return getattr(self, name)
+    def __get__(self, result: object, _: type | None = None) -> Any:
+        if result is None:
+            return self
+        attributes = vars(result)
+        attributes |= vars(self.compute(*attributes["episode"]))
+        attributes.pop("episode", None)  # it has the arrays of all episodes that ended together
+        return attributes[self.name]
 
 
-class LazyLayout(_Lazy, Layout):
+class LazyLayout(Layout):
     """Layout that is built when it is first read."""
 
-    _compute = "layout"
 
-
-class LazyWave(_Lazy, Wave):
+class LazyWave(Wave):
     """Wave that is simulated when it is first read, unless it was simulated before.
 
     Two such waves are equal if layouts, physics, tolerance and reach are equal.
     """
-
-    _compute = "wave"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Wave):
@@ -189,6 +181,18 @@ class LazyWave(_Lazy, Wave):
 
     def __hash__(self) -> int:
         return hash((self.layout, self.physics, self.rtol))
+
+
+for _kind, _compute in (LazyLayout, EpisodeResults.layout), (LazyWave, EpisodeResults.wave):
+    for _field in fields(_kind):
+        setattr(_kind, _field.name, _Later(_field.name, _compute))
+
+
+def _later(kind: type, episode: tuple[EpisodeResults, int]) -> object:
+    """Return the layout or wave of an episode, to be computed later."""
+    result: object = object.__new__(kind)
+    result.__dict__["episode"] = episode
+    return result
 
 
 def placed_layout(
@@ -209,12 +213,3 @@ def placed_layout(
     sizes = spacing[:placed], thickness[: placed + 1], height[: placed + 1]
     parts = *sizes, scene.width, scene.density
     return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
-
-
-def object_array(values: Iterable[Any]) -> NDArray[Any]:
-    """Return values of any type as an array of dtype object, one entry for each."""
-    listed = list(values)
-    array = np.empty(len(listed), object)
-    for i, value in enumerate(listed):  # a list of arrays would become an array of two dimensions
-        array[i] = value
-    return array

@@ -11,10 +11,10 @@ from gymnasium.vector import AutoresetMode
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.sources import Generators, SceneLike, SceneSource
-from domino_env.envs.spaces import action_entries
-from domino_env.envs.vector import RTOL, DominoEnv, DominoVectorEnv, Infos
-from domino_env.kernels.step.batch import EPISODE, RUNNING
+from domino_env.envs.chain import DominoEnv
+from domino_env.envs.sources import Generators, SceneLike
+from domino_env.envs.vector import RTOL, DominoChainVector, Infos
+from domino_env.kernels.step.batch import RUNNING
 from domino_env.kernels.step.environment import place_batch
 from domino_env.scenes.scene import Scene
 
@@ -88,7 +88,7 @@ class DominoLayout(DominoEnv):
         super().__init__(DominoLayoutVector(1, scene, None, rtol), render_mode)
 
 
-class DominoLayoutVector(DominoVectorEnv):
+class DominoLayoutVector(DominoChainVector):
     """Vector environment of `DominoLayout`, bitwise equal to single environments.
 
     One call simulates all layouts. Infos, seeds and the option "reset_mask" are those of
@@ -113,6 +113,8 @@ class DominoLayoutVector(DominoVectorEnv):
         As for `DominoLayout`, for less than one environment, and for an unknown autoreset mode.
     """
 
+    options = ()
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -121,31 +123,28 @@ class DominoLayoutVector(DominoVectorEnv):
         rtol: float = RTOL,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        source = SceneSource(scene, num_envs, rtol, window=0)
-        super().__init__(num_envs, source, render_mode, autoreset_mode)
+        super().__init__(
+            num_envs, scene, render_mode, rtol, window=0, autoreset_mode=autoreset_mode
+        )
         if self.distribution is not None:
             raise ValueError(
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "
                 "an action would change with its number of dominoes: use DominoChain-v2"
             )
-        first = self.source.first
+        self._chain_observations = self._observations  # not those of this environment
         self._batch.rules["length"] = 0.0  # left to `_project`
-        entries = action_entries(first) * (first.count - 1)
-        self._set_spaces(entries, Box(0.0, 1.0, (1,), np.float32))
+        _, pairs, entries = self._placing_shape
+        self._set_spaces(entries * pairs, Box(0.0, 1.0, (1,), np.float32))
 
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
-        """Begin episodes in some environments; see `DominoVectorEnv.begin`."""
-        self._episodes[mask] = np.zeros(1, EPISODE)
-        self._episodes["phase"][mask] = RUNNING
-        self._waves[mask] = None
-        self._randomise(np.flatnonzero(mask), generators, {})
+        """Begin episodes in some environments; see `DominoChainVector.begin`."""
         observations[mask] = 0.0
-        return {}
+        return super().begin(mask, self._chain_observations, generators)
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
-        """Place all dominoes and simulate them; see `DominoVectorEnv.advance`."""
+        """Place all dominoes and simulate them; see `DominoChainVector.advance`."""
         observations, scene = np.ones(self._observations.shape, np.float32), self.source.first
         rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == RUNNING
         envs = np.flatnonzero(ended)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -136,7 +136,7 @@ class SceneSource:
         self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
         self.num_envs = int(num_envs)
         self.reference_speed: float | None = None
-        self.scenes: list[Scene | None] = [None] * size
+        self.scenes = np.full(size, None, object)
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.score, self.speed = np.zeros((3, size))
@@ -207,7 +207,7 @@ class SceneSource:
         score, noise = baseline.score, scene.placement
         if noise is not None and noise.quantile is not None:  # returns are compared with the mean
             score = scene.replace(placement=noise.replace(quantile=None)).score(layout)
-        self._store_times(np.array([i]), times[None], np.array([speed]), np.array([score]))
+        self._store_times(i, times, speed, score)
         self.outcome[i], self.reach[i] = baseline.wave.outcome, baseline.wave.reach
 
     def _store_pool(self, indices: range) -> None:
@@ -227,9 +227,9 @@ class SceneSource:
             self.uniform["length_left"][i, : scene.count] = positions[-1] - positions
         new = [i for i in new if not self.score[i] > 0.0]
         if new:
-            self._simulate_baselines(np.array(new))
+            self._simulate_baselines(new)
 
-    def _simulate_baselines(self, indices: Ints) -> None:
+    def _simulate_baselines(self, indices: list[int]) -> None:
         """Simulate the baselines of scenes by actions of 0, and store their arrival times."""
         number, everything = len(indices), np.ones(len(indices), np.bool_)
         batch = self.new_batch(number)._replace(rules=self.rules.copy())
@@ -242,8 +242,9 @@ class SceneSource:
         while (batch.episodes["phase"] == RUNNING).any():
             kernels.step_batch(0, number, batch, actions, *answer)
             times.append(batch.states["time"].copy())
-        score = batch.episodes["score"]
-        self._store_times(indices, np.transpose(times), score, score)
+        results = zip(indices, np.transpose(times), batch.episodes["score"].tolist(), strict=True)
+        for i, hits, score in results:
+            self._store_times(i, hits, score, score)
 
     def _store_sizes(
         self,
@@ -275,21 +276,19 @@ class SceneSource:
         uniform["thickness"][:-1] = thickness / ahead if scene.in_heights else thickness
         uniform["growth"][:-1] = ahead / behind
 
-    def _store_times(self, indices: Ints, times: Floats, speed: Floats, score: Floats) -> None:
-        """Store arrival times (S, N) [s], mean speeds [m/s] and scores of baselines of S scenes.
+    def _store_times(self, i: int, times: Floats, speed: float, score: float) -> None:
+        """Store arrival times [s], mean speed [m/s] and score of the uniform baseline of scene i.
 
-        Entries beyond the number of dominoes of a scene are not used.
+        Times beyond the number of dominoes of the scene are not used.
         """
-        for i, hits, mean_speed, value in zip(indices.tolist(), times, speed, score, strict=True):
-            scene = cast("Scene", self.scenes[i])
-            typical = typical_speed(scene)
-            unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
-            rules, count = self.rules[i], scene.count
-            rules["uniform_speed"] = mean_speed if mean_speed > 0.0 else typical
-            rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
-            rules["score_unit"] = max(value, rules["least_score"]) if value > 0.0 else unit
-            self.uniform["time_left"][i, :count] = hits[count - 1 + self.run_out] - hits[:count]
-        self.score[indices], self.speed[indices] = score, speed
+        scene, rules = self.scenes[i], self.rules[i]
+        typical, count = typical_speed(scene), scene.count
+        unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
+        rules["uniform_speed"] = speed if speed > 0.0 else typical
+        rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
+        rules["score_unit"] = max(score, rules["least_score"]) if score > 0.0 else unit
+        self.uniform["time_left"][i, :count] = times[count - 1 + self.run_out] - times[:count]
+        self.score[i], self.speed[i] = score, speed
 
     def begin_layouts(self, batch: Batch, envs: Ints) -> None:
         """Write the first domino and the run-out of some environments into a batch."""
@@ -305,10 +304,8 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest + self.run_out
-        kinds, chooses = (
-            _allowed_thicknesses(scene),
-            scene.stock is not None and scene.free_thickness,
-        )
+        kinds, chooses = _allowed_thicknesses(scene), bool(scene.stock) and scene.free_thickness
+        pieces = int(kinds[1].sum()) if scene.hand and chooses else 0
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
         # a power of two for the whole chain, or for the part that influences the wave
@@ -325,9 +322,7 @@ class SceneSource:
             gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
             kinds=kinds,
             box=np.tile(kinds[1, : kinds.shape[1] * chooses], (num_envs, 1)),
-            order=np.zeros(
-                (num_envs, int(kinds[1].sum()) if scene.hand and chooses else 0), np.int16
-            ),
+            order=np.zeros((num_envs, pieces), np.int16),
             errors=np.zeros((num_envs if scene.placement else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
             states=np.zeros(num_envs, STATE),

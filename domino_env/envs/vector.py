@@ -1,12 +1,10 @@
-"""Base classes of vector environments, and of single ones as batches of one."""
+"""DominoChainVector: batches of environments in which one action places one domino."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, cast
 
-import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
@@ -15,37 +13,65 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.checks import require, require_choice, require_type
+from domino_env.core.checks import numbers, require, require_choice, require_type
+from domino_env.core.files import as_text
+from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
-from domino_env.envs.episodes import EpisodeResults, object_array, placed_layout
-from domino_env.envs.sources import Generators, SceneSource
-from domino_env.envs.spaces import check_actions
+from domino_env.envs.episodes import EpisodeResults, placed_layout
+from domino_env.envs.sources import Generators, SceneLike, SceneSource
+from domino_env.envs.spaces import action_entries, check_actions
+from domino_env.kernels.step import environment as kernels
 from domino_env.physics.layout import Layout
+from domino_env.physics.wave import simulate
+from domino_env.scenes.design_problem import LENGTH_TOLERANCE
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 Indices = NDArray[np.intp]  # (E,) indices of environments
 Infos = dict[str, NDArray[Any]]
 
+MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 RTOL = 1e-6  # default relative error of the arrival times
 SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
 WINDOW = 8  # default number of gaps and thicknesses that are observed
 
 
-class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
-    """B environments that are reset and stepped together; see `DominoChainVector`.
+class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
+    """Vector environment of `DominoChain`, bitwise equal to single environments.
+
+    Actions (B, A), observations (B, O) and rewards (B,) float64 are as in Gymnasium's vector
+    environments; infos hold an array of length B for each key of the single environment's info, and
+    under "_key" the mask of entries that are set. `numba.set_num_threads` limits the threads.
+
+    The options of a reset are "reset_mask", a (B,) mask of the environments to reset, and "layout",
+    the first dominoes: one `Layout` for all environments, or a list with a `Layout` or None for
+    each. If scenes are sampled, "scene" chooses them: one for all environments, or a list with a
+    `Scene` or None for each.
 
     Parameters
     ----------
     num_envs
         B, the number of environments.
-    source
-        Scenes of their episodes.
+    scene
+        See `DominoChain`.
     render_mode
         None, "rgb_array" or "ansi".
+    rtol
+        See `DominoChain`.
+    reference_speed
+        See `DominoChain`; may be set at any time.
+    window
+        See `DominoChain`.
     autoreset_mode
-        See `DominoChainVector`.
+        Step on which an environment resets after the last step of an episode:
+
+        - NEXT_STEP: the following step, which ignores the action and has reward 0.
+        - SAME_STEP: the last step itself; the last observation and info are in infos["final_obs"]
+          and infos["final_info"].
+        - DISABLED: none; call `reset(options={"reset_mask": …})` before the next step.
+    num_scenes, first_scene, hide
+        See `DominoChain`.
 
     Attributes
     ----------
@@ -57,19 +83,32 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     Raises
     ------
     ValueError
-        For another render mode or autoreset mode.
+        As for `DominoChain`, and for another number of environments or autoreset mode.
+
+    Examples
+    --------
+    >>> import gymnasium, domino_env
+    >>> envs = gymnasium.make_vec("DominoChain-v2", num_envs=1024, scene="sprint")
+    >>> observations, infos = envs.reset(seed=0)
     """
 
     # names of options of a reset, besides "reset_mask", and "scene" if scenes are sampled
-    options: ClassVar[tuple[str, ...]] = ()
+    options: ClassVar[tuple[str, ...]] = ("layout",)
 
     def __init__(
         self,
-        num_envs: int,
-        source: SceneSource,
-        render_mode: str | None,
-        autoreset_mode: str | AutoresetMode,
+        num_envs: int = 1,
+        scene: SceneLike = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        reference_speed: float | None = None,
+        window: int = WINDOW,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_scenes: int | None = None,
+        first_scene: int = 0,
+        hide: Sequence[str] = (),
     ) -> None:
+        source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.VECTOR_MODES)
@@ -96,6 +135,10 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
+        self._nothing: list[Any] = [None] * self.num_envs  # value of an option that is not given
+        if reference_speed is not None:
+            self.reference_speed = reference_speed
+        self._set_spaces(action_entries(source.first), source.observation_layout.space)
 
     def _set_spaces(self, action_size: int, observation: Box) -> None:
         """Set the spaces; actions have `action_size` entries."""
@@ -108,7 +151,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     @property
     def scenes(self) -> tuple[Scene, ...]:
         """Scene of each environment."""
-        return tuple(self._scene(b) for b in range(self.num_envs))
+        return tuple(self.source.scenes[self._batch.scene])
 
     @property
     def distribution(self) -> SceneDistribution | None:
@@ -117,6 +160,23 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     def _scene(self, env: int) -> Scene:
         return cast("Scene", self.source.scenes[self._batch.scene[env]])
+
+    @property
+    def reference_speed(self) -> float | Floats:
+        """Speed to which `lead` and `speed` of observations refer [m/s].
+
+        Its shape is (B,) if scenes are sampled. A number may be set, for all environments.
+        """
+        speeds: Floats = self.source.rules["reference_speed"]
+        return float(speeds[0]) if self.distribution is None else speeds[self._batch.scene]
+
+    @reference_speed.setter
+    def reference_speed(self, speed: float) -> None:
+        baseline = self.source.speed[self._batch.scene[0]]
+        hint = f"the mean speed of the uniform baseline is {baseline:.6g} m/s"
+        require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
+        self.source.reference_speed = float(speed)
+        self.source.rules["reference_speed"] = speed
 
     # reset ----------------------------------------------------------------------------------------
 
@@ -164,7 +224,6 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._begun |= mask
         return self._observations.copy(), self._spread({}, infos, mask)
 
-    @abstractmethod
     def begin(
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
@@ -191,6 +250,45 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         ValueError
             For options from which no episode can begin; all environments are then unchanged.
         """
+        envs, indices, source = np.flatnonzero(mask), self._batch.scene.copy(), self.source
+        layouts = self._value_per_env("layout", options.get("layout"), Layout)
+        if self.distribution is not None:
+            scenes = self._value_per_env("scene", options.get("scene"), Scene)
+            indices[envs] = [
+                source.add(b, scenes[b], indices[b]) if scenes[b] else source.sample(generators(b))
+                for b in envs.tolist()
+            ]
+        starts = {b: layouts[b] for b in envs.tolist() if layouts[b] is not None}
+        for b, start in starts.items():
+            _check_start(start, source.scenes[indices[b]], source.rtol, b)
+        self._batch.scene[:] = indices  # from here on nothing is rejected
+        source.begin_layouts(self._batch, envs)
+        self._randomise(envs, generators, starts)
+        batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
+        for b, start in starts.items():
+            placed[b] = start.count - 1
+            batch.spacing[b, : placed[b]] = start.spacing
+            batch.thickness[b, : start.count] = start.thickness
+            if self._scene(b).growth is not None:
+                batch.height[b, : start.count] = start.height
+        kernels.reset_batch(0, self.num_envs, batch, mask, placed, observations)
+        self._waves[mask] = None
+        if self.distribution is None:
+            return {}
+        return {"scene": source.scenes[indices[envs]]}
+
+    def _value_per_env(self, name: str, value: Any, kind: type) -> list[Any]:
+        """Return a list of one value per environment from a shared value, a sequence or None."""
+        if value is None:
+            return self._nothing
+        values = list(value) if np.iterable(value) else [value] * self.num_envs
+        types = set(map(type, values)) - {type(None)}
+        if len(values) != self.num_envs or not all(issubclass(given, kind) for given in types):
+            raise ValueError(
+                f"{name} = {as_text(value)}: give one {kind.__name__} for all, or a list with one "
+                f"for each of the {self.num_envs} environments"
+            )
+        return values
 
     def _randomise(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
         """Sample placement errors and the order of the pieces, if the scene has them.
@@ -325,14 +423,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             infos = self._spread(infos, self.begin(over, observations, self._generator), over)
         self._over = ended
         if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
-            final = self._spread({}, {"final_obs": object_array(observations[ended])}, ended)
+            final = self._spread({}, {"final_obs": np.fromiter(observations[ended], object)}, ended)
             infos = final | {"final_info": infos, "_final_info": ended.copy()}
             infos = self._spread(infos, self.begin(ended, observations, self._generator), ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
 
-    @abstractmethod
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Take a step in every environment whose episode is not over.
 
@@ -352,53 +449,160 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         infos : dict
             Arrays (E,) of the infos of the E episodes that ended, in their order; empty if E = 0.
         """
+        observations = np.empty(self._observations.shape, np.float32)
+        rewards = np.empty(self.num_envs)
+        ended = np.empty(self.num_envs, np.bool_)
+        share_evenly(
+            kernels.step_batch, self.num_envs, MIN_PER_THREAD,
+            self._batch, actions, observations, rewards, ended,
+        )  # fmt: skip
+        infos: Infos = {}
+        if np.count_nonzero(ended):  # faster than any()
+            envs = np.flatnonzero(ended)
+            rewards[envs], infos = self._end(envs)
+        return observations, rewards, ended, infos
 
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
-        """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended.
-
-        The whole layout is simulated again in three cases: the score is not the mean speed of the
-        wave; the error estimate exceeds the tolerance, as only a new simulation can be more exact;
-        or the layout is uniform, for which `simulate` has another algorithm. The score of the
-        uniform baseline is known.
-        """
-        batch, episodes = self._batch, self._episodes[envs]
-        scenes = self._batch.scene[envs]
-        results = EpisodeResults(
-            scenes=[self._scene(env) for env in envs],
-            baseline=self.source.score[scenes],
-            unit=self.source.rules["score_unit"][scenes],
-            rtol=self.source.rtol,
-            spacing=batch.spacing[envs],
-            thickness=batch.thickness[envs],
-            height=batch.height[envs] if len(batch.height) == self.num_envs else batch.height,
-            placed=episodes["placed"].tolist(),
-            outcome=episodes["outcome"],
-            reach=episodes["reach"],
-            score=episodes["score"],
-        )
-        unknown = episodes["uncertain"] & ~episodes["as_uniform"]
-        if unknown.any():
-            results.simulate(np.flatnonzero(unknown).tolist())
-        if (same := episodes["as_uniform"]).any():
-            for name in ("score", "outcome", "reach"):
-                getattr(results, name)[same] = getattr(self.source, name)[scenes[same]]
+        """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended."""
+        results = EpisodeResults(self.source, self._batch, envs)
         self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
-        if self.distribution is not None:
-            infos["scene"] = object_array(results.scenes)
         self._waves[envs] = infos["wave"]
-        return results.returns - episodes["reward_sum"], infos
+        return results.returns - self._episodes["reward_sum"][envs], infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, mask: Bools) -> dict[str, Any]:
         """Write arrays of infos of the environments of a mask into arrays of all environments."""
+        envs = np.flatnonzero(mask)  # faster than the mask if it is sparse
         for key, entries in values.items():
             if key not in infos:
                 blank = np.empty if entries.dtype == object else np.zeros  # empty objects are None
                 infos[key] = blank(self.num_envs, entries.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
-            infos[key][mask] = entries
-            infos[f"_{key}"] |= mask
+            infos[key][envs] = entries
+            infos[f"_{key}"][envs] = True
         return infos
+
+    # planning -------------------------------------------------------------------------------------
+
+    def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
+        """Return the bounds of the next gap and of the next thickness in one environment.
+
+        Parameters
+        ----------
+        env
+            Index of the environment.
+
+        Returns
+        -------
+        dict
+            Bounds, see `DominoChain.bounds_ahead`.
+
+        Raises
+        ------
+        ValueError
+            For an index that no environment has.
+        """
+        require("env", env, 0, self.num_envs - 1, whole=True)
+        low, high, thinnest, thickest = kernels.next_bounds(self._batch, env)
+        return {"spacing": (low, high), "thickness": (thinnest, thickest)}
+
+    def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
+        """Return actions that place the next domino of every environment as in a layout.
+
+        Parameters
+        ----------
+        layout
+            Layout of all environments, or a list with one for each.
+
+        Returns
+        -------
+        ndarray
+            Actions (B, A), the nearest ones that the rules allow; 0 where episodes are over.
+
+        Raises
+        ------
+        ValueError
+            If the number of layouts is not that of the environments, or if one is not a `Layout`.
+        """
+        layouts = self._value_per_env("layout", layout, Layout)
+        # gap, thickness, heights behind and ahead of it; without a target the smallest sizes
+        targets = np.tile([0.0, 0.0, 1.0, 1.0], (self.num_envs, 1))
+        for b, (n, target) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
+            if target is not None and n < target.count - 1:
+                sizes = target.spacing[n], target.thickness[n + 1]
+                targets[b] = *sizes, *target.height[n : n + 2]
+        actions = np.zeros((self.num_envs, action_entries(self.source.first)))
+        kernels.encode_batch(0, self.num_envs, self._batch, targets, actions)
+        return actions
+
+    def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:
+        """Place all dominoes of every environment without simulating the wave.
+
+        No placement errors are added. Afterwards all episodes are over; they have no result.
+
+        Parameters
+        ----------
+        actions
+            (B, P, A) in [-1, 1], for the P dominoes of the longest chain after its first one;
+            surplus actions of shorter chains are ignored.
+
+        Returns
+        -------
+        tuple of ndarray
+            Gaps, thicknesses and heights of dominoes 1 … P, (B, P) each [m].
+
+        Raises
+        ------
+        ValueError
+            For actions of another shape or with entries that are not finite.
+        """
+        shape, batch = self._placing_shape, self._batch
+        batch = batch._replace(errors=batch.errors[:0], order=batch.order.copy())
+        mask, pairs = np.ones(self.num_envs, np.bool_), shape[1]
+        kernels.place_batch(0, self.num_envs, batch, mask, check_actions(actions, shape))
+        self._over[:] = True
+        height = np.broadcast_to(batch.height, batch.thickness.shape)
+        return (
+            batch.spacing[:, :pairs].copy(),
+            batch.thickness[:, 1 : pairs + 1].copy(),
+            height[:, 1 : pairs + 1].copy(),
+        )
+
+    def place_all_vjp(self, actions: Floats, derivatives: Floats) -> Floats:
+        """Compute the vector-Jacobian product of the preceding `place_all`.
+
+        Parameters
+        ----------
+        actions
+            (B, P, A) actions of that call. Outside [-1, 1] derivatives are those at the nearer end,
+            and 0 where a nearer entry reaches the bound. If the baseline is at a bound, those on
+            that side of 0 are those at 0. The choice of the nearest value of a list counts as the
+            identity, and preferences have derivative 0.
+        derivatives
+            (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
+
+        Returns
+        -------
+        ndarray
+            Derivatives with respect to the actions, (B, P, A); 0 for surplus actions.
+
+        Raises
+        ------
+        ValueError
+            For arrays of another shape or with entries that are not finite.
+        """
+        shape = self._placing_shape
+        derivatives = numbers("derivatives", derivatives, None, (*shape[:2], 3), finite=True)
+        gradient = np.zeros(shape)
+        actions = check_actions(actions, shape)
+        kernels.place_vjp(0, self.num_envs, self._batch, actions, derivatives, gradient)
+        return gradient
+
+    @property
+    def _placing_shape(self) -> tuple[int, ...]:
+        """Shape (B, P, A) of the actions of `place_all`."""
+        longest = int(self.source.rules["count"][self._batch.scene].max())
+        return self.num_envs, longest - 1, action_entries(self.source.first)
 
     # rendering ------------------------------------------------------------------------------------
 
@@ -430,142 +634,26 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._renderer.close()
 
 
-class DominoEnv(gymnasium.Env[Singles, Singles]):
-    """Single environment, which steps a vector environment of one.
-
-    Parameters
-    ----------
-    vector
-        Vector environment with one environment.
-    render_mode
-        None, "rgb_array", "human" or "ansi".
-
-    Attributes
-    ----------
-    observation_layout
-        Slice of each part of an observation, by name.
-
-    Raises
-    ------
-    ValueError
-        For another render mode.
-    """
-
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
-        "render_modes": list(rendering.OFFERED_MODES),
-        "render_fps": rendering.FRAMES_PER_SECOND,
-    }
-
-    def __init__(self, vector: DominoVectorEnv, render_mode: str | None) -> None:
-        self.render_mode = render_mode
-        self._renderer = rendering.Renderer(render_mode, rendering.MODES)
-        self._vector = vector
-        self._all = np.ones(1, np.bool_)
-        self._begun = self._over = False
-        self.observation_layout = vector.observation_layout
-        self.action_space = vector.single_action_space
-        self.observation_space = vector.single_observation_space
-
-    @property
-    def scene(self) -> Scene:
-        """Scene of the current episode."""
-        return self._vector.scenes[0]
-
-    @property
-    def distribution(self) -> SceneDistribution | None:
-        """Distribution that scenes are sampled from; None if the scene is fixed."""
-        return self._vector.distribution
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Singles, dict[str, Any]]:
-        """Begin an episode.
-
-        Parameters
-        ----------
-        seed
-            Seed of `np_random`, which samples scenes, placement errors and orders of pieces. None
-            continues with the generator, or with a random seed if there is none.
-        options
-            Options of the class.
-
-        Returns
-        -------
-        observation : NDArray
-            (O,).
-        info : dict
-            "scene" if scenes are sampled.
-
-        Raises
-        ------
-        ValueError
-            For unknown options, for a layout that breaks the scene's rules or whose wave stops,
-            and for a scene that the distribution does not cover.
-        TypeError
-            For options that are not a dictionary.
-        """
-        super().reset(seed=seed)
-        start = self._vector.check_options(options)
-        observations = np.empty(self._vector.observation_space.shape or (), np.float32)
-        infos = self._vector.begin(self._all, observations, lambda _: self.np_random, **start)
-        self._begun, self._over = True, False
-        if self.render_mode == "human":
-            self.render()
-        return observations[0], {key: values.item(0) for key, values in infos.items()}
-
-    def step(self, action: ArrayLike) -> tuple[Singles, float, bool, bool, dict[str, Any]]:
-        """Take a step.
-
-        Parameters
-        ----------
-        action
-            (A,) in [-1, 1]; entries beyond are clipped.
-
-        Returns
-        -------
-        observation : NDArray
-            (O,).
-        reward : float
-            Reward, as the class defines it.
-        terminated : bool
-            True if the episode has ended.
-        truncated : bool
-            False.
-        info : dict
-            Info of the class after the last step, else empty.
-
-        Raises
-        ------
-        ValueError
-            For an action of another shape or with entries that are not finite.
-        ResetNeeded
-            Before `reset`, and once the episode is over.
-        """
-        values = check_actions(action, self.action_space.shape)
-        if self._over or not self._begun:
-            reason = "the episode is over: " if self._over else ""
-            raise ResetNeeded(f"{reason}call reset() before the next step()")
-        observations, rewards, ended, infos = self._vector.advance(values[None])
-        self._over = bool(ended[0])
-        if self.render_mode == "human":
-            self.render()
-        info = {key: values.item(0) for key, values in infos.items()}
-        return observations[0], float(rewards[0]), self._over, False, info
-
-    def snapshot(self) -> rendering.Snapshot:
-        """Return the chain at its latest hit."""
-        return self._vector.snapshot(0)
-
-    def render(self) -> NDArray[np.uint8] | str | None:
-        """Return the chain at its latest hit as an image or text; None for a window or no mode."""
-        if self.render_mode is None:
-            gymnasium.logger.warn(
-                'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
-                f"takes one of {', '.join(rendering.MODES)}"
-            )
-            return None
-        return self._renderer.frame(self.snapshot(), self.scene)
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._renderer.close()
+def _check_start(layout: Layout, scene: Scene, rtol: float, env: int) -> None:
+    """Raise a ValueError for a layout from which no episode of an environment can start."""
+    violations = scene.violations(layout, complete=False)
+    if not violations and layout.count >= scene.count:
+        violations = [
+            f"it has {layout.count} dominoes: leave at least one of the scene's {scene.count} to "
+            "place"
+        ]
+    if not violations and scene.length is not None:
+        pairs, left = scene.count - layout.count, scene.length - layout.length
+        least = pairs * (scene.spacing[0] + scene.thickness[0])
+        most = pairs * (scene.spacing[1] + scene.thickness[1])
+        if not least - LENGTH_TOLERANCE <= left <= most + LENGTH_TOLERANCE:
+            violations = [
+                f"it leaves {left:.6g} m of the length for {pairs} dominoes, which cover "
+                f"{least:.6g} to {most:.6g} m: change its length"
+            ]
+    if not violations and layout.count > 1:
+        wave = simulate(layout, scene.physics, rtol=rtol)
+        if wave.hit < layout.count or not np.isfinite(wave.release_velocity[-1]):
+            violations = [f"its wave stops: {wave.explanation}; leave out the last dominoes"]
+    if violations:
+        raise ValueError(f"the layout to start from in environment {env}: {'; '.join(violations)}")

@@ -9,15 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
+from domino_env.core.files import read_json
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import MIN_RTOL, Outcome, Wave, simulate
 from domino_env.rigid.simulation import largest_difference
-from domino_env.validation.precise import reference_waves, write_reference
 
+# waves of `short_cases` to thirty digits, by group and name: outcome, arrival times and others
+REFERENCE = Path(__file__).with_name("reference.json")
 H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
 TIPPING_PUSH = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # [rad/s] smallest
 RTOL = 1e-8  # tolerance of the examined waves
@@ -242,6 +248,54 @@ def _sizes() -> Iterator[EdgeCase]:
 # Results of the cases ----------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class PreciseWave:
+    """Outcome of a wave and its arrival times to many digits.
+
+    Attributes
+    ----------
+    outcome
+        See `Wave.outcome`.
+    arrival_times
+        Arrival times of the dominoes that are hit [s], as fractions.
+    flushes
+        Number of contacts that changed from tip to corner contacts, in face impacts.
+    lowest
+        Smallest u over its value at the start of the interval, over all intervals.
+    """
+
+    outcome: Outcome
+    arrival_times: tuple[Fraction, ...]
+    flushes: int
+    lowest: float
+
+    def relative_error(self, arrival_times: Floats) -> float:
+        """Return the largest |t_k / T_k - 1| over the dominoes hit; inf if others are hit.
+
+        Parameters
+        ----------
+        arrival_times
+            (N,) arrival times t_k to compare [s]; not finite for dominoes that are not hit.
+        """
+        times = arrival_times[np.isfinite(arrival_times)].tolist()
+        if len(times) != len(self.arrival_times):
+            return float("inf")
+        pairs = zip(times[1:], self.arrival_times[1:], strict=True)
+        return float(max((abs(Fraction(t) / true - 1) for t, true in pairs), default=0))
+
+
+@cache
+def reference_waves() -> dict[str, PreciseWave]:
+    """Return the waves in `REFERENCE`, which `tests/precise.py` computes, by group and name."""
+    return {
+        name: PreciseWave(
+            Outcome[wave["outcome"]], tuple(map(Fraction, wave["arrival_times"])), wave["flushes"],
+            wave["lowest"],
+        )
+        for name, wave in read_json(REFERENCE).items()
+    }  # fmt: skip
+
+
 def examine(case: EdgeCase, rtol: float = RTOL) -> CaseResult:
     """Simulate a case and compare its wave with the solution to many digits or the tightest run.
 
@@ -300,7 +354,3 @@ def inconsistencies(wave: Wave) -> list[str]:
         == (wave.reach == 1.0),
     }
     return [fault for fault, right in checks.items() if not right]
-
-
-if __name__ == "__main__":
-    write_reference({str(case): (case.layout, case.physics) for case in short_cases()})

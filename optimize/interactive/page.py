@@ -130,7 +130,7 @@ CONTROLS = (
             _change_count_after, pn.widgets.EditableIntSlider),
     Control("Gaps of the dominoes after these [mm]", 0.5, 100, 0.1,
             lambda s: _mm(s.run_out.spacing) if s.run_out else None,
-            lambda s, v: {"run_out": s.run_out.replace(spacing=v / MM)}),
+            lambda s, v: {"run_out": s.run_out and s.run_out.replace(spacing=v / MM)}),
     Control("Slope [°], positive downhill", -15, 15, 0.1,
             lambda s: s.ground.slope if s.ground else 0.0,
             lambda _, v: {"ground": Ground(slope=v) if v else None}),

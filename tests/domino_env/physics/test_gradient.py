@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from precise import precise_wave
 from uneven_layouts import uneven_layout
 
 from domino_env.kernels.adjoint.chain import vjp_batch
@@ -13,7 +14,6 @@ from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, simulate, simulate_batch
-from domino_env.validation.precise import precise_wave
 
 STEPS = np.array([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0])  # times the smallest step
 FINE, COARSE = (np.array([0, 1, -8, 8, -1, 0]) / 6.0, np.array([1, -8, 0, 0, 8, -1]) / 12.0)

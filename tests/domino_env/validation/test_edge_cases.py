@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from precise import precise_wave
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -13,7 +14,6 @@ from domino_env.physics.wave import Outcome, simulate
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation import edge_cases
 from domino_env.validation.ode import integrate
-from domino_env.validation.precise import precise_wave, reference_waves
 
 CASES = list(edge_cases.edge_cases(10_000))
 SHORT = {str(case): case for case in edge_cases.short_cases()}
@@ -27,7 +27,7 @@ def test_errors_are_within_estimate_and_tolerance(case):
 
 @pytest.mark.parametrize("name", SHORT)
 def test_the_tightest_tolerance_agrees_with_the_stored_digits(name):
-    case, true = SHORT[name], reference_waves()[name]
+    case, true = SHORT[name], edge_cases.reference_waves()[name]
     wave = simulate(case.layout, case.physics, rtol=1e-13)
     error = true.relative_error(wave.arrival_times)
     assert error <= wave.error_estimate
@@ -37,10 +37,10 @@ def test_the_tightest_tolerance_agrees_with_the_stored_digits(name):
 
 
 def test_the_stored_digits_are_complete_and_up_to_date():
-    assert list(reference_waves()) == list(SHORT)
+    assert list(edge_cases.reference_waves()) == list(SHORT)
     assert len(SHORT) == 60
     for name in ("short: μ = 0.25, one face impact", "short: jams", "short: μ = 0, out of reach"):
-        stored = reference_waves()[name]
+        stored = edge_cases.reference_waves()[name]
         wave = precise_wave(SHORT[name].layout, SHORT[name].physics)
         assert (wave.outcome, wave.flushes) == (stored.outcome, stored.flushes)
         for time, known in zip(wave.arrival_times, stored.arrival_times, strict=True):

@@ -7,8 +7,8 @@ positions. In an interval between hits, u = ω² of the leader obeys u' = 2P + 2
 equation is solved by Gauss-Legendre collocation on panels that are halved until the halves agree
 with the whole. The result has about 18 correct digits unless u is nearly 0 somewhere.
 
-`REFERENCE` has the waves of `edge_cases.short_cases`, written by
-``python -m domino_env.validation.edge_cases`` (mpmath needed, three minutes).
+``python -m tests.precise`` writes the waves of `edge_cases.short_cases` into `REFERENCE` (three
+minutes).
 """
 
 from __future__ import annotations
@@ -16,74 +16,30 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
+import mpmath as mp
 
-from domino_env.core.files import read_json, write_text
+from domino_env.core.files import write_text
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome
-
-try:
-    import mpmath as mp
-except ImportError:  # reading the stored waves needs no mpmath
-    if not TYPE_CHECKING:
-        mp = None
+from domino_env.validation.edge_cases import REFERENCE, PreciseWave, short_cases
 
 Number = Any  # of mpmath, which has no types
 Pair = tuple[Number, Number]
 Panel = tuple[Number, Number, Number]  # u at the end, time [s], lowest u
 Angles = dict[int, Number]  # by domino [rad], or derivatives of angles
 
-REFERENCE = Path(__file__).with_name("reference.json")
 DIGITS = 100  # of the arithmetic; 60 suffice if no gap is nearly out of reach
 STORED_DIGITS = 30  # of an arrival time, more than are correct
 NODES = 24  # of the rule on a panel
 U_RTOL, TIME_RTOL = 1e-24, 1e-18  # relative errors allowed in a panel
 MAX_HALVINGS = 40  # of an interval
 IMPACT_TOLERANCE = 1e-9  # [rad] faces that meet within this angle do so in one impact
-
-
-@dataclass(frozen=True)
-class PreciseWave:
-    """Outcome of a wave and its arrival times to many digits.
-
-    Attributes
-    ----------
-    outcome
-        See `Wave.outcome`.
-    arrival_times
-        Arrival times of the dominoes that are hit [s], as fractions.
-    flushes
-        Number of contacts that changed from tip to corner contacts, in face impacts.
-    lowest
-        Smallest u over its value at the start of the interval, over all intervals.
-    """
-
-    outcome: Outcome
-    arrival_times: tuple[Fraction, ...]
-    flushes: int
-    lowest: float
-
-    def relative_error(self, arrival_times: Floats) -> float:
-        """Return the largest |t_k / T_k - 1| over the dominoes hit; inf if others are hit.
-
-        Parameters
-        ----------
-        arrival_times
-            (N,) arrival times t_k to compare [s]; not finite for dominoes that are not hit.
-        """
-        times = arrival_times[np.isfinite(arrival_times)].tolist()
-        if len(times) != len(self.arrival_times):
-            return float("inf")
-        pairs = zip(times[1:], self.arrival_times[1:], strict=True)
-        return float(max((abs(Fraction(t) / true - 1) for t, true in pairs), default=0))
 
 
 def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
@@ -98,14 +54,7 @@ def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
     -------
     PreciseWave
         Outcome and arrival times.
-
-    Raises
-    ------
-    ImportError
-        If mpmath is not installed.
     """
-    if mp is None:
-        raise ImportError("multi-precision arithmetic needs mpmath: pip install mpmath")
     with mp.workdps(DIGITS):
         return _Chain(layout, physics).topple()
 
@@ -343,18 +292,6 @@ class _Chain:
         raise AssertionError("a wave ends with the last domino")
 
 
-@cache
-def reference_waves() -> dict[str, PreciseWave]:
-    """Return the stored waves of `edge_cases.short_cases`, by group and name."""
-    return {
-        name: PreciseWave(
-            Outcome[wave["outcome"]], tuple(map(Fraction, wave["arrival_times"])), wave["flushes"],
-            wave["lowest"],
-        )
-        for name, wave in read_json(REFERENCE).items()
-    }  # fmt: skip
-
-
 def _wave_entry(layout: Layout, physics: Physics) -> dict[str, object]:
     """Return the entry of a wave in `REFERENCE`."""
     wave, digits = precise_wave(layout, physics), STORED_DIGITS
@@ -385,3 +322,7 @@ def _rule() -> tuple[list[Number], list[Number], Number]:
         powers = mp.matrix([[x**m for m in range(NODES)] for x in nodes])
         areas = mp.matrix([[x ** (m + 1) / (m + 1) for m in range(NODES)] for x in nodes])
         return nodes, [w / 2 for w in weights], areas * mp.inverse(powers)
+
+
+if __name__ == "__main__":
+    write_reference({str(case): (case.layout, case.physics) for case in short_cases()})

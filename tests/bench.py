@@ -188,7 +188,7 @@ def first_call_times(cache: str) -> dict[str, float]:
     cache
         Folder of compiled code, which the process reads and writes.
     """
-    command = [sys.executable, "-m", "domino_env.validation.bench", "first-calls"]
+    command = [sys.executable, "-m", "tests.bench", "first-calls"]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     return dict(json.loads(process.stdout))
