@@ -6,6 +6,7 @@ from domino_env.kernels import arrays, interval, records, stack
 from domino_env.kernels.contact import can_flush, place_contact, place_domino, ratio_bound
 from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
+from domino_env.kernels.torque import conserves_energy, torque_bound, torque_share
 
 TORQUE_ROUNDING = 8.0  # [EPS] relative error of a torque, per contact
 HIT_ROUNDING = 4.0  # [EPS] relative error of u in a hit
@@ -22,16 +23,10 @@ GROWTH = 3.0  # factor from an interval to the largest length of the next, after
 SHORT, SHORTEST = 1e-9, 1e-14
 
 
-@always_inline
-def torque_bound(height, thickness):
-    """Return the largest gravity torque of a domino over its inertia and g [1/m]."""
-    return 1.5 / math.sqrt(height * height + thickness * thickness)
-
-
 @internal
-def initialise(state, push):
+def initialise(state):
     """Set the state of a chain whose first domino has just been pushed."""
-    state.u = push * push
+    state.u = state.push * state.push
     state.u_error = state.u_round = state.u_impact = 0.0
     state.time = state.time_low = state.time_error = state.time_round = 0.0
     state.worst = state.worst_round = 0.0
@@ -46,19 +41,19 @@ def initialise(state, push):
 
 
 @always_inline
-def configure(state, ring, mu, gravity, rtol, exact_minimum):
-    """Store the settings of a simulation in its state.
+def configure(state, ring, setting, exact_minimum):
+    """Store the setting of a simulation in its state.
 
     exact_minimum: locate the minimum of u in every interval, for exact margins.
     """
-    state.mask, state.mu, state.gravity = len(ring) - 1, mu, gravity
-    state.rtol, state.exact_minimum = rtol, exact_minimum
+    state.mask, state.exact_minimum = len(ring) - 1, exact_minimum
+    state.friction, state.gravity, state.push, state.rtol = setting
 
 
 @internal
-def start_chain(layout, push, ring, state):
+def start_chain(layout, ring, state):
     """Place the first domino and push it."""
-    initialise(state, push)
+    initialise(state)
     place_domino(ring, arrays.ALL_KEPT, 0, layout, 0)
     state.kappa = torque_bound(layout.height[0], layout.thickness[0])
 
@@ -80,7 +75,7 @@ def add_next_domino(layout, ring, state, n):
 def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
     units = TORQUE_ROUNDING
-    if arrays.is_uneven(ring[n & state.mask]) and state.mu == 0.0:
+    if arrays.is_uneven(ring[n & state.mask]) and conserves_energy(state):
         # u is a difference of energies there. Leans are not small where gaps are, and the rounding
         # of each contact adds to that of all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
@@ -144,7 +139,7 @@ def fall(lanes, ring, n, state, a, b, tape):
     is halved.
     """
     lanes, ring, tape = borrow((lanes, ring, tape))
-    mask, gravity, finest = state.mask, state.gravity, len(ORDERS) - 1
+    mask, finest = state.mask, len(ORDERS) - 1
     step, end, at_switch, least_rule = b, b, False, 0
     due_contact = n
     for _ in range(MOST_INTERVALS):
@@ -158,7 +153,7 @@ def fall(lanes, ring, n, state, a, b, tape):
         k = choose_rule(state, h, arrays.INTERVAL_SHARE * state.rtol)
         k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
         count = stack.set_angles(lanes, k, a, h)
-        force = 2.0 * h * gravity * state.kappa / state.u
+        force = torque_share(state, h)
         detect = stack.IGNORE_SWITCHES
         if mask != arrays.ONE_FOR_ALL:
             detect = stack.END_AT_SWITCH if at_switch else stack.END_AT_HIT
@@ -172,7 +167,7 @@ def fall(lanes, ring, n, state, a, b, tape):
             low = stack_at(lanes, ring, n, state, a, stack.END_AT_SWITCH)
         else:
             status, u_start = interval.UNRESOLVED, state.u
-            ok, error = interval.affine_map(lanes, k, h, state.mu, gravity)
+            ok, error = interval.affine_map(lanes, k, h, arrays.setting_of(state))
             if ok and state.composing:
                 status = interval.compose(lanes, k, h, error, tail, state)
             elif ok:
@@ -233,7 +228,7 @@ def hit(leader, next_domino, state):
 
     Returns PROPAGATED or JAMMED.
     """
-    s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
+    s_l, d_l, mu = leader.s_l, leader.d_l, state.friction
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     # M of the old stack with the weights of the new one
     m = state.m_end * (cd - arrays.rise_of(leader) - mu * d_l) / (cd + mu * s_l)

@@ -12,6 +12,7 @@ from domino_env.kernels import arrays, quadrature
 from domino_env.kernels.arrays import COEF, EXPO, MAP_E, MAP_U, RATE, SLOWNESS, SPEED2
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
+from domino_env.kernels.torque import conserves_energy
 
 ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
 NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
@@ -60,7 +61,7 @@ def integrate(lanes, values, k):
 
 
 @internal
-def affine_map(lanes, k, h, mu, gravity):
+def affine_map(lanes, k, h, setting):
     """Compute E and U of an interval at all lanes; return True if M is positive, and the errors."""
     m = ORDERS[k]
     end = m + 1
@@ -69,14 +70,14 @@ def affine_map(lanes, k, h, mu, gravity):
             return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
-    if mu == 0.0:  # M u is twice the kinetic energy: no quadrature is needed
+    if conserves_energy(setting):  # no quadrature is needed
         m0 = lanes[arrays.SUM_M]
-        scale = 2.0 * gravity / m0
+        scale = 2.0 * setting.gravity / m0
         for j in range(1, m + 2):
             lanes[MAP_E + j] = m0 / lanes[arrays.SUM_M + j]
             lanes[MAP_U + j] = -scale * lanes[arrays.SUM_G + j]
         return True, MapError(0.0, 0.0, 0.0, 0.0)
-    g2 = 2.0 * gravity * h
+    g2 = 2.0 * setting.gravity * h
     for j in range(m + 2):
         inv = 1.0 / lanes[arrays.SUM_M + j]
         lanes[EXPO + j] = -2.0 * h * lanes[arrays.SUM_D + j] * inv  # 2 Q h

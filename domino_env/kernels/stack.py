@@ -24,6 +24,7 @@ from domino_env.kernels.contact import (
 )
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
+from domino_env.kernels.torque import add_energy, body_of, conserves_energy, stack_terms
 
 # ends of an interval: each has its own changes of contact for `sweep` to detect, the first none
 IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2
@@ -66,35 +67,32 @@ def set_angles(lanes, k, a, h):
 
 
 @always_inline
-def add_leader(lanes, count, leader, mu):
+def add_leader(lanes, count, leader, setting):
     """Start the sums with the leading domino.
 
-    Without friction SUM_G is the change of potential energy in the interval so far, over g.
+    If energy is conserved, SUM_G is the change of potential energy in the interval so far, over g.
     """
-    inertia, half, tan_phi = leader.inertia, leader.half_weight, leader.tan_phi
+    body = body_of(leader)
     for j in range(count):
-        s, v = lanes[SIN + j], lanes[VER + j]
         lanes[WGT + j] = 1.0
         lanes[JAC + j] = 1.0
         lanes[DRV + j] = 0.0
-        lanes[SUM_M + j] = inertia
-        lanes[SUM_D + j] = 0.0
-        if mu > 0.0:
-            lanes[SUM_G + j] = half * (s - tan_phi * (1.0 - v))
-        else:
-            at_start = tan_phi * lanes[SIN] - lanes[VER]
-            lanes[SUM_G + j] = half * ((tan_phi * s - v) - at_start)
+        terms = stack_terms(body, lanes[SIN + j], lanes[VER + j], 1.0, 1.0, 0.0)
+        lanes[SUM_M + j], lanes[SUM_G + j], lanes[SUM_D + j] = terms
+        if conserves_energy(setting):
+            lanes[SUM_G + j] = 0.0
+    if conserves_energy(setting):
+        add_energy(lanes, count, body)
     leader.end_weight = 1.0
 
 
 @always_inline
-def add_with_friction(lanes, count, contact, mu, kind):
+def add_with_friction(lanes, count, contact, setting, kind):
     """Add the domino behind a contact.
 
     kind: `tip` or `corner`, so that each has a loop of its own.
     """
-    shape, inertia = shape_of(contact), contact.inertia
-    half, tan_phi = contact.half_weight, contact.tan_phi
+    shape, body, mu = shape_of(contact), body_of(contact), setting.friction
     for j in range(count):
         s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
@@ -106,9 +104,10 @@ def add_with_friction(lanes, count, contact, mu, kind):
         lanes[DRV + j] = drv
         lanes[JAC + j] = jac
         lanes[WGT + j] = w
-        lanes[SUM_M + j] += w * inertia * jac
-        lanes[SUM_G + j] += w * half * (s - tan_phi * (1.0 - v))
-        lanes[SUM_D + j] += w * inertia * drv
+        m, g, d = stack_terms(body, s, v, w, jac, drv)
+        lanes[SUM_M + j] += m
+        lanes[SUM_G + j] += g
+        lanes[SUM_D + j] += d
 
 
 @always_inline
@@ -128,33 +127,29 @@ def add_without_friction(lanes, count, contact, kind):
 
 
 @internal
-def add_domino(lanes, count, contact, mu):
+def add_domino(lanes, count, contact, setting):
     """Advance all lanes over a contact and add the domino behind it to the sums."""
-    if mu > 0.0:
+    if not conserves_energy(setting):
         if contact.kind == arrays.TIP:
-            add_with_friction(lanes, count, contact, mu, tip)
+            add_with_friction(lanes, count, contact, setting, tip)
         else:
-            add_with_friction(lanes, count, contact, mu, corner)
+            add_with_friction(lanes, count, contact, setting, corner)
         return
     if contact.kind == arrays.TIP:
         add_without_friction(lanes, count, contact, tip)
     else:
         add_without_friction(lanes, count, contact, corner)
-    # terms of a domino are subtracted before those of others are added: small changes stay exact
-    half, tan_phi = contact.half_weight, contact.tan_phi
-    at_start = tan_phi * lanes[SIN] - lanes[VER]
-    for j in range(count):
-        lanes[SUM_G + j] += half * ((tan_phi * lanes[SIN + j] - lanes[VER + j]) - at_start)
+    add_energy(lanes, count, body_of(contact))
 
 
 @always_inline
-def weights(mu):
-    """Return the offset of the lanes of w, which is J without friction."""
-    return WGT if mu > 0.0 else JAC
+def weights(setting):
+    """Return the offset of the lanes of w, which is J if energy is conserved."""
+    return JAC if conserves_energy(setting) else WGT
 
 
 @always_inline
-def tail_bound(lanes, count, mu, force, h, tail):
+def tail_bound(lanes, count, setting, force, h, tail):
     """Return a bound on the change of u by the dominoes behind the cut, in all lanes, over u.
 
     force: bound on 2 h G / (I u) of a domino. h: length of the interval [rad].
@@ -164,10 +159,10 @@ def tail_bound(lanes, count, mu, force, h, tail):
     lightest = lanes[SUM_M]
     for j in range(count):
         jac = abs(lanes[JAC + j])
-        if mu > 0.0:
-            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
-        else:
+        if conserves_energy(setting):
             x = jac * (force + jac)
+        else:
+            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
         if x > largest:
             largest = x
         if lanes[SUM_M + j] < lightest:
@@ -185,9 +180,10 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
     changes at the very end of the interval, n if none does.
     """
     lanes, ring = borrow((lanes, ring))
-    mask, mu, tol = state.mask, state.mu, arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
+    mask, setting = state.mask, arrays.setting_of(state)
+    tol = arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * setting.rtol)
     end = count - 1
-    add_leader(lanes, count, ring[n & mask], mu)
+    add_leader(lanes, count, ring[n & mask], setting)
     back = state.back
     first_check = max(4, state.depth - 2)  # near the cut of the last interval
     oldest = back if mask == arrays.ONE_FOR_ALL else max(back, n - mask)
@@ -209,15 +205,15 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
                     return i, 0.0, True
                 if past_flush(contact, dv) >= -arrays.IMPACT_TOLERANCE:
                     state.last_due = i  # it changes with the contact that ends the interval
-        add_domino(lanes, count, contact, mu)
-        contact.end_weight = lanes[weights(mu) + end]
+        add_domino(lanes, count, contact, setting)
+        contact.end_weight = lanes[weights(setting) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_bound(lanes, count, mu, force, h, contact.tail - contact.inertia)
+            tail = tail_bound(lanes, count, setting, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring is shorter than the chain
-        return i, tail_bound(lanes, count, mu, force, h, ring[i & mask].tail), False
+        return i, tail_bound(lanes, count, setting, force, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 
@@ -265,7 +261,7 @@ def switch_guess(lanes, k, a, h, v_switch):
 @internal
 def switch_angle(ring, state, n, i, a, b, guess):
     """Return the leader's angle in [a, b] at which contact i changes, by Newton's method."""
-    mask, mu = state.mask, state.mu
+    mask, mu = state.mask, state.friction
     v_switch = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):  # bisection alone would take 35
@@ -297,7 +293,7 @@ def count_toppled(ring, state, n, s, v):
     s, v: sin θ and 1 - cos θ of domino n.
     Dominoes behind a separated contact, or no longer in the ring, count as toppled.
     """
-    mask, mu, toppled, i, back = state.mask, state.mu, 0, n, state.back
+    mask, mu, toppled, i, back = state.mask, state.friction, 0, n, state.back
     while True:
         if s > ring[i & mask].tan_phi * (1.0 - v):
             toppled += 1
@@ -326,7 +322,7 @@ def switch(ring, state, n, due_contact, low, angle):
     0 if Σ w I J⁺ is 0.
     """
     ring = borrow(ring)
-    mask, mu = state.mask, state.mu
+    mask, mu = state.mask, state.friction
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
     m_old = ring[n & mask].inertia  # Σ w_old I J⁻ so far

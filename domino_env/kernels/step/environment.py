@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import LANES, PROPAGATED
+from domino_env.kernels.arrays import LANES, PROPAGATED, setting_of
 from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
 from domino_env.kernels.fall import configure, start_chain
@@ -169,8 +169,8 @@ def reset_batch(first, last, batch, chosen, given, observations):
             continue
         rules, uniform, layout = rules_of(batch, b), uniform_of(batch, b), layout_in(batch, b)
         episode, ring, state = batch.episodes[b], batch.rings[b], batch.states[b]
-        configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
-        start_chain(layout, rules.push, ring, state)
+        configure(state, ring, setting_of(rules), False)
+        start_chain(layout, ring, state)
         episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
         episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
