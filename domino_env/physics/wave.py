@@ -198,8 +198,8 @@ class Wave:
         setting, bars = checked_setting(self.physics, self.rtol), _empty_bars(arrays)
         # a copy can be written, as the kernel is compiled for the tape of a batch
         vjp(arrays, setting, self.tape.copy(), bar, bars, physics_bar)
-        physics = dict(zip(PHYSICS_BAR.names or (), physics_bar.item(), strict=True))
-        return Gradient(**bars._asdict(), **physics)
+        derivatives: list[Any] = [*bars[:4], *physics_bar.item(), *bars[4:]]
+        return Gradient(*derivatives)
 
     def gradient(self, quantity: str = "time") -> Gradient:
         """Return the gradient of the last arrival time or of the mean speed.
