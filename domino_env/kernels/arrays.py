@@ -130,6 +130,16 @@ class Setting(NamedTuple):
 
 
 @always_inline
+def configure(state, ring, setting, exact_minimum):
+    """Store the setting of a simulation in its state.
+
+    exact_minimum: locate the minimum of u in every interval, for exact margins.
+    """
+    state.mask, state.exact_minimum = len(ring) - 1, exact_minimum
+    state.friction, state.gravity, state.push, state.rtol = setting
+
+
+@always_inline
 def setting_of(record):
     """Return the setting in a state, or in the rules of a scene."""
     return Setting(record.friction, record.gravity, record.push, record.rtol)

@@ -240,7 +240,7 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    fall.configure(state, ring, setting, exact_minimum)
+    arrays.configure(state, ring, setting, exact_minimum)
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
         result = solve(layout_of(layouts, b), lanes, ring, state, arrivals_b, tape)
@@ -254,7 +254,7 @@ def compose_falls(layout, setting):
     own = new_arrays(layout, ring_length(len(layout.thickness)))
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    fall.configure(state, ring, setting, True)
+    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     state.composing = True
     unrecorded = np.empty(0, arrays.ARRIVAL)
@@ -290,7 +290,7 @@ def period_falls(pattern, setting, ring_size, u, composing, falls):
     own = new_arrays(pattern, ring_size)
     states, lanes, ring = jit.borrow(own)
     state, tape = states[0], no_tape()
-    fall.configure(state, ring, setting, True)
+    arrays.configure(state, ring, setting, True)
     fall.initialise(state)
     state.u, state.composing = u, composing
     for j in range(period):

@@ -48,7 +48,7 @@ def trace_motion(layout, setting, snapshots):
     own = new_arrays(layout, ring_length(count))
     states, lanes, ring = borrow(own)
     state, tape, falls = states[0], no_tape(), 0
-    fall.configure(state, ring, setting, True)
+    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     for n in range(count):
         falls = n + 1
@@ -210,7 +210,7 @@ def diagnose_chain(layout, setting, loads):
     own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
     states, lanes, ring = borrow(own)
     state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
-    fall.configure(state, ring, setting, True)
+    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     for n in range(count):
         strikes = fall.strikes_next(layout, n)

@@ -40,16 +40,6 @@ def initialise(state):
     state.flushes = state.releases = state.event_count = 0
 
 
-@always_inline
-def configure(state, ring, setting, exact_minimum):
-    """Store the setting of a simulation in its state.
-
-    exact_minimum: locate the minimum of u in every interval, for exact margins.
-    """
-    state.mask, state.exact_minimum = len(ring) - 1, exact_minimum
-    state.friction, state.gravity, state.push, state.rtol = setting
-
-
 @internal
 def start_chain(layout, ring, state):
     """Place the first domino and push it."""

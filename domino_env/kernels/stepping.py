@@ -39,7 +39,7 @@ def push_chain(layout, setting):
     while size <= count:
         size *= 2
     ring, states = new_ring(layout, size), np.zeros(1, arrays.STATE)
-    fall.configure(states[0], ring, setting, False)
+    arrays.configure(states[0], ring, setting, False)
     fall.start_chain(layout, ring, states[0])
     for n in range(count):
         fall.add_next_domino(layout, ring, states[0], n)

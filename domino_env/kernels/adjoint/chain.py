@@ -21,7 +21,7 @@ from domino_env.kernels.adjoint.interval import SHARED_STACK, fall_back, interva
 from domino_env.kernels.adjoint.stack import mass_back
 from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, ring_length, solve
 from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
-from domino_env.kernels.fall import configure, fall_angle
+from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import borrow, entry_point, internal, keep_alive, noinline
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
@@ -228,7 +228,7 @@ def vjp_batch(first, last, layouts, setting, arrival_bars, summaries, bars, phys
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = borrow(own)
     state = states[0]
-    configure(state, ring, setting, True)
+    arrays.configure(state, ring, setting, True)
     tape = np.empty(4 * count + 16, arrays.EVENT)  # usually long enough
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import LANES, PROPAGATED, setting_of
+from domino_env.kernels.arrays import LANES, PROPAGATED, configure, setting_of
 from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
-from domino_env.kernels.fall import configure, start_chain
+from domino_env.kernels.fall import start_chain
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 from domino_env.kernels.step import action
