@@ -145,6 +145,12 @@ def setting_of(record):
     return Setting(record.friction, record.gravity, record.push, record.rtol)
 
 
+@always_inline
+def conserves_energy(setting):
+    """Return True if energy is lost in impacts only: then M u is twice the kinetic energy."""
+    return setting.friction == 0.0
+
+
 STATE = record_type(
     mask=int,  # of the ring
     **Setting.__annotations__,

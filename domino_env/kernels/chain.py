@@ -6,7 +6,6 @@ import numpy as np
 
 from domino_env.kernels import arrays, contact, fall, interval, jit, records, stack
 from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.torque import torque_bound, torque_share
 
 MOST_TRIES = 4  # of a chain whose estimate exceeds its tolerance
 LEAST_RTOL = 1e-15  # a smaller tolerance is below rounding
@@ -73,9 +72,8 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
     depth, is_cut, failures = 0, False, 0
     for n in range(count - 1):
         u_start = fall.begin_fall(ring, state, n)
-        force = torque_share(state, b)
         if is_cut:  # the effect of the tail grows as u falls
-            tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
+            tail = stack.tail_bound(lanes, num_lanes, state, b, behind)
             is_cut = tail <= tail_tol
         if not is_cut:
             while depth < n:
@@ -87,7 +85,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
                 if depth > 4 and ratio < 1.0:  # leans grow and |B/A| falls along the stack
                     behind = inertia * ratio / (1.0 - ratio)
                     domino.tail = inertia + behind
-                    tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
+                    tail = stack.tail_bound(lanes, num_lanes, state, b, behind)
                     if tail <= tail_tol:
                         is_cut = True
                         break
@@ -129,9 +127,11 @@ def ring_length(count):
 
 
 @jit.internal
-def new_arrays(layout, size):
+def new_arrays(layout, size, setting, exact_minimum):
     """Return the state, the lanes and a ring for a simulation, whose owner is the caller."""
-    return np.zeros(1, arrays.STATE), np.zeros(arrays.LANES), contact.new_ring(layout, size)
+    states, ring = np.zeros(1, arrays.STATE), contact.new_ring(layout, size)
+    arrays.configure(states[0], ring, setting, exact_minimum)
+    return states, np.zeros(arrays.LANES), ring
 
 
 @jit.always_inline
@@ -237,10 +237,10 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
     arrivals: (B, N), or (0, 0). tape: for a single chain, or empty.
     """
     count = layouts.thickness.shape[1]
-    own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    own = new_arrays(layouts, ring_length(count), setting, exact_minimum)
+    unrecorded = np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    arrays.configure(state, ring, setting, exact_minimum)
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
         result = solve(layout_of(layouts, b), lanes, ring, state, arrivals_b, tape)
@@ -251,10 +251,9 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
 @jit.entry_point
 def compose_falls(layout, setting):
     """Compose the maps of all falls; return (outcome, u_0 above which the wave completes)."""
-    own = new_arrays(layout, ring_length(len(layout.thickness)))
+    own = new_arrays(layout, ring_length(len(layout.thickness)), setting, True)
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     state.composing = True
     unrecorded = np.empty(0, arrays.ARRIVAL)
@@ -287,14 +286,13 @@ def period_falls(pattern, setting, ring_size, u, composing, falls):
     Returns (outcome, leader or P, largest bound on the tail, gain, offset, least u).
     """
     period = len(pattern.thickness)
-    own = new_arrays(pattern, ring_size)
+    own = new_arrays(pattern, ring_size, setting, True)
     states, lanes, ring = jit.borrow(own)
     state, tape = states[0], no_tape()
-    arrays.configure(state, ring, setting, True)
     fall.initialise(state)
     state.u, state.composing = u, composing
     for j in range(period):
-        state.kappa = max(state.kappa, torque_bound(pattern.height[j], pattern.thickness[j]))
+        state.kappa = max(state.kappa, fall.torque_bound(pattern.height[j], pattern.thickness[j]))
     base = period * (1 + 2 * ring_size // period)  # the ring holds no negative index
     outcome, leader, tail = arrays.PROPAGATED, period, 0.0
     for j in range(period):

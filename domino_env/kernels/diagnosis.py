@@ -6,9 +6,8 @@ import numpy as np
 
 from domino_env.kernels import arrays, fall
 from domino_env.kernels.chain import new_arrays, no_tape, ring_length
-from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine
+from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine, torque
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
-from domino_env.kernels.torque import body_of, torque
 
 LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, almost flat
 DEEPEST = 400  # dominoes behind the leader whose forces are computed, at most
@@ -45,10 +44,9 @@ def trace_motion(layout, setting, snapshots):
     remains where it stops.
     """
     count, pieces = len(layout.thickness), snapshots.shape[1] - 1
-    own = new_arrays(layout, ring_length(count))
+    own = new_arrays(layout, ring_length(count), setting, True)
     states, lanes, ring = borrow(own)
     state, tape, falls = states[0], no_tape(), 0
-    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     for n in range(count):
         falls = n + 1
@@ -128,7 +126,7 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
     jac_before, jac_after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
     here.sin, here.cos = from_vertical(layout, n, s, 1.0 - v)
-    here.torque = torque(body_of(ring[n & mask]), s, v, gravity)
+    here.torque = torque(ring[n & mask], s, v, gravity)
     here.jac_before, here.jac_after = 1.0, 1.0
     here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
     for i in range(n - 1, low - 1, -1):
@@ -145,7 +143,7 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
         s, v = s_i, v_i
         here = geometry[i]
         here.sin, here.cos = from_vertical(layout, i, s, 1.0 - v)
-        here.torque = torque(body_of(contact), s, v, gravity)
+        here.torque = torque(contact, s, v, gravity)
         here.jac_before, here.jac_after = jac_before, jac_after
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
@@ -207,10 +205,9 @@ def diagnose_chain(layout, setting, loads):
     Before, the least values must be inf, and the largest floor friction -inf.
     """
     count = len(layout.thickness)
-    own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
+    own, geometry = new_arrays(layout, ring_length(count), setting, True), np.zeros(count, GEOMETRY)
     states, lanes, ring = borrow(own)
     state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
-    arrays.configure(state, ring, setting, True)
     fall.start_chain(layout, ring, state)
     for n in range(count):
         strikes = fall.strikes_next(layout, n)

@@ -6,7 +6,6 @@ from domino_env.kernels import arrays, interval, records, stack
 from domino_env.kernels.contact import can_flush, place_contact, place_domino, ratio_bound
 from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.torque import conserves_energy, torque_bound, torque_share
 
 TORQUE_ROUNDING = 8.0  # [EPS] relative error of a torque, per contact
 HIT_ROUNDING = 4.0  # [EPS] relative error of u in a hit
@@ -21,6 +20,12 @@ GROWTH = 3.0  # factor from an interval to the largest length of the next, after
 # Lengths of an interval over the angle of the fall: below the first, errors are accepted; below the
 # second, an interval that is still not resolved has no rigid answer.
 SHORT, SHORTEST = 1e-9, 1e-14
+
+
+@always_inline
+def torque_bound(height, thickness):
+    """Return the largest gravity torque of a domino over its inertia and g [1/m]."""
+    return 1.5 / math.sqrt(height * height + thickness * thickness)
 
 
 @internal
@@ -65,7 +70,7 @@ def add_next_domino(layout, ring, state, n):
 def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
     units = TORQUE_ROUNDING
-    if arrays.is_uneven(ring[n & state.mask]) and conserves_energy(state):
+    if arrays.is_uneven(ring[n & state.mask]) and arrays.conserves_energy(state):
         # u is a difference of energies there. Leans are not small where gaps are, and the rounding
         # of each contact adds to that of all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
@@ -115,7 +120,7 @@ def choose_rule(state, h, tol):
 def stack_at(lanes, ring, n, state, angle, detect):
     """Compute M of the stack at one angle of the leader; return what `sweep` returns first."""
     count = stack.set_angles(lanes, 0, angle, 0.0)
-    low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
+    low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, detect)
     state.m_end = lanes[arrays.SUM_M]
     state.depth = n - low
     return low
@@ -143,11 +148,10 @@ def fall(lanes, ring, n, state, a, b, tape):
         k = choose_rule(state, h, arrays.INTERVAL_SHARE * state.rtol)
         k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
         count = stack.set_angles(lanes, k, a, h)
-        force = torque_share(state, h)
         detect = stack.IGNORE_SWITCHES
         if mask != arrays.ONE_FOR_ALL:
             detect = stack.END_AT_SWITCH if at_switch else stack.END_AT_HIT
-        low, tail, has_switch = stack.sweep(lanes, count, ring, n, state, force, h, detect)
+        low, tail, has_switch = stack.sweep(lanes, count, ring, n, state, h, detect)
         if has_switch:
             guess = stack.switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
             end = stack.switch_angle(ring, state, n, low, a, end, guess)

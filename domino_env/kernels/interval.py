@@ -12,7 +12,6 @@ from domino_env.kernels import arrays, quadrature
 from domino_env.kernels.arrays import COEF, EXPO, MAP_E, MAP_U, RATE, SLOWNESS, SPEED2
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
-from domino_env.kernels.torque import conserves_energy
 
 ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
 NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
@@ -70,7 +69,7 @@ def affine_map(lanes, k, h, setting):
             return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
-    if conserves_energy(setting):  # no quadrature is needed
+    if arrays.conserves_energy(setting):  # no quadrature is needed
         m0 = lanes[arrays.SUM_M]
         scale = 2.0 * setting.gravity / m0
         for j in range(1, m + 2):

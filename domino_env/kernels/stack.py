@@ -9,6 +9,7 @@ import math
 from domino_env.kernels import arrays
 from domino_env.kernels.arrays import DRV, EXPO, JAC, SIN, SUM_D, SUM_G, SUM_M, VER, WGT
 from domino_env.kernels.contact import (
+    body_of,
     can_flush,
     catch_up,
     contact_at,
@@ -20,11 +21,11 @@ from domino_env.kernels.contact import (
     shape_of,
     sin_versine,
     span2,
+    stack_terms,
     tip,
 )
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
-from domino_env.kernels.torque import add_energy, body_of, conserves_energy, stack_terms
 
 # ends of an interval: each has its own changes of contact for `sweep` to detect, the first none
 IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2
@@ -79,87 +80,81 @@ def add_leader(lanes, count, leader, setting):
         lanes[DRV + j] = 0.0
         terms = stack_terms(body, lanes[SIN + j], lanes[VER + j], 1.0, 1.0, 0.0)
         lanes[SUM_M + j], lanes[SUM_G + j], lanes[SUM_D + j] = terms
-        if conserves_energy(setting):
+        if arrays.conserves_energy(setting):
             lanes[SUM_G + j] = 0.0
-    if conserves_energy(setting):
+    if arrays.conserves_energy(setting):
         add_energy(lanes, count, body)
     leader.end_weight = 1.0
 
 
 @always_inline
-def add_with_friction(lanes, count, contact, setting, kind):
-    """Add the domino behind a contact.
+def add_energy(lanes, count, body):
+    """Add the energy over g that a domino has released in the interval so far to SUM_G."""
+    # terms of a domino are subtracted before those of others are added: small changes stay exact
+    half, tan_phi = body.half_weight, body.tan_phi
+    at_start = tan_phi * lanes[SIN] - lanes[VER]
+    for j in range(count):
+        lanes[SUM_G + j] += half * ((tan_phi * lanes[SIN + j] - lanes[VER + j]) - at_start)
+
+
+@always_inline
+def add_behind(lanes, count, contact, setting, kind):
+    """Add the domino behind a contact; if energy is conserved to M only, as w = J then.
 
     kind: `tip` or `corner`, so that each has a loop of its own.
     """
     shape, body, mu = shape_of(contact), body_of(contact), setting.friction
+    if arrays.conserves_energy(setting):
+        for j in range(count):
+            s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
+            jac = omega * lanes[JAC + j]
+            lanes[SIN + j], lanes[VER + j], lanes[JAC + j] = s, v, jac
+            lanes[SUM_M + j] += body.inertia * jac * jac
+        return
     for j in range(count):
         s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
         drv = omega * lanes[DRV + j] + psi * jac * jac
         jac = omega * jac
         w = lanes[WGT + j] * ratio
-        lanes[SIN + j] = s
-        lanes[VER + j] = v
-        lanes[DRV + j] = drv
-        lanes[JAC + j] = jac
-        lanes[WGT + j] = w
+        lanes[SIN + j], lanes[VER + j] = s, v
+        lanes[WGT + j], lanes[JAC + j], lanes[DRV + j] = w, jac, drv
         m, g, d = stack_terms(body, s, v, w, jac, drv)
         lanes[SUM_M + j] += m
         lanes[SUM_G + j] += g
         lanes[SUM_D + j] += d
 
 
-@always_inline
-def add_without_friction(lanes, count, contact, kind):
-    """Add the domino behind a contact to M; without friction w = J.
-
-    kind: `tip` or `corner`.
-    """
-    shape, inertia = shape_of(contact), contact.inertia
-    for j in range(count):
-        s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
-        jac = omega * lanes[JAC + j]
-        lanes[SIN + j] = s
-        lanes[VER + j] = v
-        lanes[JAC + j] = jac
-        lanes[SUM_M + j] += inertia * jac * jac
-
-
 @internal
 def add_domino(lanes, count, contact, setting):
     """Advance all lanes over a contact and add the domino behind it to the sums."""
-    if not conserves_energy(setting):
-        if contact.kind == arrays.TIP:
-            add_with_friction(lanes, count, contact, setting, tip)
-        else:
-            add_with_friction(lanes, count, contact, setting, corner)
-        return
     if contact.kind == arrays.TIP:
-        add_without_friction(lanes, count, contact, tip)
+        add_behind(lanes, count, contact, setting, tip)
     else:
-        add_without_friction(lanes, count, contact, corner)
-    add_energy(lanes, count, body_of(contact))
+        add_behind(lanes, count, contact, setting, corner)
+    if arrays.conserves_energy(setting):
+        add_energy(lanes, count, body_of(contact))
 
 
 @always_inline
 def weights(setting):
     """Return the offset of the lanes of w, which is J if energy is conserved."""
-    return JAC if conserves_energy(setting) else WGT
+    return JAC if arrays.conserves_energy(setting) else WGT
 
 
 @always_inline
-def tail_bound(lanes, count, setting, force, h, tail):
+def tail_bound(lanes, count, state, h, tail):
     """Return a bound on the change of u by the dominoes behind the cut, in all lanes, over u.
 
-    force: bound on 2 h G / (I u) of a domino. h: length of the interval [rad].
+    h: length of the interval [rad].
     tail: bound on Σ I w behind the cut, over w of the last domino included.
     """
+    force = 2.0 * h * state.gravity * state.kappa / state.u  # bound on 2 h G / (I u) of a domino
     largest = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
         jac = abs(lanes[JAC + j])
-        if conserves_energy(setting):
+        if arrays.conserves_energy(state):
             x = jac * (force + jac)
         else:
             x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
@@ -171,10 +166,10 @@ def tail_bound(lanes, count, setting, force, h, tail):
 
 
 @noinline
-def sweep(lanes, count, ring, n, state, force, h, detect):
+def sweep(lanes, count, ring, n, state, h, detect):
     """Add the dominoes behind leader n to the sums until the rest is negligible.
 
-    force, h: as for `tail_bound`. detect: IGNORE_SWITCHES, END_AT_HIT or END_AT_SWITCH.
+    h: length of the interval. detect: IGNORE_SWITCHES, END_AT_HIT or END_AT_SWITCH.
     Returns (lowest domino included, bound on the tail, False); at the first contact found that
     changes within the interval, (this contact, 0, True). state.last_due is the lowest contact that
     changes at the very end of the interval, n if none does.
@@ -209,11 +204,11 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
         contact.end_weight = lanes[weights(setting) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_bound(lanes, count, setting, force, h, contact.tail - contact.inertia)
+            tail = tail_bound(lanes, count, state, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring is shorter than the chain
-        return i, tail_bound(lanes, count, setting, force, h, ring[i & mask].tail), False
+        return i, tail_bound(lanes, count, state, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 

@@ -18,10 +18,9 @@ import math
 import numpy as np
 
 from domino_env.kernels import arrays, fall
-from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine
+from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine, stack_terms
 from domino_env.kernels.jit import entry_point, internal
 from domino_env.kernels.stack import switch
-from domino_env.kernels.torque import body_of, stack_terms
 
 EULER, RK4, LOCATED = 0, 1, 2  # methods of `take_fixed_steps`; LOCATED: RK4 with located events
 UNFINISHED = -1  # result of `apply_events` if the wave continues
@@ -55,7 +54,7 @@ def sum_stack(ring, state, n, angle):
     """
     s, v = sin_versine(angle)
     w, jac, drv, distance, lowest_due = 1.0, 1.0, 0.0, np.inf, n
-    sum_m, sum_g, sum_d = stack_terms(body_of(ring[n]), s, v, w, jac, drv)
+    sum_m, sum_g, sum_d = stack_terms(ring[n], s, v, w, jac, drv)
     for i in range(n - 1, state.back - 1, -1):
         contact = ring[i]
         distance = min(distance, contact.v_switch - v)
@@ -65,7 +64,7 @@ def sum_stack(ring, state, n, angle):
         drv = omega * drv + psi * jac * jac
         jac *= omega
         w *= ratio
-        m, g, d = stack_terms(body_of(contact), s, v, w, jac, drv)
+        m, g, d = stack_terms(contact, s, v, w, jac, drv)
         sum_m, sum_g, sum_d = sum_m + m, sum_g + g, sum_d + d
     return sum_m, sum_g, sum_d, distance, lowest_due
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from msgspec.structs import astuple
 
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from domino_env.kernels.arrays import Arrays
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +66,6 @@ def arrays_from(layout: Layout) -> Arrays:
     """Return the arrays of a layout for the kernels."""
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
     return Arrays(*sizes, *layout.rise_and_tilt)
-
-
-def setting_from(physics: Physics, rtol: float) -> tuple[float, ...]:
-    """Return the members of `kernels.arrays.Setting`, which begin with those of `Physics`."""
-    return *astuple(physics), float(rtol)
 
 
 def with_length_gradient(gradient: Gradient, layout: Any, weight: float | Floats) -> Gradient:

@@ -18,11 +18,11 @@ from domino_env.core.checks import numbers, require
 from domino_env.core.types import Floats
 from domino_env.kernels.arrays import FALL, RING_SIZE, Arrays
 from domino_env.kernels.chain import compose_falls, period_falls
-from domino_env.physics.gradient import arrays_from, setting_from
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
-from domino_env.physics.wave import MAX_RTOL, Outcome
+from domino_env.physics.wave import MAX_RTOL, Outcome, setting_from
 
 FIRST_RING_SIZE = 512  # dominoes behind the leader; doubled while those further back matter
 

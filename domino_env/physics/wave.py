@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require, require_choice, require_type
@@ -20,7 +21,7 @@ from domino_env.kernels.adjoint.chain import vjp, vjp_batch
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
 from domino_env.kernels.chain import solve_batch
 from domino_env.physics import footing
-from domino_env.physics.gradient import Gradient, arrays_from, setting_from, with_length_gradient
+from domino_env.physics.gradient import Gradient, arrays_from, with_length_gradient
 from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
@@ -614,6 +615,11 @@ def _wave(
         run_time=run_time,
         tape=tape,
     )
+
+
+def setting_from(physics: Physics, rtol: float) -> tuple[float, ...]:
+    """Return the members of `kernels.arrays.Setting`, which begin with those of `Physics`."""
+    return *astuple(physics), float(rtol)
 
 
 def checked_setting(physics: Physics, rtol: float) -> tuple[float, ...]:

@@ -20,10 +20,10 @@ from scipy.integrate import solve_ivp
 from domino_env.core.types import Floats
 from domino_env.kernels import stepping
 from domino_env.kernels.arrays import Arrays
-from domino_env.physics.gradient import arrays_from, setting_from
+from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome
+from domino_env.physics.wave import Outcome, setting_from
 
 # methods with fixed steps, and their codes in the kernels
 FIXED = {"euler": stepping.EULER, "rk4-step": stepping.RK4, "rk4": stepping.LOCATED}

@@ -225,10 +225,10 @@ def vjp_batch(first, last, layouts, setting, arrival_bars, summaries, bars, phys
     bars: `Arrays` of the shapes of `layouts` for B layouts.  physics_bars: (B,) zeros.
     """
     count = layouts.thickness.shape[1]
-    own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    own = new_arrays(layouts, ring_length(count), setting, True)
+    unrecorded = np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = borrow(own)
     state = states[0]
-    arrays.configure(state, ring, setting, True)
     tape = np.empty(4 * count + 16, arrays.EVENT)  # usually long enough
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]

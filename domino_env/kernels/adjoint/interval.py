@@ -13,7 +13,6 @@ from domino_env.kernels.interval import affine_map
 from domino_env.kernels.jit import internal
 from domino_env.kernels.quadrature import CLOSED, ORDERS, POSITIONS, RUNNING, WEIGHTS
 from domino_env.kernels.stack import set_angles
-from domino_env.kernels.torque import conserves_energy
 
 
 @internal
@@ -58,7 +57,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
         u0_bar += lanes[SLOWNESS + j]
     for j in range(count):
         bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
-    if not conserves_energy(reverse.setting):
+    if not arrays.conserves_energy(reverse.setting):
         for i in range(1, end):
             r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
             for j in range(1, end):
@@ -103,8 +102,7 @@ def interval_stack_back(reverse, k, n, low, end_bar):
         x = stack.angle_bar(bars, first, j)
         first_bar += x
         end_bar += POSITIONS[k, j] * x
-        if not conserves_energy(reverse.setting):
-            reverse.physics_bar.friction += bars[B_MU + j]
+        reverse.physics_bar.friction += bars[B_MU + j]
     return first_bar - end_bar, end_bar
 
 

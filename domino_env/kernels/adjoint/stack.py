@@ -27,11 +27,10 @@ from domino_env.kernels.adjoint.contact import (
     tip_back,
 )
 from domino_env.kernels.arrays import DRV, JAC, SIN, STRIDE, SUM_D, SUM_G, SUM_M, VER, WGT
-from domino_env.kernels.contact import shape_of, sin_versine
+from domino_env.kernels.contact import body_of, shape_of, sin_versine, torque
 from domino_env.kernels.jit import always_inline, internal, leaf
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 from domino_env.kernels.stack import add_domino, add_leader
-from domino_env.kernels.torque import body_of, conserves_energy, torque
 
 
 @always_inline
@@ -61,12 +60,28 @@ def energy_back(body, s, v, bar):
 
 
 @always_inline
-def friction_back(bars, above, here, count, contact, setting, kind_back):
-    """Propagate bars over `add_with_friction`.
+def add_behind_back(bars, above, here, count, contact, setting, kind_back):
+    """Propagate bars over `add_behind`.
 
     above, here: lanes before and after it.  kind_back: `tip_back` or `corner_back`.
     """
     shape, body, mu = shape_of(contact), body_of(contact), setting.friction
+    if arrays.conserves_energy(setting):
+        for j in range(count):
+            s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
+            s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
+            m, g = bars[SEED_M + j], bars[SEED_G + j]
+            jac_bar = bars[B_JAC + j] + 2.0 * m * body.inertia * jac_i
+            s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = energy_back(body, s_i, v_i, g)
+            s_bar, v_bar = bars[B_SIN + j] + s_bar, bars[B_VER + j] + v_bar
+            bars[B_INERTIA + j] = m * jac_i * jac_i
+            s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
+                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+            bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+            bars[B_JAC + j] = jac_bar * omega
+            keep_shape(bars, j, contact, shape_bar)
+        return
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
         s_i, v_i, w_i, jac_i, drv_i = here[SIN + j], here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
@@ -87,26 +102,6 @@ def friction_back(bars, above, here, count, contact, setting, kind_back):
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
         bars[B_DRV + j] = drv_bar * omega
         bars[B_MU + j] += mu_bar
-        keep_shape(bars, j, contact, shape_bar)
-
-
-@always_inline
-def frictionless_back(bars, above, here, count, contact, kind_back):
-    """Propagate bars over `add_without_friction`; for the arguments see `friction_back`."""
-    shape, body = shape_of(contact), body_of(contact)
-    for j in range(count):
-        s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
-        s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
-        m, g = bars[SEED_M + j], bars[SEED_G + j]
-        jac_bar = bars[B_JAC + j] + 2.0 * m * body.inertia * jac_i
-        s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = energy_back(body, s_i, v_i, g)
-        s_bar, v_bar = bars[B_SIN + j] + s_bar, bars[B_VER + j] + v_bar
-        bars[B_INERTIA + j] = m * jac_i * jac_i
-        s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
-            s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
-        )
-        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
-        bars[B_JAC + j] = jac_bar * omega
         keep_shape(bars, j, contact, shape_bar)
 
 
@@ -149,7 +144,7 @@ def retrace(reverse, count, n, low, with_sums):
     for i in range(n - 1, low - 1, -1):
         here = saved[n - i]
         add_domino(lanes, count, ring[i], setting)
-        if not conserves_energy(setting):
+        if not arrays.conserves_energy(setting):
             for j in range(count):
                 here[WGT + j], here[DRV + j] = lanes[WGT + j], lanes[DRV + j]
         for j in range(count):
@@ -170,15 +165,10 @@ def copy_sums(source, target, count):
 @internal
 def contact_back(bars, above, here, count, contact, setting):
     """Propagate all bars over one contact of either kind."""
-    if not conserves_energy(setting):
-        if contact.kind == arrays.TIP:
-            friction_back(bars, above, here, count, contact, setting, tip_back)
-        else:
-            friction_back(bars, above, here, count, contact, setting, corner_back)
-    elif contact.kind == arrays.TIP:
-        frictionless_back(bars, above, here, count, contact, tip_back)
+    if contact.kind == arrays.TIP:
+        add_behind_back(bars, above, here, count, contact, setting, tip_back)
     else:
-        frictionless_back(bars, above, here, count, contact, corner_back)
+        add_behind_back(bars, above, here, count, contact, setting, corner_back)
 
 
 @always_inline
@@ -190,7 +180,7 @@ def add_leader_back(bars, first, count, leader, setting):
         keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no contact
         bars[B_INERTIA + j] = bars[SEED_M + j]
         by_domino = torque_back(body, s, v, g)
-        if conserves_energy(setting):
+        if arrays.conserves_energy(setting):
             by_domino = energy_back(body, s, v, g)
         s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = by_domino
         bars[B_SIN + j] += s_bar
@@ -250,7 +240,7 @@ def tabulate_stack(reverse, k, n, low, table):
         for j in range(count):
             x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS
             table[q * count + j, at] = POSITIONS[k, j] * x
-            table[q * count + j, at + 1] = 0.0 if conserves_energy(setting) else bars[B_MU + j]
+            table[q * count + j, at + 1] = bars[B_MU + j]
 
 
 @internal
