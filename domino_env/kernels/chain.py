@@ -72,8 +72,9 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
     depth, is_cut, failures = 0, False, 0
     for n in range(count - 1):
         u_start = fall.begin_fall(ring, state, n)
+        force = stack.force_bound(state, b)
         if is_cut:  # the effect of the tail grows as u falls
-            tail = stack.tail_bound(lanes, num_lanes, state, b, behind)
+            tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
             is_cut = tail <= tail_tol
         if not is_cut:
             while depth < n:
@@ -85,7 +86,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
                 if depth > 4 and ratio < 1.0:  # leans grow and |B/A| falls along the stack
                     behind = inertia * ratio / (1.0 - ratio)
                     domino.tail = inertia + behind
-                    tail = stack.tail_bound(lanes, num_lanes, state, b, behind)
+                    tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
                     if tail <= tail_tol:
                         is_cut = True
                         break

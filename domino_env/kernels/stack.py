@@ -143,18 +143,23 @@ def weights(setting):
 
 
 @always_inline
-def tail_bound(lanes, count, state, h, tail):
+def force_bound(state, h):
+    """Return a bound on 2 h G / (I u) of a domino, in an interval of length h."""
+    return 2.0 * h * state.gravity * state.kappa / state.u
+
+
+@always_inline
+def tail_bound(lanes, count, setting, force, h, tail):
     """Return a bound on the change of u by the dominoes behind the cut, in all lanes, over u.
 
-    h: length of the interval [rad].
+    force: from `force_bound`. h: length of the interval [rad].
     tail: bound on Σ I w behind the cut, over w of the last domino included.
     """
-    force = 2.0 * h * state.gravity * state.kappa / state.u  # bound on 2 h G / (I u) of a domino
     largest = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
         jac = abs(lanes[JAC + j])
-        if arrays.conserves_energy(state):
+        if arrays.conserves_energy(setting):
             x = jac * (force + jac)
         else:
             x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
@@ -175,7 +180,7 @@ def sweep(lanes, count, ring, n, state, h, detect):
     changes at the very end of the interval, n if none does.
     """
     lanes, ring = borrow((lanes, ring))
-    mask, setting = state.mask, arrays.setting_of(state)
+    mask, setting, force = state.mask, arrays.setting_of(state), force_bound(state, h)
     tol = arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * setting.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], setting)
@@ -204,11 +209,11 @@ def sweep(lanes, count, ring, n, state, h, detect):
         contact.end_weight = lanes[weights(setting) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_bound(lanes, count, state, h, contact.tail - contact.inertia)
+            tail = tail_bound(lanes, count, setting, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring is shorter than the chain
-        return i, tail_bound(lanes, count, state, h, ring[i & mask].tail), False
+        return i, tail_bound(lanes, count, setting, force, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 
