@@ -6,7 +6,7 @@ no ODE solver is needed.
 
     arrays      layout of the working arrays, and the symbols of all kernels
     quadrature  Gauss-Legendre rules and the polynomial through their nodes
-    contact     one contact, at the tip or at the corner
+    contact     one domino and its torque; its contact, at the tip or at the corner
     stack       all dominoes that lean on the leader, and their changes of contact
     interval    part of a fall without a change of contact: the affine map of u, and the time
     fall        from one hit to the next

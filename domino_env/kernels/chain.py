@@ -40,13 +40,13 @@ def is_uniform(layout):
 @jit.internal
 def uniform_rule(lanes, domino, state, count, b):
     """Return the rule that resolves P and Q of a uniform stack; -1 if none does."""
-    mu, tol = state.mu, MAP_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
+    setting, tol = arrays.setting_of(state), MAP_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
     for k in range(1, len(ORDERS)):
         num_lanes = stack.set_angles(lanes, k, 0.0, b)
-        stack.add_leader(lanes, num_lanes, domino, mu)
+        stack.add_leader(lanes, num_lanes, domino, setting)
         for _ in range(min(count - 2, 12)):  # w and J decay along the stack
-            stack.add_domino(lanes, num_lanes, domino, mu)
-        ok, error = interval.affine_map(lanes, k, b, mu, state.gravity)
+            stack.add_domino(lanes, num_lanes, domino, setting)
+        ok, error = interval.affine_map(lanes, k, b, setting)
         if ok and error.log_e <= tol and error.u <= tol * lanes[arrays.MAP_U + ORDERS[k] + 1]:
             return k
     return -1
@@ -59,40 +59,40 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
     Returns (outcome, leader at the end); if PROPAGATED, `remaining_falls` continues from there.
     """
     lanes, ring, arrivals, tape = jit.borrow((lanes, ring, arrivals, tape))
-    domino, mu, gravity = ring[0], state.mu, state.gravity
+    domino, setting = ring[0], arrays.setting_of(state)
     b = fall.fall_angle(domino, True)
     k = uniform_rule(lanes, domino, state, count, b)
     if k < 0:
         return arrays.PROPAGATED, 0
     tail_tol = arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
     num_lanes = stack.set_angles(lanes, k, 0.0, b)
-    stack.add_leader(lanes, num_lanes, domino, mu)
+    stack.add_leader(lanes, num_lanes, domino, setting)
     inertia = domino.inertia
     error, tail, behind = interval.MapError(0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     depth, is_cut, failures = 0, False, 0
     for n in range(count - 1):
         u_start = fall.begin_fall(ring, state, n)
-        force = 2.0 * b * gravity * state.kappa / state.u
+        force = stack.force_bound(state, b)
         if is_cut:  # the effect of the tail grows as u falls
-            tail = stack.tail_bound(lanes, num_lanes, mu, force, b, behind)
+            tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
             is_cut = tail <= tail_tol
         if not is_cut:
             while depth < n:
-                before = lanes[stack.weights(mu)]
-                stack.add_domino(lanes, num_lanes, domino, mu)
-                ratio = abs(lanes[stack.weights(mu)] / before)
+                before = lanes[stack.weights(setting)]
+                stack.add_domino(lanes, num_lanes, domino, setting)
+                ratio = abs(lanes[stack.weights(setting)] / before)
                 depth += 1
                 tail = 0.0
                 if depth > 4 and ratio < 1.0:  # leans grow and |B/A| falls along the stack
                     behind = inertia * ratio / (1.0 - ratio)
                     domino.tail = inertia + behind
-                    tail = stack.tail_bound(lanes, num_lanes, mu, force, b, behind)
+                    tail = stack.tail_bound(lanes, num_lanes, setting, force, b, behind)
                     if tail <= tail_tol:
                         is_cut = True
                         break
             if depth == n:  # the stack is complete
                 tail = 0.0
-            ok, error = interval.affine_map(lanes, k, b, mu, gravity)
+            ok, error = interval.affine_map(lanes, k, b, setting)
             if not ok:
                 return arrays.PROPAGATED, n
         status = interval.propagate(lanes, k, 0.0, b, error, tail, state, interval.NEAR_STALL)
@@ -108,7 +108,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
             outcome = fall.fall(lanes, ring, n, state, 0.0, b, tape)
             depth, is_cut = 0, False  # the lanes were overwritten
             num_lanes = stack.set_angles(lanes, k, 0.0, b)
-            stack.add_leader(lanes, num_lanes, domino, mu)
+            stack.add_leader(lanes, num_lanes, domino, setting)
         outcome = fall.close_fall(ring, state, n, b, u_start, True, outcome)
         if records.has_tape(tape) and outcome == arrays.PROPAGATED:
             records.record_hit(tape, state, n)
@@ -128,9 +128,11 @@ def ring_length(count):
 
 
 @jit.internal
-def new_arrays(layout, size):
+def new_arrays(layout, size, setting, exact_minimum):
     """Return the state, the lanes and a ring for a simulation, whose owner is the caller."""
-    return np.zeros(1, arrays.STATE), np.zeros(arrays.LANES), contact.new_ring(layout, size)
+    states, ring = np.zeros(1, arrays.STATE), contact.new_ring(layout, size)
+    arrays.configure(states[0], ring, setting, exact_minimum)
+    return states, np.zeros(arrays.LANES), ring
 
 
 @jit.always_inline
@@ -179,14 +181,14 @@ def end_of_chain(ring, state, n, outcome):
 
 
 @jit.internal
-def chain(layout, lanes, ring, state, push, arrivals, tape):
+def chain(layout, lanes, ring, state, arrivals, tape):
     """Simulate a chain; return what `remaining_falls` returns.
 
     arrivals: (N,) to write, or empty.
     """
     count, first = len(layout.thickness), 0
-    fall.start_chain(layout, push, ring, state)
-    records.clear_arrivals(arrivals, push)
+    fall.start_chain(layout, ring, state)
+    records.clear_arrivals(arrivals, state)
     state.mask = len(ring) - 1
     if count > 3 and is_uniform(layout):
         state.mask = arrays.ONE_FOR_ALL
@@ -199,7 +201,7 @@ def chain(layout, lanes, ring, state, push, arrivals, tape):
 
 
 @jit.internal
-def solve(layout, lanes, ring, state, push, arrivals, tape):
+def solve(layout, lanes, ring, state, arrivals, tape):
     """Simulate a chain, again with a smaller tolerance while its error exceeds state.rtol.
 
     Where rounding makes half of that error, a smaller tolerance does not help.
@@ -207,7 +209,7 @@ def solve(layout, lanes, ring, state, push, arrivals, tape):
     rtol = state.rtol
     result = arrays.PROPAGATED, 0, 0, 0
     for _ in range(MOST_TRIES):
-        result = chain(layout, lanes, ring, state, push, arrivals, tape)
+        result = chain(layout, lanes, ring, state, arrivals, tape)
         if state.worst <= rtol or state.worst_round > 0.5 * rtol or state.rtol < LEAST_RTOL:
             break
         state.rtol *= max(0.3 * rtol / state.worst, 1e-3)  # a margin; a bound on each step
@@ -229,34 +231,31 @@ def layout_of(layouts, b):
 
 
 @jit.entry_point
-def solve_batch(
-    first, last, layouts, mu, gravity, push, rtol, exact_minimum, summaries, arrivals, tape
-):
+def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrivals, tape):
     """Simulate chains first … last - 1 of a batch.
 
     layouts: `Arrays` of (B, N-1), (B, N) and twice (B, N) or (1, N). summaries: (B,).
     arrivals: (B, N), or (0, 0). tape: for a single chain, or empty.
     """
     count = layouts.thickness.shape[1]
-    own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    own = new_arrays(layouts, ring_length(count), setting, exact_minimum)
+    unrecorded = np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    fall.configure(state, ring, mu, gravity, rtol, exact_minimum)
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
-        result = solve(layout_of(layouts, b), lanes, ring, state, push, arrivals_b, tape)
+        result = solve(layout_of(layouts, b), lanes, ring, state, arrivals_b, tape)
         records.summarise(summaries[b], count, result, state)
     jit.keep_alive(own)
 
 
 @jit.entry_point
-def compose_falls(layout, mu, gravity, rtol):
+def compose_falls(layout, setting):
     """Compose the maps of all falls; return (outcome, u_0 above which the wave completes)."""
-    own = new_arrays(layout, ring_length(len(layout.thickness)))
+    own = new_arrays(layout, ring_length(len(layout.thickness)), setting, True)
     states, lanes, ring = jit.borrow(own)
     state = states[0]
-    fall.configure(state, ring, mu, gravity, rtol, True)
-    fall.start_chain(layout, 0.0, ring, state)
+    fall.start_chain(layout, ring, state)
     state.composing = True
     unrecorded = np.empty(0, arrays.ARRIVAL)
     outcome, _, _, _ = remaining_falls(layout, lanes, ring, state, 0, unrecorded, no_tape())
@@ -279,7 +278,7 @@ def repeat_behind(ring, state, n, pattern):
 
 
 @jit.entry_point
-def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
+def period_falls(pattern, setting, ring_size, u, composing, falls):
     """Simulate the P falls of one period of an endless chain, each with the whole stack behind it.
 
     pattern: `Arrays` of P gaps and P dominoes. ring_size: dominoes remembered, a power of two.
@@ -288,11 +287,10 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     Returns (outcome, leader or P, largest bound on the tail, gain, offset, least u).
     """
     period = len(pattern.thickness)
-    own = new_arrays(pattern, ring_size)
+    own = new_arrays(pattern, ring_size, setting, True)
     states, lanes, ring = jit.borrow(own)
     state, tape = states[0], no_tape()
-    fall.configure(state, ring, mu, gravity, rtol, True)
-    fall.initialise(state, 1.0)
+    fall.initialise(state)
     state.u, state.composing = u, composing
     for j in range(period):
         state.kappa = max(state.kappa, fall.torque_bound(pattern.height[j], pattern.thickness[j]))

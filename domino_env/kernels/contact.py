@@ -9,6 +9,7 @@ physics/0401018).
 """
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -62,6 +63,32 @@ def place_domino(ring, mask, i, layout, j):
     domino.on_tape = 0
     domino.tail = domino.inertia
     domino.end_weight = 0.0
+
+
+class Body(NamedTuple):
+    """A domino without its contact: fields of its record, which can be passed in its place."""
+
+    inertia: float
+    half_weight: float
+    tan_phi: float
+
+
+@always_inline
+def body_of(domino):
+    """Return a domino without its contact."""
+    return Body(domino.inertia, domino.half_weight, domino.tan_phi)
+
+
+@leaf
+def torque(body, s, v, factor):
+    """Return the gravity torque of a domino over g, times a factor."""
+    return factor * body.half_weight * (s - body.tan_phi * (1.0 - v))
+
+
+@leaf
+def stack_terms(body, s, v, w, jac, drv):
+    """Return the terms of a domino in Σ w I J, Σ w G / g and Σ w I D."""
+    return w * body.inertia * jac, torque(body, s, v, w), w * body.inertia * drv
 
 
 @always_inline

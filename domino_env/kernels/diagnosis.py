@@ -6,7 +6,7 @@ import numpy as np
 
 from domino_env.kernels import arrays, fall
 from domino_env.kernels.chain import new_arrays, no_tape, ring_length
-from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine
+from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine, torque
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 
 LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, almost flat
@@ -27,7 +27,7 @@ GEOMETRY = arrays.record_type(  # of each domino at one instant
     cos=float,
     jac_before=float,  # J with the contacts before an impact, and after it
     jac_after=float,
-    lever=float,  # gravity torque over g and half_weight
+    torque=float,  # of gravity
     drv=float,  # D
     w=float,
     arm=float,  # A and B of its contact with the next [m]
@@ -36,7 +36,7 @@ GEOMETRY = arrays.record_type(  # of each domino at one instant
 
 
 @entry_point
-def trace_motion(layout, mu, gravity, push, rtol, snapshots):
+def trace_motion(layout, setting, snapshots):
     """Sample every fall of a chain in equal steps of angle; return the number of falls.
 
     snapshots: (N, samples + 1) SNAPSHOT to write: angle of the leader, time since it was hit, and
@@ -44,11 +44,10 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
     remains where it stops.
     """
     count, pieces = len(layout.thickness), snapshots.shape[1] - 1
-    own = new_arrays(layout, ring_length(count))
+    own = new_arrays(layout, ring_length(count), setting, True)
     states, lanes, ring = borrow(own)
     state, tape, falls = states[0], no_tape(), 0
-    fall.configure(state, ring, mu, gravity, rtol, True)
-    fall.start_chain(layout, push, ring, state)
+    fall.start_chain(layout, ring, state)
     for n in range(count):
         falls = n + 1
         strikes = fall.strikes_next(layout, n)
@@ -122,12 +121,12 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
 
     flushing: True in a face impact: its contacts are at the tip before it, at the corner after.
     """
-    mask, mu = state.mask, state.mu
+    mask, mu, gravity = state.mask, state.friction, state.gravity
     s, v = sin_versine(angle)
     jac_before, jac_after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
     here.sin, here.cos = from_vertical(layout, n, s, 1.0 - v)
-    here.lever = s - ring[n & mask].tan_phi * (1.0 - v)
+    here.torque = torque(ring[n & mask], s, v, gravity)
     here.jac_before, here.jac_after = 1.0, 1.0
     here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
     for i in range(n - 1, low - 1, -1):
@@ -144,7 +143,7 @@ def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
         s, v = s_i, v_i
         here = geometry[i]
         here.sin, here.cos = from_vertical(layout, i, s, 1.0 - v)
-        here.lever = s - contact.tan_phi * (1.0 - v)
+        here.torque = torque(contact, s, v, gravity)
         here.jac_before, here.jac_after = jac_before, jac_after
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
@@ -165,25 +164,23 @@ def contact_impulses(ring, state, n, low, geometry, speed_before, speed_after, l
 @internal
 def contact_forces(layout, ring, state, n, low, geometry, loads):
     """Update contact forces, loads on pivots and floor friction by those at one instant."""
-    mask, mu, gravity, u = state.mask, state.mu, state.gravity, state.u
+    mask, mu, gravity, u = state.mask, state.friction, state.gravity, state.u
     sum_m, sum_g, sum_d = 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here = ring[i & mask], geometry[i]
-        torque = gravity * domino.half_weight * here.lever
         sum_m += here.w * domino.inertia * here.jac_after
-        sum_g += here.w * torque
+        sum_g += here.w * here.torque
         sum_d += here.w * domino.inertia * here.drv
     alpha_n = (sum_g - u * sum_d) / sum_m
     force, push_x, push_z, arm_back = 0.0, 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here, load = ring[i & mask], geometry[i], loads[i]
         s, c = here.sin, here.cos
-        torque = gravity * domino.half_weight * here.lever
         alpha = here.jac_after * alpha_n + here.drv * u
         omega2 = here.jac_after * here.jac_after * u
         back_x, back_z, push_x, push_z = push_x, push_z, 0.0, 0.0
         if i < n:
-            force = (torque - domino.inertia * alpha + arm_back * force) / here.arm
+            force = (here.torque - domino.inertia * alpha + arm_back * force) / here.arm
             load.contact_force = min(load.contact_force, force)
             # normal force and friction on i+1; the normal is that of the face of the contact
             face = geometry[i + 1 if domino.kind == arrays.TIP else i]
@@ -202,17 +199,16 @@ def contact_forces(layout, ring, state, n, low, geometry, loads):
 
 
 @entry_point
-def diagnose_chain(layout, mu, gravity, push, rtol, loads):
+def diagnose_chain(layout, setting, loads):
     """Simulate a chain and write loads (N,); return the outcome.
 
     Before, the least values must be inf, and the largest floor friction -inf.
     """
     count = len(layout.thickness)
-    own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
+    own, geometry = new_arrays(layout, ring_length(count), setting, True), np.zeros(count, GEOMETRY)
     states, lanes, ring = borrow(own)
     state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
-    fall.configure(state, ring, mu, gravity, rtol, True)
-    fall.start_chain(layout, push, ring, state)
+    fall.start_chain(layout, ring, state)
     for n in range(count):
         strikes = fall.strikes_next(layout, n)
         fall.add_next_domino(layout, ring, state, n)

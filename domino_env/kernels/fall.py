@@ -29,9 +29,9 @@ def torque_bound(height, thickness):
 
 
 @internal
-def initialise(state, push):
+def initialise(state):
     """Set the state of a chain whose first domino has just been pushed."""
-    state.u = push * push
+    state.u = state.push * state.push
     state.u_error = state.u_round = state.u_impact = 0.0
     state.time = state.time_low = state.time_error = state.time_round = 0.0
     state.worst = state.worst_round = 0.0
@@ -45,20 +45,10 @@ def initialise(state, push):
     state.flushes = state.releases = state.event_count = 0
 
 
-@always_inline
-def configure(state, ring, mu, gravity, rtol, exact_minimum):
-    """Store the settings of a simulation in its state.
-
-    exact_minimum: locate the minimum of u in every interval, for exact margins.
-    """
-    state.mask, state.mu, state.gravity = len(ring) - 1, mu, gravity
-    state.rtol, state.exact_minimum = rtol, exact_minimum
-
-
 @internal
-def start_chain(layout, push, ring, state):
+def start_chain(layout, ring, state):
     """Place the first domino and push it."""
-    initialise(state, push)
+    initialise(state)
     place_domino(ring, arrays.ALL_KEPT, 0, layout, 0)
     state.kappa = torque_bound(layout.height[0], layout.thickness[0])
 
@@ -80,7 +70,7 @@ def add_next_domino(layout, ring, state, n):
 def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
     units = TORQUE_ROUNDING
-    if arrays.is_uneven(ring[n & state.mask]) and state.mu == 0.0:
+    if arrays.is_uneven(ring[n & state.mask]) and arrays.conserves_energy(state):
         # u is a difference of energies there. Leans are not small where gaps are, and the rounding
         # of each contact adds to that of all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
@@ -130,7 +120,7 @@ def choose_rule(state, h, tol):
 def stack_at(lanes, ring, n, state, angle, detect):
     """Compute M of the stack at one angle of the leader; return what `sweep` returns first."""
     count = stack.set_angles(lanes, 0, angle, 0.0)
-    low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
+    low, _, _ = stack.sweep(lanes, count, ring, n, state, 0.0, detect)
     state.m_end = lanes[arrays.SUM_M]
     state.depth = n - low
     return low
@@ -144,7 +134,7 @@ def fall(lanes, ring, n, state, a, b, tape):
     is halved.
     """
     lanes, ring, tape = borrow((lanes, ring, tape))
-    mask, gravity, finest = state.mask, state.gravity, len(ORDERS) - 1
+    mask, finest = state.mask, len(ORDERS) - 1
     step, end, at_switch, least_rule = b, b, False, 0
     due_contact = n
     for _ in range(MOST_INTERVALS):
@@ -158,11 +148,10 @@ def fall(lanes, ring, n, state, a, b, tape):
         k = choose_rule(state, h, arrays.INTERVAL_SHARE * state.rtol)
         k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
         count = stack.set_angles(lanes, k, a, h)
-        force = 2.0 * h * gravity * state.kappa / state.u
         detect = stack.IGNORE_SWITCHES
         if mask != arrays.ONE_FOR_ALL:
             detect = stack.END_AT_SWITCH if at_switch else stack.END_AT_HIT
-        low, tail, has_switch = stack.sweep(lanes, count, ring, n, state, force, h, detect)
+        low, tail, has_switch = stack.sweep(lanes, count, ring, n, state, h, detect)
         if has_switch:
             guess = stack.switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
             end = stack.switch_angle(ring, state, n, low, a, end, guess)
@@ -172,7 +161,7 @@ def fall(lanes, ring, n, state, a, b, tape):
             low = stack_at(lanes, ring, n, state, a, stack.END_AT_SWITCH)
         else:
             status, u_start = interval.UNRESOLVED, state.u
-            ok, error = interval.affine_map(lanes, k, h, state.mu, gravity)
+            ok, error = interval.affine_map(lanes, k, h, arrays.setting_of(state))
             if ok and state.composing:
                 status = interval.compose(lanes, k, h, error, tail, state)
             elif ok:
@@ -233,7 +222,7 @@ def hit(leader, next_domino, state):
 
     Returns PROPAGATED or JAMMED.
     """
-    s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
+    s_l, d_l, mu = leader.s_l, leader.d_l, state.friction
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     # M of the old stack with the weights of the new one
     m = state.m_end * (cd - arrays.rise_of(leader) - mu * d_l) / (cd + mu * s_l)

@@ -60,7 +60,7 @@ def integrate(lanes, values, k):
 
 
 @internal
-def affine_map(lanes, k, h, mu, gravity):
+def affine_map(lanes, k, h, setting):
     """Compute E and U of an interval at all lanes; return True if M is positive, and the errors."""
     m = ORDERS[k]
     end = m + 1
@@ -69,14 +69,14 @@ def affine_map(lanes, k, h, mu, gravity):
             return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
-    if mu == 0.0:  # M u is twice the kinetic energy: no quadrature is needed
+    if arrays.conserves_energy(setting):  # no quadrature is needed
         m0 = lanes[arrays.SUM_M]
-        scale = 2.0 * gravity / m0
+        scale = 2.0 * setting.gravity / m0
         for j in range(1, m + 2):
             lanes[MAP_E + j] = m0 / lanes[arrays.SUM_M + j]
             lanes[MAP_U + j] = -scale * lanes[arrays.SUM_G + j]
         return True, MapError(0.0, 0.0, 0.0, 0.0)
-    g2 = 2.0 * gravity * h
+    g2 = 2.0 * setting.gravity * h
     for j in range(m + 2):
         inv = 1.0 / lanes[arrays.SUM_M + j]
         lanes[EXPO + j] = -2.0 * h * lanes[arrays.SUM_D + j] * inv  # 2 Q h

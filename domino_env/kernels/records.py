@@ -12,7 +12,7 @@ from domino_env.kernels.jit import always_inline, internal
 
 
 @internal
-def clear_arrivals(arrivals, push):
+def clear_arrivals(arrivals, state):
     """Reset all arrivals and set that of domino 0."""
     for i in range(len(arrivals)):
         arrival = arrivals[i]
@@ -20,7 +20,7 @@ def clear_arrivals(arrivals, push):
         arrival.release = arrival.impact = arrival.margin = np.nan
     if len(arrivals) > 0:
         arrivals[0].time = 0.0
-        arrivals[0].release = push
+        arrivals[0].release = state.push
 
 
 @internal

@@ -9,6 +9,7 @@ import math
 from domino_env.kernels import arrays
 from domino_env.kernels.arrays import DRV, EXPO, JAC, SIN, SUM_D, SUM_G, SUM_M, VER, WGT
 from domino_env.kernels.contact import (
+    body_of,
     can_flush,
     catch_up,
     contact_at,
@@ -20,6 +21,7 @@ from domino_env.kernels.contact import (
     shape_of,
     sin_versine,
     span2,
+    stack_terms,
     tip,
 )
 from domino_env.kernels.jit import always_inline, borrow, internal, noinline
@@ -66,108 +68,101 @@ def set_angles(lanes, k, a, h):
 
 
 @always_inline
-def add_leader(lanes, count, leader, mu):
+def add_leader(lanes, count, leader, setting):
     """Start the sums with the leading domino.
 
-    Without friction SUM_G is the change of potential energy in the interval so far, over g.
+    If energy is conserved, SUM_G is the change of potential energy in the interval so far, over g.
     """
-    inertia, half, tan_phi = leader.inertia, leader.half_weight, leader.tan_phi
+    body = body_of(leader)
     for j in range(count):
-        s, v = lanes[SIN + j], lanes[VER + j]
         lanes[WGT + j] = 1.0
         lanes[JAC + j] = 1.0
         lanes[DRV + j] = 0.0
-        lanes[SUM_M + j] = inertia
-        lanes[SUM_D + j] = 0.0
-        if mu > 0.0:
-            lanes[SUM_G + j] = half * (s - tan_phi * (1.0 - v))
-        else:
-            at_start = tan_phi * lanes[SIN] - lanes[VER]
-            lanes[SUM_G + j] = half * ((tan_phi * s - v) - at_start)
+        terms = stack_terms(body, lanes[SIN + j], lanes[VER + j], 1.0, 1.0, 0.0)
+        lanes[SUM_M + j], lanes[SUM_G + j], lanes[SUM_D + j] = terms
+        if arrays.conserves_energy(setting):
+            lanes[SUM_G + j] = 0.0
+    if arrays.conserves_energy(setting):
+        add_energy(lanes, count, body)
     leader.end_weight = 1.0
 
 
 @always_inline
-def add_with_friction(lanes, count, contact, mu, kind):
-    """Add the domino behind a contact.
-
-    kind: `tip` or `corner`, so that each has a loop of its own.
-    """
-    shape, inertia = shape_of(contact), contact.inertia
-    half, tan_phi = contact.half_weight, contact.tan_phi
-    for j in range(count):
-        s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
-        jac = lanes[JAC + j]
-        drv = omega * lanes[DRV + j] + psi * jac * jac
-        jac = omega * jac
-        w = lanes[WGT + j] * ratio
-        lanes[SIN + j] = s
-        lanes[VER + j] = v
-        lanes[DRV + j] = drv
-        lanes[JAC + j] = jac
-        lanes[WGT + j] = w
-        lanes[SUM_M + j] += w * inertia * jac
-        lanes[SUM_G + j] += w * half * (s - tan_phi * (1.0 - v))
-        lanes[SUM_D + j] += w * inertia * drv
-
-
-@always_inline
-def add_without_friction(lanes, count, contact, kind):
-    """Add the domino behind a contact to M; without friction w = J.
-
-    kind: `tip` or `corner`.
-    """
-    shape, inertia = shape_of(contact), contact.inertia
-    for j in range(count):
-        s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
-        jac = omega * lanes[JAC + j]
-        lanes[SIN + j] = s
-        lanes[VER + j] = v
-        lanes[JAC + j] = jac
-        lanes[SUM_M + j] += inertia * jac * jac
-
-
-@internal
-def add_domino(lanes, count, contact, mu):
-    """Advance all lanes over a contact and add the domino behind it to the sums."""
-    if mu > 0.0:
-        if contact.kind == arrays.TIP:
-            add_with_friction(lanes, count, contact, mu, tip)
-        else:
-            add_with_friction(lanes, count, contact, mu, corner)
-        return
-    if contact.kind == arrays.TIP:
-        add_without_friction(lanes, count, contact, tip)
-    else:
-        add_without_friction(lanes, count, contact, corner)
+def add_energy(lanes, count, body):
+    """Add the energy over g that a domino has released in the interval so far to SUM_G."""
     # terms of a domino are subtracted before those of others are added: small changes stay exact
-    half, tan_phi = contact.half_weight, contact.tan_phi
+    half, tan_phi = body.half_weight, body.tan_phi
     at_start = tan_phi * lanes[SIN] - lanes[VER]
     for j in range(count):
         lanes[SUM_G + j] += half * ((tan_phi * lanes[SIN + j] - lanes[VER + j]) - at_start)
 
 
 @always_inline
-def weights(mu):
-    """Return the offset of the lanes of w, which is J without friction."""
-    return WGT if mu > 0.0 else JAC
+def add_behind(lanes, count, contact, setting, kind):
+    """Add the domino behind a contact; if energy is conserved to M only, as w = J then.
+
+    kind: `tip` or `corner`, so that each has a loop of its own.
+    """
+    shape, body, mu = shape_of(contact), body_of(contact), setting.friction
+    if arrays.conserves_energy(setting):
+        for j in range(count):
+            s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
+            jac = omega * lanes[JAC + j]
+            lanes[SIN + j], lanes[VER + j], lanes[JAC + j] = s, v, jac
+            lanes[SUM_M + j] += body.inertia * jac * jac
+        return
+    for j in range(count):
+        s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
+        jac = lanes[JAC + j]
+        drv = omega * lanes[DRV + j] + psi * jac * jac
+        jac = omega * jac
+        w = lanes[WGT + j] * ratio
+        lanes[SIN + j], lanes[VER + j] = s, v
+        lanes[WGT + j], lanes[JAC + j], lanes[DRV + j] = w, jac, drv
+        m, g, d = stack_terms(body, s, v, w, jac, drv)
+        lanes[SUM_M + j] += m
+        lanes[SUM_G + j] += g
+        lanes[SUM_D + j] += d
+
+
+@internal
+def add_domino(lanes, count, contact, setting):
+    """Advance all lanes over a contact and add the domino behind it to the sums."""
+    if contact.kind == arrays.TIP:
+        add_behind(lanes, count, contact, setting, tip)
+    else:
+        add_behind(lanes, count, contact, setting, corner)
+    if arrays.conserves_energy(setting):
+        add_energy(lanes, count, body_of(contact))
 
 
 @always_inline
-def tail_bound(lanes, count, mu, force, h, tail):
+def weights(setting):
+    """Return the offset of the lanes of w, which is J if energy is conserved."""
+    return JAC if arrays.conserves_energy(setting) else WGT
+
+
+@always_inline
+def force_bound(state, h):
+    """Return a bound on 2 h G / (I u) of a domino, in an interval of length h."""
+    return 2.0 * h * state.gravity * state.kappa / state.u
+
+
+@always_inline
+def tail_bound(lanes, count, setting, force, h, tail):
     """Return a bound on the change of u by the dominoes behind the cut, in all lanes, over u.
 
-    force: bound on 2 h G / (I u) of a domino. h: length of the interval [rad].
+    force: from `force_bound`. h: length of the interval [rad].
     tail: bound on Σ I w behind the cut, over w of the last domino included.
     """
     largest = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
         jac = abs(lanes[JAC + j])
-        if mu > 0.0:
-            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
-        else:
+        if arrays.conserves_energy(setting):
             x = jac * (force + jac)
+        else:
+            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
         if x > largest:
             largest = x
         if lanes[SUM_M + j] < lightest:
@@ -176,18 +171,19 @@ def tail_bound(lanes, count, mu, force, h, tail):
 
 
 @noinline
-def sweep(lanes, count, ring, n, state, force, h, detect):
+def sweep(lanes, count, ring, n, state, h, detect):
     """Add the dominoes behind leader n to the sums until the rest is negligible.
 
-    force, h: as for `tail_bound`. detect: IGNORE_SWITCHES, END_AT_HIT or END_AT_SWITCH.
+    h: length of the interval. detect: IGNORE_SWITCHES, END_AT_HIT or END_AT_SWITCH.
     Returns (lowest domino included, bound on the tail, False); at the first contact found that
     changes within the interval, (this contact, 0, True). state.last_due is the lowest contact that
     changes at the very end of the interval, n if none does.
     """
     lanes, ring = borrow((lanes, ring))
-    mask, mu, tol = state.mask, state.mu, arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * state.rtol)
+    mask, setting, force = state.mask, arrays.setting_of(state), force_bound(state, h)
+    tol = arrays.TAIL_SHARE * (arrays.INTERVAL_SHARE * setting.rtol)
     end = count - 1
-    add_leader(lanes, count, ring[n & mask], mu)
+    add_leader(lanes, count, ring[n & mask], setting)
     back = state.back
     first_check = max(4, state.depth - 2)  # near the cut of the last interval
     oldest = back if mask == arrays.ONE_FOR_ALL else max(back, n - mask)
@@ -209,15 +205,15 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
                     return i, 0.0, True
                 if past_flush(contact, dv) >= -arrays.IMPACT_TOLERANCE:
                     state.last_due = i  # it changes with the contact that ends the interval
-        add_domino(lanes, count, contact, mu)
-        contact.end_weight = lanes[weights(mu) + end]
+        add_domino(lanes, count, contact, setting)
+        contact.end_weight = lanes[weights(setting) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_bound(lanes, count, mu, force, h, contact.tail - contact.inertia)
+            tail = tail_bound(lanes, count, setting, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring is shorter than the chain
-        return i, tail_bound(lanes, count, mu, force, h, ring[i & mask].tail), False
+        return i, tail_bound(lanes, count, setting, force, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 
@@ -265,7 +261,7 @@ def switch_guess(lanes, k, a, h, v_switch):
 @internal
 def switch_angle(ring, state, n, i, a, b, guess):
     """Return the leader's angle in [a, b] at which contact i changes, by Newton's method."""
-    mask, mu = state.mask, state.mu
+    mask, mu = state.mask, state.friction
     v_switch = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):  # bisection alone would take 35
@@ -297,7 +293,7 @@ def count_toppled(ring, state, n, s, v):
     s, v: sin θ and 1 - cos θ of domino n.
     Dominoes behind a separated contact, or no longer in the ring, count as toppled.
     """
-    mask, mu, toppled, i, back = state.mask, state.mu, 0, n, state.back
+    mask, mu, toppled, i, back = state.mask, state.friction, 0, n, state.back
     while True:
         if s > ring[i & mask].tan_phi * (1.0 - v):
             toppled += 1
@@ -326,7 +322,7 @@ def switch(ring, state, n, due_contact, low, angle):
     0 if Σ w I J⁺ is 0.
     """
     ring = borrow(ring)
-    mask, mu = state.mask, state.mu
+    mask, mu = state.mask, state.friction
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
     m_old = ring[n & mask].inertia  # Σ w_old I J⁻ so far

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from domino_env.kernels import arrays, fall
-from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine
+from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine, stack_terms
 from domino_env.kernels.jit import entry_point, internal
 from domino_env.kernels.stack import switch
 
@@ -29,7 +29,7 @@ STEP_ROUNDING = 1e-16  # of a step: a smaller correction of its length ends the 
 
 
 @entry_point
-def push_chain(layout, mu, gravity, push):
+def push_chain(layout, setting):
     """Return the ring and the state (1,) of a chain whose first domino has just been pushed.
 
     The ring holds all dominoes, domino i at ring[i].
@@ -38,8 +38,8 @@ def push_chain(layout, mu, gravity, push):
     while size <= count:
         size *= 2
     ring, states = new_ring(layout, size), np.zeros(1, arrays.STATE)
-    fall.configure(states[0], ring, mu, gravity, 0.0, False)
-    fall.start_chain(layout, push, ring, states[0])
+    arrays.configure(states[0], ring, setting, False)
+    fall.start_chain(layout, ring, states[0])
     for n in range(count):
         fall.add_next_domino(layout, ring, states[0], n)
     return ring, states
@@ -53,22 +53,19 @@ def sum_stack(ring, state, n, angle):
     lowest due is the lowest contact that changes at this angle; n if none does.
     """
     s, v = sin_versine(angle)
-    leader = ring[n]
     w, jac, drv, distance, lowest_due = 1.0, 1.0, 0.0, np.inf, n
-    sum_m, sum_d = leader.inertia, 0.0
-    sum_g = leader.half_weight * (s - leader.tan_phi * (1.0 - v))
+    sum_m, sum_g, sum_d = stack_terms(ring[n], s, v, w, jac, drv)
     for i in range(n - 1, state.back - 1, -1):
         contact = ring[i]
         distance = min(distance, contact.v_switch - v)
         if past_flush(contact, v - contact.v_switch) >= -arrays.IMPACT_TOLERANCE:
             lowest_due = i
-        s, v, omega, psi, ratio = contact_at(contact, s, v, state.mu)
+        s, v, omega, psi, ratio = contact_at(contact, s, v, state.friction)
         drv = omega * drv + psi * jac * jac
         jac *= omega
         w *= ratio
-        sum_m += w * contact.inertia * jac
-        sum_g += w * contact.half_weight * (s - contact.tan_phi * (1.0 - v))
-        sum_d += w * contact.inertia * drv
+        m, g, d = stack_terms(contact, s, v, w, jac, drv)
+        sum_m, sum_g, sum_d = sum_m + m, sum_g + g, sum_d + d
     return sum_m, sum_g, sum_d, distance, lowest_due
 
 

@@ -13,7 +13,7 @@ from domino_env.kernels.diagnosis import LOADS, diagnose_chain
 from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
-from domino_env.physics.wave import Outcome, kernel_setting
+from domino_env.physics.wave import Outcome, checked_setting
 
 ROUNDING = 1e-9  # over the largest force or impulse: below it, signs are those of rounding errors
 
@@ -109,7 +109,7 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
     extremes["floor_friction"] = -np.inf
     for name, unreached in extremes.items():
         loads[name] = unreached
-    outcome = diagnose_chain(arrays_from(layout), *kernel_setting(physics, rtol), loads)
+    outcome = diagnose_chain(arrays_from(layout), checked_setting(physics, rtol), loads)
     for name, unreached in extremes.items():
         loads[name][loads[name] == unreached] = np.nan
     # forces and impulses of the kernels are per width

@@ -17,7 +17,7 @@ from domino_env.physics import footing
 from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
-from domino_env.physics.wave import kernel_setting
+from domino_env.physics.wave import checked_setting
 
 PIECES = 32  # equal steps of the leader's angle in each interval between hits
 
@@ -62,7 +62,7 @@ class Motion:
         require_arguments(layout, physics)
         self.layout, self.physics = layout, physics
         snapshots = np.zeros((layout.count, PIECES + 1), SNAPSHOT)
-        falls = trace_motion(arrays_from(layout), *kernel_setting(physics, rtol), snapshots)
+        falls = trace_motion(arrays_from(layout), checked_setting(physics, rtol), snapshots)
         self.samples = snapshots[:falls]
         self.starts = np.concatenate(([0.0], np.cumsum(self.samples["time"][:, -1])))
         self.end = float(self.starts[-1])

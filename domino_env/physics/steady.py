@@ -22,7 +22,7 @@ from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout, require_sizes
 from domino_env.physics.physics import STANDARD, Physics, require_arguments, require_physics
 from domino_env.physics.standard import DENSITY, HEIGHT
-from domino_env.physics.wave import MAX_RTOL, Outcome
+from domino_env.physics.wave import MAX_RTOL, Outcome, setting_from
 
 FIRST_RING_SIZE = 512  # dominoes behind the leader; doubled while those further back matter
 
@@ -182,7 +182,7 @@ def _solve_pattern(chain: Floats, physics: Physics, slope: float, rtol: float) -
     # the steady wave is the fixed point of the map of one period
     falls, ring_size = np.zeros(count, FALL), FIRST_RING_SIZE
     while True:
-        inputs = (pattern, physics.friction, physics.gravity, rtol, ring_size)
+        inputs = (pattern, setting_from(physics, rtol), ring_size)
         outcome, leader, tail, factor, offset, least_u = period_falls(*inputs, 0.0, True, falls)
         if tail <= rtol or ring_size == RING_SIZE:
             break
@@ -262,7 +262,7 @@ def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-
     """
     require_arguments(layout, physics)
     require("rtol", rtol, above=0.0, high=MAX_RTOL)
-    outcome, least_u = compose_falls(arrays_from(layout), physics.friction, physics.gravity, rtol)
+    outcome, least_u = compose_falls(arrays_from(layout), setting_from(physics, rtol))
     if outcome != Outcome.PROPAGATED:
         return math.inf
     return math.sqrt(max(float(least_u), 0.0))

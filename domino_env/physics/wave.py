@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require, require_choice, require_type
@@ -195,11 +196,11 @@ class Wave:
                 f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
             )
         arrays, physics_bar = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)[0]
-        setting, bars = kernel_setting(self.physics, self.rtol)[:3], _empty_bars(arrays)
+        setting, bars = checked_setting(self.physics, self.rtol), _empty_bars(arrays)
         # a copy can be written, as the kernel is compiled for the tape of a batch
-        vjp(arrays, *setting, self.tape.copy(), bar, bars, physics_bar)
-        friction, gravity, push = physics_bar.item()
-        return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
+        vjp(arrays, setting, self.tape.copy(), bar, bars, physics_bar)
+        derivatives: list[Any] = [*bars[:4], *physics_bar.item(), *bars[4:]]
+        return Gradient(*derivatives)
 
     def gradient(self, quantity: str = "time") -> Gradient:
         """Return the gradient of the last arrival time or of the mean speed.
@@ -355,7 +356,7 @@ class WaveBatch:
         ValueError
             For another shape than (B, N), or a number that is not finite.
         """
-        setting, shape = kernel_setting(self.physics, self.rtol), self.arrays.thickness.shape
+        setting, shape = checked_setting(self.physics, self.rtol), self.arrays.thickness.shape
         bars = numbers("arrival_bar", arrival_bar, True, shape, "that of the thicknesses", True)
         # those of an unpickled batch can be written
         arrays = kernel_arrays.Arrays(*(read_only(a) for a in self.arrays if a is not None))
@@ -466,13 +467,13 @@ def simulate(
     """
     began = time.perf_counter()
     require_arguments(layout, physics)
-    arrays, setting, count = _batch_of_one(layout), kernel_setting(physics, rtol), layout.count
+    arrays, setting, count = _batch_of_one(layout), checked_setting(physics, rtol), layout.count
     summaries = np.empty(1, kernel_arrays.SUMMARY)
     arrivals = np.empty((1, count), kernel_arrays.ARRIVAL)
     # usually long enough; otherwise the wave is simulated again with as many entries as events
     tape = np.empty(4 * count + 16, kernel_arrays.EVENT) if gradient else _NO_TAPE
     while True:
-        solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
+        solve_batch(0, 1, arrays, setting, True, summaries, arrivals, tape)
         summary = kernel_arrays.Summary._make(summaries.item())
         if summary.event_count <= len(tape) or not gradient:
             break
@@ -549,11 +550,11 @@ def simulate_batch(
     began = time.perf_counter()
     require_physics(physics)
     arrays = _check_batch(spacing, thickness, height, density, rise, tilt)
-    (number, count), setting = arrays.thickness.shape, kernel_setting(physics, rtol)
+    (number, count), setting = arrays.thickness.shape, checked_setting(physics, rtol)
     record, time_gradient = bool(record) and not gradient, None
     summaries = np.empty(number, kernel_arrays.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernel_arrays.ARRIVAL)
-    inputs = number, count, arrays, *setting
+    inputs = number, count, arrays, setting
     if gradient:
         time_gradient = _pullback_batch(arrays, setting, np.eye(1, count, count - 1), summaries)
     else:
@@ -570,11 +571,11 @@ def _pullback_batch(
     summaries: NDArray[np.record],
 ) -> Gradient:
     """Simulate layouts, write their summaries, and return the gradient of arrival times."""
-    bars, physics_bars = _empty_bars(arrays), np.empty(len(summaries), PHYSICS_BAR)
-    inputs = *arrays.thickness.shape, arrays, *setting
+    bars, physics_bars = _empty_bars(arrays), np.zeros(len(summaries), PHYSICS_BAR)
+    inputs = *arrays.thickness.shape, arrays, setting
     share_pieces(vjp_batch, *inputs, arrival_bar, summaries, bars, physics_bars)
-    friction, gravity, push = (physics_bars[name] for name in ("friction", "gravity", "push"))
-    return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
+    physics = {name: physics_bars[name] for name in PHYSICS_BAR.names or ()}
+    return Gradient(**bars._asdict(), **physics)
 
 
 def _empty_bars(arrays: kernel_arrays.Arrays) -> kernel_arrays.Arrays:
@@ -616,11 +617,16 @@ def _wave(
     )
 
 
-def kernel_setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
-    """Return friction, gravity, push and the tolerance for the kernels; check the tolerance."""
+def setting_from(physics: Physics, rtol: float) -> tuple[float, ...]:
+    """Return the members of `kernels.arrays.Setting`, which begin with those of `Physics`."""
+    return *astuple(physics), float(rtol)
+
+
+def checked_setting(physics: Physics, rtol: float) -> tuple[float, ...]:
+    """Return the setting for the kernels; check the tolerance."""
     if not (type(rtol) is float and MIN_RTOL <= rtol <= MAX_RTOL):  # `require` takes 1 µs
         require("rtol", rtol, MIN_RTOL, MAX_RTOL)
-    return physics.friction, physics.gravity, physics.push, float(rtol)
+    return setting_from(physics, rtol)
 
 
 def _check_batch(

@@ -23,7 +23,7 @@ from domino_env.kernels.arrays import Arrays
 from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome
+from domino_env.physics.wave import Outcome, setting_from
 
 # methods with fixed steps, and their codes in the kernels
 FIXED = {"euler": stepping.EULER, "rk4-step": stepping.RK4, "rk4": stepping.LOCATED}
@@ -52,7 +52,7 @@ def integrate(
         Outcome, and arrival times (N,) [s], inf for dominoes that are not hit.
     """
     arrays = arrays_from(layout)
-    chain = stepping.push_chain(arrays, physics.friction, physics.gravity, physics.push)
+    chain = stepping.push_chain(arrays, setting_from(physics, 0.0))
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
     if method in FIXED:

@@ -21,7 +21,7 @@ from domino_env.kernels.adjoint.interval import SHARED_STACK, fall_back, interva
 from domino_env.kernels.adjoint.stack import mass_back
 from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, ring_length, solve
 from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
-from domino_env.kernels.fall import configure, fall_angle
+from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import borrow, entry_point, internal, keep_alive, noinline
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
@@ -70,7 +70,7 @@ def backward(tape, reverse, arrival_bar, table):
             u_bar, m_bar = contact.hit_back(reverse, event, u_bar)
             edge, edge_bar, edge_event = AT_HIT, 0.0, at
         elif kind == arrays.SWITCH:
-            if event.is_flush and reverse.mu > 0.0:
+            if event.is_flush and reverse.setting.friction > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = contact.FLUSHING
                 u_bar, x_bar = contact.flush_back(reverse, event, u_bar)
@@ -165,10 +165,10 @@ def layout_back(layout, ring, param_bars, bar):
 
 
 @noinline
-def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
+def chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bar):
     """Write the derivatives of Σ arrival_bar · arrival times with respect to layout and physics.
 
-    tape: events of the simulation.  bar: `Arrays` of the layout's shapes.
+    tape: events of the simulation.  bar: `Arrays` of the layout's shapes.  physics_bar: zeros.
     """
     layout, tape, arrival_bar, bar = borrow((layout, tape, arrival_bar, bar))
     count = len(layout.thickness)
@@ -187,7 +187,6 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
             depth = max(depth, event.leader - event.low)
             if event.kind == arrays.INTERVAL:
                 max_lanes = max(max_lanes, ORDERS[event.rule] + 2)
-    physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):  # as in `solve`
         # a line for each of three sums in each lane and one for their total; in it PARAMS bars for
@@ -196,8 +195,9 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     saved = np.empty((depth + 2, 8 * arrays.STRIDE))  # the lanes from SIN to SUM_D
     own = np.zeros(arrays.LANES), np.zeros(contact.BARS), saved, np.zeros((count, PARAMS)), table
     lanes, bars, saved, param_bars, table = borrow(own)
-    reverse = contact.Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
-    physics_bar.push = 2.0 * push * backward(tape, reverse, arrival_bar, table)
+    setting = arrays.Setting(*setting)
+    reverse = contact.Reverse(ring, setting, lanes, bars, saved, param_bars, physics_bar)
+    physics_bar.push = 2.0 * setting.push * backward(tape, reverse, arrival_bar, table)
     layout_back(layout, ring, param_bars, bar)
     keep_alive(own_ring)
     keep_alive(own)
@@ -212,30 +212,28 @@ def clear(bar, tilt):
 
 
 @entry_point
-def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
+def vjp(layout, setting, tape, arrival_bar, bar, physics_bar):
     """Write the derivatives of Σ arrival_bar · arrival times; see `chain_vjp`."""
-    chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar)
+    chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bar)
 
 
 @entry_point
-def vjp_batch(
-    first, last, layouts, mu, gravity, push, rtol, arrival_bars, summaries, bars, physics_bars
-):
+def vjp_batch(first, last, layouts, setting, arrival_bars, summaries, bars, physics_bars):
     """Simulate layouts first … last - 1 and write gradients of arrival times; 0 if a wave stops.
 
     arrival_bars: (B, N), or (1, N) for all layouts, as `arrival_bar` of `chain_vjp`.
-    bars: `Arrays` of the shapes of `layouts` for B layouts.  physics_bars: (B,).
+    bars: `Arrays` of the shapes of `layouts` for B layouts.  physics_bars: (B,) zeros.
     """
     count = layouts.thickness.shape[1]
-    own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    own = new_arrays(layouts, ring_length(count), setting, True)
+    unrecorded = np.empty(0, arrays.ARRIVAL)
     states, lanes, ring = borrow(own)
     state = states[0]
-    configure(state, ring, mu, gravity, rtol, True)
     tape = np.empty(4 * count + 16, arrays.EVENT)  # usually long enough
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
-            result = solve(layout, lanes, ring, state, push, unrecorded, tape)
+            result = solve(layout, lanes, ring, state, unrecorded, tape)
             if state.event_count <= len(tape):
                 break
             # long enough for this layout, and probably for the later ones
@@ -244,8 +242,7 @@ def vjp_batch(
         if result[0] == arrays.PROPAGATED:
             arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]
             events = tape[: state.event_count]
-            chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
+            chain_vjp(layout, setting, events, arrival_bar, bar, physics_bar)
         else:
             clear(bar, bar.tilt)
-            physics_bar.friction = physics_bar.gravity = physics_bar.push = 0.0
     keep_alive(own)

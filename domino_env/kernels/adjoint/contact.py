@@ -35,17 +35,17 @@ class ShapeBar(NamedTuple):
     turn: float
 
 
-PHYSICS_BAR = arrays.record_type(friction=float, gravity=float, push=float)
+# of all members but the last, rtol
+PHYSICS_BAR = arrays.record_type(None, **dict.fromkeys(arrays.Setting._fields[:-1], float))
 
 FLUSHING = 3  # a contact in its face impact: tip contact before, corner contact after
 
 
 class Reverse(NamedTuple):
-    """Arrays and settings of reverse mode, which its functions pass on together."""
+    """Arrays and setting of reverse mode, which its functions pass on together."""
 
     ring: Any  # all dominoes of the chain
-    mu: float
-    gravity: float  # [m/s²]
+    setting: arrays.Setting
     lanes: Any
     bars: Any  # lanes of bars
     saved: Any  # lanes at every domino of a stack
@@ -235,7 +235,7 @@ def hit_angle_back(cosine, x_bar, param_bars):
 @leaf
 def hit_back(reverse, event, u_bar):
     """Propagate the bar of u over a hit; return bars of u and M before it."""
-    ring, mu, param_bars = reverse.ring, reverse.mu, reverse.param_bars
+    ring, mu, param_bars = reverse.ring, reverse.setting.friction, reverse.param_bars
     n, u, m_end = event.leader, event.u, event.m
     leader, next_inertia = ring[n], ring[n + 1].inertia
     s_l, d_l, e = leader.s_l, leader.d_l, rise_of(leader)
@@ -265,8 +265,8 @@ def flush_back(reverse, event, u_bar):
 
     The contacts whose faces meet are FLUSHING.
     """
-    ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
-    n, low, u = event.leader, event.low, event.u
+    ring, saved, param_bars = reverse.ring, reverse.saved, reverse.param_bars
+    mu, n, low, u = reverse.setting.friction, event.leader, event.low, event.u
     s, v = sin_versine(event.angle)
     w, jac = 1.0, 1.0
     saved[0, SIN], saved[0, VER], saved[0, WGT], saved[0, JAC] = s, v, w, jac
@@ -319,8 +319,8 @@ def flush_back(reverse, event, u_bar):
 @internal
 def switch_back(reverse, event, x_bar):
     """Propagate the bar of the angle of a change of contact, by the implicit function theorem."""
-    ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
-    n, due_contact = event.leader, event.contact
+    ring, saved, param_bars = reverse.ring, reverse.saved, reverse.param_bars
+    mu, n, due_contact = reverse.setting.friction, event.leader, event.contact
     s, v = sin_versine(event.angle)
     jac = 1.0
     saved[0, SIN], saved[0, VER] = s, v

@@ -21,7 +21,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
 
     The lanes hold the map.  Returns bars of u at the start of the interval and of its length.
     """
-    lanes, bars, gravity = reverse.lanes, reverse.bars, reverse.gravity
+    lanes, bars, gravity = reverse.lanes, reverse.bars, reverse.setting.gravity
     h, k, u0, x_low = event.length, event.rule, event.u, event.slowest_at
     end = ORDERS[k] + 1
     count = end + 1
@@ -57,7 +57,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
         u0_bar += lanes[SLOWNESS + j]
     for j in range(count):
         bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
-    if reverse.mu > 0.0:
+    if not arrays.conserves_energy(reverse.setting):
         for i in range(1, end):
             r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
             for j in range(1, end):
@@ -102,8 +102,7 @@ def interval_stack_back(reverse, k, n, low, end_bar):
         x = stack.angle_bar(bars, first, j)
         first_bar += x
         end_bar += POSITIONS[k, j] * x
-        if reverse.mu > 0.0:
-            reverse.physics_bar.friction += bars[B_MU + j]
+        reverse.physics_bar.friction += bars[B_MU + j]
     return first_bar - end_bar, end_bar
 
 
@@ -117,7 +116,7 @@ def interval_back(reverse, event, u_bar, t_bar, m_bar):
     n, k, low = event.leader, event.rule, event.low
     count = set_angles(reverse.lanes, k, event.angle, event.length)
     stack.retrace(reverse, count, n, low, False)
-    affine_map(reverse.lanes, k, event.length, reverse.mu, reverse.gravity)
+    affine_map(reverse.lanes, k, event.length, reverse.setting)
     u0_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)
     first_bar, end_bar = interval_stack_back(reverse, k, n, low, end_bar)
     return u0_bar, first_bar, end_bar
@@ -150,7 +149,7 @@ def fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar):
         shared.rule, shared.depth = k, depth
     if depth != shared.mapped:
         stack.copy_sums(reverse.saved[depth], lanes, count)
-        affine_map(lanes, k, event.length, reverse.mu, reverse.gravity)
+        affine_map(lanes, k, event.length, reverse.setting)
         shared.mapped = depth
     if low > 0 and depth != shared.tabled:  # the stack of most falls ends at this depth
         stack.tabulate_stack(reverse, k, n, low, table)

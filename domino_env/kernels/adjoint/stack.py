@@ -27,8 +27,8 @@ from domino_env.kernels.adjoint.contact import (
     tip_back,
 )
 from domino_env.kernels.arrays import DRV, JAC, SIN, STRIDE, SUM_D, SUM_G, SUM_M, VER, WGT
-from domino_env.kernels.contact import shape_of, sin_versine
-from domino_env.kernels.jit import always_inline, internal
+from domino_env.kernels.contact import body_of, shape_of, sin_versine, torque
+from domino_env.kernels.jit import always_inline, internal, leaf
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 from domino_env.kernels.stack import add_domino, add_leader
 
@@ -44,27 +44,55 @@ def keep_shape(bars, j, contact, shape_bar):
         bars[B_TURN + j] = shape_bar.turn
 
 
+@leaf
+def torque_back(body, s, v, bar):
+    """Return bars of s, v, half_weight and tan_phi from the bar of the torque over g."""
+    by_weight, c = bar * body.half_weight, 1.0 - v
+    half_bar = bar * (s - body.tan_phi * c)
+    return by_weight, by_weight * body.tan_phi, half_bar, -by_weight * c
+
+
+@leaf
+def energy_back(body, s, v, bar):
+    """Return what `torque_back` does from the bar of the energy over g that is released."""
+    by_weight = bar * body.half_weight
+    return by_weight * body.tan_phi, -by_weight, bar * (body.tan_phi * s - v), by_weight * s
+
+
 @always_inline
-def friction_back(bars, above, here, count, contact, mu, kind_back):
-    """Propagate bars over `add_with_friction`.
+def add_behind_back(bars, above, here, count, contact, setting, kind_back):
+    """Propagate bars over `add_behind`.
 
     above, here: lanes before and after it.  kind_back: `tip_back` or `corner_back`.
     """
-    shape, inertia = shape_of(contact), contact.inertia
-    half, tan_phi = contact.half_weight, contact.tan_phi
+    shape, body, mu = shape_of(contact), body_of(contact), setting.friction
+    if arrays.conserves_energy(setting):
+        for j in range(count):
+            s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
+            s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
+            m, g = bars[SEED_M + j], bars[SEED_G + j]
+            jac_bar = bars[B_JAC + j] + 2.0 * m * body.inertia * jac_i
+            s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = energy_back(body, s_i, v_i, g)
+            s_bar, v_bar = bars[B_SIN + j] + s_bar, bars[B_VER + j] + v_bar
+            bars[B_INERTIA + j] = m * jac_i * jac_i
+            s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
+                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+            bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+            bars[B_JAC + j] = jac_bar * omega
+            keep_shape(bars, j, contact, shape_bar)
+        return
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
-        s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
+        s_i, v_i, w_i, jac_i, drv_i = here[SIN + j], here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
         m, g, d = bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j]
-        arm, turn = s_i - tan_phi * c_i, m * jac_i + d * drv_i
-        w_bar = bars[B_WGT + j] + inertia * turn + g * half * arm
-        jac_bar = bars[B_JAC + j] + m * w_i * inertia
-        drv_bar = bars[B_DRV + j] + d * w_i * inertia
-        s_bar = bars[B_SIN + j] + g * w_i * half
-        v_bar = bars[B_VER + j] + g * w_i * half * tan_phi
+        turn = m * jac_i + d * drv_i
+        w_bar = bars[B_WGT + j] + body.inertia * turn + torque(body, s_i, v_i, g)
+        jac_bar = bars[B_JAC + j] + m * w_i * body.inertia
+        drv_bar = bars[B_DRV + j] + d * w_i * body.inertia
+        s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = torque_back(body, s_i, v_i, g * w_i)
+        s_bar, v_bar = bars[B_SIN + j] + s_bar, bars[B_VER + j] + v_bar
         bars[B_INERTIA + j] = w_i * turn
-        bars[B_HALF + j] = g * w_i * arm
-        bars[B_TAN_PHI + j] = -g * w_i * half * c_i
         o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
         s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = kind_back(
             s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
@@ -74,29 +102,6 @@ def friction_back(bars, above, here, count, contact, mu, kind_back):
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
         bars[B_DRV + j] = drv_bar * omega
         bars[B_MU + j] += mu_bar
-        keep_shape(bars, j, contact, shape_bar)
-
-
-@always_inline
-def frictionless_back(bars, above, here, count, contact, kind_back):
-    """Propagate bars over `add_without_friction`; for the arguments see `friction_back`."""
-    shape, inertia = shape_of(contact), contact.inertia
-    half, tan_phi = contact.half_weight, contact.tan_phi
-    for j in range(count):
-        s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
-        s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
-        m, g = bars[SEED_M + j], bars[SEED_G + j]
-        jac_bar = bars[B_JAC + j] + 2.0 * m * inertia * jac_i
-        s_bar = bars[B_SIN + j] + g * half * tan_phi
-        v_bar = bars[B_VER + j] - g * half
-        bars[B_INERTIA + j] = m * jac_i * jac_i
-        bars[B_HALF + j] = g * (tan_phi * s_i - v_i)
-        bars[B_TAN_PHI + j] = g * half * s_i
-        s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
-            s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
-        )
-        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
-        bars[B_JAC + j] = jac_bar * omega
         keep_shape(bars, j, contact, shape_bar)
 
 
@@ -128,8 +133,8 @@ def retrace(reverse, count, n, low, with_sums):
 
     with_sums: save the sums at every domino too, for shorter stacks that end there.
     """
-    lanes, ring, mu, saved = reverse.lanes, reverse.ring, reverse.mu, reverse.saved
-    add_leader(lanes, count, ring[n], mu)
+    lanes, ring, saved, setting = reverse.lanes, reverse.ring, reverse.saved, reverse.setting
+    add_leader(lanes, count, ring[n], setting)
     here = saved[0]
     for j in range(count):
         here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
@@ -138,8 +143,8 @@ def retrace(reverse, count, n, low, with_sums):
         copy_sums(lanes, here, count)
     for i in range(n - 1, low - 1, -1):
         here = saved[n - i]
-        add_domino(lanes, count, ring[i], mu)
-        if mu > 0.0:
+        add_domino(lanes, count, ring[i], setting)
+        if not arrays.conserves_energy(setting):
             for j in range(count):
                 here[WGT + j], here[DRV + j] = lanes[WGT + j], lanes[DRV + j]
         for j in range(count):
@@ -158,37 +163,28 @@ def copy_sums(source, target, count):
 
 
 @internal
-def contact_back(bars, above, here, count, contact, mu):
+def contact_back(bars, above, here, count, contact, setting):
     """Propagate all bars over one contact of either kind."""
-    if mu > 0.0:
-        if contact.kind == arrays.TIP:
-            friction_back(bars, above, here, count, contact, mu, tip_back)
-        else:
-            friction_back(bars, above, here, count, contact, mu, corner_back)
-    elif contact.kind == arrays.TIP:
-        frictionless_back(bars, above, here, count, contact, tip_back)
+    if contact.kind == arrays.TIP:
+        add_behind_back(bars, above, here, count, contact, setting, tip_back)
     else:
-        frictionless_back(bars, above, here, count, contact, corner_back)
+        add_behind_back(bars, above, here, count, contact, setting, corner_back)
 
 
 @always_inline
-def add_leader_back(bars, first, count, leader, mu):
+def add_leader_back(bars, first, count, leader, setting):
     """Propagate bars over `add_leader`; first: lanes at the leader."""
-    half, tan_phi = leader.half_weight, leader.tan_phi
+    body = body_of(leader)
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
         keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no contact
         bars[B_INERTIA + j] = bars[SEED_M + j]
-        if mu > 0.0:
-            bars[B_SIN + j] += g * half
-            bars[B_VER + j] += g * half * tan_phi
-            bars[B_HALF + j] = g * (s - tan_phi * (1.0 - v))
-            bars[B_TAN_PHI + j] = -g * half * (1.0 - v)
-        else:
-            bars[B_SIN + j] += g * half * tan_phi
-            bars[B_VER + j] -= g * half
-            bars[B_HALF + j] = g * (tan_phi * s - v)
-            bars[B_TAN_PHI + j] = g * half * s
+        by_domino = torque_back(body, s, v, g)
+        if arrays.conserves_energy(setting):
+            by_domino = energy_back(body, s, v, g)
+        s_bar, v_bar, bars[B_HALF + j], bars[B_TAN_PHI + j] = by_domino
+        bars[B_SIN + j] += s_bar
+        bars[B_VER + j] += v_bar
 
 
 @internal
@@ -209,12 +205,12 @@ def angle_bar(bars, first, j):
 @internal
 def stack_back(reverse, count, n, low):
     """Propagate the seeds of the three sums through the stack, to the bars of all parameters."""
-    ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
+    ring, bars, saved, setting = reverse.ring, reverse.bars, reverse.saved, reverse.setting
     clear_bars(bars, count)
     for i in range(low, n):
-        contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
+        contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], setting)
         gather(bars, count, ring[i], reverse.param_bars[i])
-    add_leader_back(bars, saved[0], count, ring[n], mu)
+    add_leader_back(bars, saved[0], count, ring[n], setting)
     gather(bars, count, ring[n], reverse.param_bars[n])
 
 
@@ -225,7 +221,7 @@ def tabulate_stack(reverse, k, n, low, table):
     table[q count + j, m PARAMS + c] is the bar of parameter c of the domino m behind the leader,
     for sum q and lane j.  The bars of the last angle and of friction follow after all dominoes.
     """
-    ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
+    ring, bars, saved, setting = reverse.ring, reverse.bars, reverse.saved, reverse.setting
     count, depth = ORDERS[k] + 2, n - low
     table[: 3 * count] = 0.0
     for q in range(3):
@@ -235,16 +231,16 @@ def tabulate_stack(reverse, k, n, low, table):
         clear_bars(bars, count)
         for i in range(low, n + 1):
             if i < n:
-                contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
+                contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], setting)
             else:
-                add_leader_back(bars, saved[0], count, ring[n], mu)
+                add_leader_back(bars, saved[0], count, ring[n], setting)
             for j in range(count):
                 for c in range(PARAMS if arrays.is_uneven(ring[i]) else PARAMS - 2):
                     table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * STRIDE + j]
         for j in range(count):
             x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS
             table[q * count + j, at] = POSITIONS[k, j] * x
-            table[q * count + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
+            table[q * count + j, at + 1] = bars[B_MU + j]
 
 
 @internal

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.kernels.arrays import Arrays, Curve, record_type
+from domino_env.kernels.arrays import Arrays, Curve, Setting, record_type
 from domino_env.kernels.jit import always_inline, select
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode: not begun, between two steps, ended
@@ -14,10 +14,7 @@ RULES = record_type(  # of a scene
     count=int,  # number of dominoes that are placed by actions, with the first
     run_out=int,  # number of fixed dominoes after them
     hand=int,  # pieces held at a time, drawn in random order; 0 if the whole stock can be placed
-    friction=float,  # between dominoes
-    gravity=float,  # [m/s²]
-    push=float,  # [rad/s]
-    rtol=float,  # relative error allowed in the arrival times
+    **Setting.__annotations__,
     uniform_speed=float,  # [m/s] of the uniform baseline; √(g h) if it stops
     reference_speed=float,  # [m/s] of the wave with which observed leads and speeds are compared
     length=float,  # from the first pivot to the last [m], 0 if it is free

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import LANES, PROPAGATED
+from domino_env.kernels.arrays import LANES, PROPAGATED, configure, setting_of
 from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
-from domino_env.kernels.fall import configure, start_chain
+from domino_env.kernels.fall import start_chain
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 from domino_env.kernels.step import action
@@ -171,8 +171,8 @@ def reset_batch(first, last, batch, chosen, given, observations):
             continue
         rules, uniform, layout = rules_of(batch, b), uniform_of(batch, b), layout_in(batch, b)
         episode, ring, state = batch.episodes[b], batch.rings[b], batch.states[b]
-        configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
-        start_chain(layout, rules.push, ring, state)
+        configure(state, ring, setting_of(rules), False)
+        start_chain(layout, ring, state)
         episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
         episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
