@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from domino_env.core.checks import require, require_choice
+from domino_env.core.models import plain
 from domino_env.core.types import Floats, Ints
 from domino_env.envs.spaces import FEATURE_LIMIT, ObservationLayout, action_entries, closeness
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
@@ -386,7 +387,7 @@ def typical_speed(scene: Scene) -> float:
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
     growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
-    values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
+    values = plain(scene.physics) | {
         "count": scene.count,
         "run_out": scene.row_count - scene.count,
         "hand": scene.hand,
