@@ -239,7 +239,7 @@ def solve_batch(
     """
     count = layouts.thickness.shape[1]
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
-    states, lanes, ring = jit.borrow(own)
+    layouts, states, lanes, ring = jit.borrow((layouts, *own))
     state = states[0]
     fall.configure(state, ring, mu, gravity, rtol, exact_minimum)
     for b in range(first, last):
@@ -253,7 +253,7 @@ def solve_batch(
 def compose_falls(layout, mu, gravity, rtol):
     """Compose the maps of all falls; return (outcome, u_0 above which the wave completes)."""
     own = new_arrays(layout, ring_length(len(layout.thickness)))
-    states, lanes, ring = jit.borrow(own)
+    layout, states, lanes, ring = jit.borrow((layout, *own))
     state = states[0]
     fall.configure(state, ring, mu, gravity, rtol, True)
     fall.start_chain(layout, 0.0, ring, state)
@@ -289,7 +289,7 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     """
     period = len(pattern.thickness)
     own = new_arrays(pattern, ring_size)
-    states, lanes, ring = jit.borrow(own)
+    pattern, states, lanes, ring = jit.borrow((pattern, *own))
     state, tape = states[0], no_tape()
     fall.configure(state, ring, mu, gravity, rtol, True)
     fall.initialise(state, 1.0)

@@ -209,7 +209,7 @@ def diagnose_chain(layout, mu, gravity, push, rtol, loads):
     """
     count = len(layout.thickness)
     own, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
-    states, lanes, ring = borrow(own)
+    layout, states, lanes, ring = borrow((layout, *own))
     state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
     fall.configure(state, ring, mu, gravity, rtol, True)
     fall.start_chain(layout, push, ring, state)

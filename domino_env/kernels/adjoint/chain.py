@@ -214,6 +214,7 @@ def clear(bar, tilt):
 @entry_point
 def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     """Write the derivatives of Σ arrival_bar · arrival times; see `chain_vjp`."""
+    layout, tape = borrow((layout, tape))
     chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar)
 
 
@@ -228,6 +229,7 @@ def vjp_batch(
     """
     count = layouts.thickness.shape[1]
     own, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, arrays.ARRIVAL)
+    layouts, bars = borrow((layouts, bars))
     states, lanes, ring = borrow(own)
     state = states[0]
     configure(state, ring, mu, gravity, rtol, True)

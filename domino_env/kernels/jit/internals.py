@@ -200,6 +200,31 @@ class NoInline(EntryPoint):
         return shared
 
 
+# --- The compiler
+
+# Passes for what kernels do not contain: closures, context managers, array expressions and so on
+UNUSED_PASSES = {
+    "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction",
+    "InlineInlinables", "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass",
+    "InlineOverloads", "NopythonRewrites", "NoPythonSupportedFeatureValidation",
+}  # fmt: skip
+
+_SIGNATURES: dict[Any, Any] = {}  # of builtin operations, by operation and types of its arguments
+_resolve: Callable[..., Any] = types.BaseFunction.get_call_type
+
+
+def _get_call_type(operation: Any, context: Any, args: Any, kws: Any) -> Any:
+    """Return the signature of an operation; type inference and lowering ask for each many times."""
+    key = operation.typing_key, tuple(args)
+    if key not in _SIGNATURES or kws:
+        signature = _resolve(operation, context, args, kws)
+        # the code of an overload depends on options of its caller
+        if kws or operation.get_impl_key(signature) is not operation.typing_key:
+            return signature
+        _SIGNATURES[key] = signature
+    return _SIGNATURES[key]
+
+
 @cache
 def compiler_into(library: type) -> type:
     """Return Numba's compiler, with a library of this module for its code."""
@@ -209,7 +234,19 @@ def compiler_into(library: type) -> type:
             context = self.state.targetctx
             self.state.library = library(context.codegen(), func.__qualname__)
             self.state.library.enable_object_caching()
-            return super().compile_extra(func)
+            before = types.BaseFunction.get_call_type
+            types.BaseFunction.get_call_type = _get_call_type
+            try:
+                return super().compile_extra(func)
+            finally:
+                types.BaseFunction.get_call_type = before
+
+        def define_pipelines(self) -> Any:
+            pipelines = super().define_pipelines()
+            for pipeline in pipelines:
+                pipeline.passes = [p for p in pipeline.passes if p[0].__name__ not in UNUSED_PASSES]
+                pipeline.finalize()
+            return pipelines
 
     return Compiler
 
