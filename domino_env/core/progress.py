@@ -49,9 +49,9 @@ def leave_out(bar: Any, count: int) -> None:
     bar.unpause()
 
 
-def notice(sentence: str) -> None:
+def notice(sentence: str, level: int = logging.INFO) -> None:
     """Log a sentence for the user, such as on a long wait; commands print it on its own line."""
-    logging.getLogger("domino_env").info(sentence)
+    logging.getLogger("domino_env").log(level, sentence)
 
 
 class Advice(UserWarning):

@@ -29,6 +29,7 @@ from numba.core import types
 
 from domino_env.core.progress import advise
 from domino_env.kernels.jit.plain import compile_plainly
+from domino_env.kernels.jit.waiting import announce
 
 NEWEST_TESTED = (0, 68)  # newest version of Numba with which the tests pass
 
@@ -90,13 +91,20 @@ def noinline(function: Callable[..., Any]) -> Any:
 
 def compile_alone(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls and that shares no code with the kernels."""
-    return compile_plainly(function, cache=True)
+    dispatcher = compile_plainly(function, cache=True)
+    announce(dispatcher)
+    return dispatcher
 
 
 def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
+    is_entry = library == "EntryPoint"
     if _FAST is None:
-        return compile_plainly(function, cache=library == "EntryPoint", **options)
-    return _FAST.compile_fast(function, getattr(_FAST, library), **options)
+        dispatcher = compile_plainly(function, cache=is_entry, **options)
+    else:
+        dispatcher = _FAST.compile_fast(function, getattr(_FAST, library), **options)
+    if is_entry:
+        announce(dispatcher)
+    return dispatcher
 
 
 @numba.extending.intrinsic
@@ -110,9 +118,9 @@ def borrow(_: Any, value: Any) -> Any:
 
     def borrowed(kind: Any) -> Any:
         if isinstance(kind, types.NamedTuple):
-            return types.NamedTuple([borrowed(part) for part in kind], kind.instance_class)
-        if isinstance(kind, types.BaseTuple):
-            return types.Tuple([borrowed(part) for part in kind])
+            return types.NamedTuple([borrowed(part) for part in kind.types], kind.instance_class)
+        if isinstance(kind, types.Tuple | types.UniTuple):
+            return types.Tuple([borrowed(part) for part in kind.types])
         return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
 
     def without_owner(context: Any, builder: Any, kind: Any, data: Any) -> Any:

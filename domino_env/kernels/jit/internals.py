@@ -18,14 +18,14 @@ import llvmlite.binding as llvm
 import numba
 from numba.core import caching, codegen, compiler, types
 
-from domino_env.core.progress import Advice, notice
+from domino_env.core.progress import Advice
 from domino_env.kernels.jit.plain import STAMP
+from domino_env.kernels.jit.waiting import take_turn
 
 _DISPATCHERS: dict[str, Any] = {}  # functions that are not inlined, by name
 _SYMBOLS: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their symbols: name and argument types
 
 _WARNED_FOLDERS: list[str] = []  # folders that cannot be written, for a single warning
-_NOTICED_FOLDERS: list[str] = []  # folders without machine code, for a single notice
 
 
 def register_noinline(dispatcher: Any) -> None:
@@ -114,9 +114,8 @@ class _Cache(caching.FunctionCache):
             result = None
             with contextlib.suppress(OSError):
                 self._cache_file.flush()
-        if result is None and not _NOTICED_FOLDERS:
-            _NOTICED_FOLDERS.append(self.cache_path)
-            notice("compiling the simulator, once: some ten seconds ...")
+        if result is None and take_turn(self.cache_path):  # another process may have compiled it
+            return self.load_overload(sig, target_context)
         return result
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -210,7 +209,8 @@ UNUSED_PASSES = {
 }  # fmt: skip
 
 _SIGNATURES: dict[Any, Any] = {}  # of builtin operations, by operation and types of its arguments
-_resolve: Callable[..., Any] = types.BaseFunction.get_call_type
+_operations: Any = types.BaseFunction
+_resolve: Callable[..., Any] = _operations.get_call_type
 
 
 def _get_call_type(operation: Any, context: Any, args: Any, kws: Any) -> Any:
@@ -234,12 +234,11 @@ def compiler_into(library: type) -> type:
             context = self.state.targetctx
             self.state.library = library(context.codegen(), func.__qualname__)
             self.state.library.enable_object_caching()
-            before = types.BaseFunction.get_call_type
-            types.BaseFunction.get_call_type = _get_call_type
+            before, _operations.get_call_type = _operations.get_call_type, _get_call_type
             try:
                 return super().compile_extra(func)
             finally:
-                types.BaseFunction.get_call_type = before
+                _operations.get_call_type = before
 
         def define_pipelines(self) -> Any:
             pipelines = super().define_pipelines()
