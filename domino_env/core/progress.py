@@ -39,6 +39,13 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
             if msg is None:  # "" would clear the line
                 print(str(self).strip(), file=sys.stderr, flush=True)
 
+        def clear(self, nolock: bool = False) -> None:  # around another line: it has its own
+            pass
+
+        def refresh(self, nolock: bool = False, lock_args: Any = None) -> None:
+            if not nolock:  # else after another line
+                super().refresh(lock_args=lock_args)
+
     options |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": PERIOD}
     return Lines(mininterval=PERIOD, maxinterval=PERIOD, **options)
 
