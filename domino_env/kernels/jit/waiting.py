@@ -57,7 +57,8 @@ class _FirstCall(event.Listener):
     def __init__(self, dispatcher: Any) -> None:
         self.name = dispatcher.py_func.__name__
         self.total = sum(not below.overloads for below in _functions_below(dispatcher))
-        self.done, self.started, self.told = 0, time.monotonic(), False
+        self.done, self.told, self.started = 0, False, time.monotonic()
+        self.first = self.started  # time at which the first function was complete
         self.turn: TextIO | None = None
 
     def on_start(self, event: event.Event) -> None:
@@ -65,10 +66,13 @@ class _FirstCall(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         """Count a compiled function; tell the user if many remain."""
-        elapsed = time.monotonic() - self.started
         self.done += event.data["dispatcher"].py_func.__module__.partition(".")[0] != "numba"
-        if elapsed > UNNOTICED:
-            seconds = elapsed * max(self.total / max(self.done, 1), 1.0)
+        now = time.monotonic()
+        if self.done < 2:  # Numba has loaded its own functions before the first
+            self.first = now
+        elif now - self.started > UNNOTICED:
+            rate = (now - self.first) / (self.done - 1)
+            seconds = now - self.started + rate * max(self.total - self.done, 0)
             self.tell(f"compiling {self.name}, once: about {seconds:.0f} s here ...")
 
     def tell(self, sentence: str) -> None:
