@@ -183,18 +183,20 @@ def first_calls() -> dict[str, Call]:
     }
 
 
-def first_call_times(cache: str) -> dict[str, float]:
-    """Return the processor times of `first_calls` in a new process, by name [s].
+def output_of_new_process(table: str, cache: str) -> str:
+    """Return what this program prints in a new process.
 
     Parameters
     ----------
+    table
+        Argument of the program.
     cache
         Folder of compiled code, which the process reads and writes.
     """
-    command = [sys.executable, "-m", "domino_env.validation.bench", "first-calls"]
+    command = [sys.executable, "-m", "domino_env.validation.bench", table]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return dict(json.loads(process.stdout))
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout
 
 
 # Passes of Numba's compiler that the table of compilation names; the others are "other passes"
@@ -272,7 +274,11 @@ def main() -> None:
     for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
         print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
-        compiling, loading = first_call_times(cache), first_call_times(cache)
+        compiling, loading = (
+            json.loads(output_of_new_process("first-calls", cache)) for _ in range(2)
+        )
+    with tempfile.TemporaryDirectory() as cache:
+        print(f"\n{output_of_new_process('compilation', cache)}", end="")
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")
     for name in compiling:
         print(f"{name:30}{compiling[name]:14.2f}{loading[name]:14.2f}")

@@ -1,6 +1,7 @@
 """Fast compilation and its cache, by parts of Numba that are not public.
 
-This depends on `numba.core.codegen`, `compiler` and `caching`. With an untested version of Numba,
+This depends on `numba.core.codegen`, `compiler`, `caching` and on how `types.BaseFunction` finds the
+signature of an operation. With an untested version of Numba,
 `plain` compiles instead.
 
 Numba caches machine code with a stamp of the file that contains the function.  A kernel depends on
@@ -11,7 +12,7 @@ functions and tables of other files, so kernels are cached with a stamp of all f
 import contextlib
 import warnings
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -113,7 +114,7 @@ class _Cache(caching.FunctionCache):
         except (AttributeError, ImportError):  # a file of a version with other types
             result = None
             with contextlib.suppress(OSError):
-                self._cache_file.flush()
+                self.flush()
         if result is None and take_turn(self.cache_path):  # another process may have compiled it
             return self.load_overload(sig, target_context)
         return result
@@ -144,7 +145,6 @@ class Internal(Library):
 
     def finalize(self) -> None:
         """Declare the variables of the code."""
-        self._raise_if_finalized()
         # Numba writes into this variable of each function; the code itself is linked later
         variables = [
             str(variable)
@@ -159,7 +159,8 @@ class Internal(Library):
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return a null pointer: there is no machine code."""
-        self._ensure_finalized()
+        if not self._finalized:
+            self.finalize()
         return 0
 
 
@@ -191,12 +192,12 @@ class NoInline(EntryPoint):
     """Machine code that callers call by its symbol; they link an empty module."""
 
     def _get_module_for_linking(self) -> Any:
-        self._ensure_finalized()
-        shared: Any = self._shared_module
-        if shared is None:
-            empty = self._codegen._create_empty_module(self.name)
-            shared = self._shared_module = llvm.parse_assembly(str(empty))
-        return shared
+        return self.empty
+
+    @cached_property
+    def empty(self) -> Any:
+        """Module without code."""
+        return llvm.parse_assembly(str(self._codegen._create_empty_module(self.name)))
 
 
 # --- The compiler

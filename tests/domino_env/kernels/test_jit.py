@@ -163,3 +163,28 @@ def test_a_long_layout_is_diagnosed():
     physics = domino_env.Physics(push=8.0)
     assert domino_env.diagnose(layout, physics, rtol=1e-4).outcome is domino_env.Outcome.PROPAGATED
     assert domino_env.smallest_push(layout, physics, rtol=1e-4) < 8.0
+
+
+SIMULATE = """
+import domino_env as de
+from domino_env.kernels.chain import solve_batch
+de.simulate(de.Layout.uniform(5, pitch=0.02))
+print(sum(solve_batch.stats.cache_hits.values()))
+"""
+
+
+def test_of_two_processes_one_compiles_and_both_tell_the_user(tmp_path):
+    root = str(Path(domino_env.__file__).parents[1])
+    environment = os.environ | {"PYTHONPATH": root, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def start():
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen([sys.executable, "-c", SIMULATE], env=environment, **pipes)
+
+    both = [process.communicate() for process in (start(), start())]
+    (compiled, told), (loaded, waited) = sorted(both)
+    assert (int(compiled), int(loaded)) == (0, 1)
+    assert told.startswith("compiling solve_batch, once: about ")
+    assert waited.startswith("compiling solve_batch, once: another process does so")
+    assert told.count("\n") == waited.count("\n") == 1
+    assert start().communicate() == ("1\n", "")
