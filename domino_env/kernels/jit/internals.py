@@ -1,7 +1,7 @@
 """Fast compilation and its cache, by parts of Numba that are not public.
 
-This depends on `numba.core.codegen`, `compiler` and `caching`, and on how `types.BaseFunction` finds
-the signature of an operation. With an untested version of Numba, `plain` compiles instead.
+This depends on `numba.core.codegen`, `compiler` and `caching`, and on how `types.BaseFunction`
+finds the signature of an operation. With an untested version of Numba, `plain` compiles instead.
 
 Numba caches machine code with a stamp of the file that contains the function.  A kernel depends on
 functions and tables of other files, so kernels are cached with a stamp of all files of the folder
