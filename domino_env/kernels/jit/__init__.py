@@ -17,6 +17,19 @@ machine code for flat ground contains no terms of uneven ground.
 
 Python calls entry points only, and kernels do not call them.
 
+What keeps first calls short, and what a change should not undo:
+
+- `borrow` gives read-only arrays the type of others, so that simulations, gradients and
+  environments share one compilation of each function that reads a layout.
+- Passes of Numba for closures and comprehensions, which kernels do not contain, are left out, and
+  the signature of an operation is looked up once per process.
+- No kernel assigns an array to an array: the message for unequal shapes alone takes 2 s to compile.
+  Each use of `np.zeros`, `max` or `min` with other types takes 0.03 to 0.1 s.
+- To optimise internal functions less before they are linked gains nothing.
+
+A call that compiles for more than two seconds says so; of several processes one compiles
+(`waiting`).
+
 The compilation depends on parts of Numba that are not public (`internals`).  If Numba is newer than
 `NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).
 """
