@@ -54,8 +54,10 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --no-build-isolation -e .
 	@touch $@
 
+# The simulator is compiled meanwhile.
 $(VENV)/.dev: $(VENV)/.core
-	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist,parquet,minari,studio]'
+	$(BIN)/python -m tests.bench first-calls >/dev/null 2>&1 & \
+	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist,parquet,minari,studio]' && wait
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

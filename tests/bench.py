@@ -14,13 +14,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
 from itertools import chain, cycle, product
 from typing import Any
 
 import gymnasium
 import numpy as np
+from numba.core import event
 
 import domino_env as de
 from domino_env.physics.wave import MIN_RTOL
@@ -173,29 +176,91 @@ def first_calls() -> dict[str, Call]:
         "batch": lambda: de.simulate_batch(spacing, 0.0075, physics),
         "gradient": lambda: de.simulate(random, physics, gradient=True).gradient(),
         "batch with gradient": lambda: de.simulate_batch(spacing, 0.0075, physics, gradient=True),
+        "uneven ground": lambda: de.simulate_batch(spacing, 0.0075, physics, tilt=0.02),
         "step of an environment": step,
+        "placing": lambda: de.DominoChainVector(1, "sprint").place_all(np.zeros((1, 39, 1))),
         "diagnosis": lambda: de.diagnose(random, physics),
         "smallest push": lambda: de.smallest_push(random, physics),
         "steady wave": lambda: de.steady_wave(0.02, 0.0075),
     }
 
 
-def first_call_times(cache: str) -> dict[str, float]:
-    """Return the processor times of `first_calls` in a new process, by name [s].
+def output_of_new_process(table: str, cache: str) -> str:
+    """Return what this program prints in a new process.
 
     Parameters
     ----------
+    table
+        Argument of the program.
     cache
         Folder of compiled code, which the process reads and writes.
     """
-    command = [sys.executable, "-m", "tests.bench", "first-calls"]
+    command = [sys.executable, "-m", "tests.bench", table]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return dict(json.loads(process.stdout))
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+# Passes of Numba's compiler that the table of compilation names; the others are "other passes"
+PHASES = {"nopython_type_inference": "types", "native_lowering": "lowering"}
+
+
+class _CompilationTimes(event.Listener):
+    """Processor times of compilation without those of functions compiled meanwhile, by phase."""
+
+    def __init__(self) -> None:
+        self.seconds: Counter[str] = Counter()
+        self.functions: Counter[str] = Counter()
+        self.running: list[list[Any]] = []  # phase and the time since which it is counted
+
+    def on_start(self, event: event.Event) -> None:
+        """Begin a phase, in place of that in which it is needed."""
+        if event.kind == "numba:compile":
+            function = event.data["dispatcher"].py_func
+            self.functions[f"{function.__module__}.{function.__qualname__}"] += 1
+            return
+        self._count()
+        phase = "LLVM"
+        if event.kind == "numba:run_pass":
+            phase = PHASES.get(event.data["name"].partition(" ")[0], "other passes")
+        self.running.append([phase, time.process_time()])
+
+    def on_end(self, event: event.Event) -> None:
+        """End a phase and continue with the one before."""
+        if event.kind != "numba:compile":
+            self._count()
+            self.running.pop()
+
+    def _count(self) -> None:
+        now = time.process_time()
+        if self.running:
+            phase, since = self.running[-1]
+            self.seconds[phase] += now - since
+        for entry in self.running:
+            entry[1] = now
+
+
+def compilation_table() -> Iterator[str]:
+    """Yield lines on what the first calls of this process compile, in their order."""
+    phases = [*PHASES.values(), "other passes", "LLVM"]
+    yield f"{'compilation [s]':24}{'sum':>8}" + "".join(f"{name:>14}" for name in phases)
+    for name, call in first_calls().items():
+        times, start = _CompilationTimes(), time.process_time()
+        with ExitStack() as stack:
+            for kind in ("numba:compile", "numba:run_pass", "numba:llvm_lock"):
+                stack.enter_context(event.install_listener(kind, times))
+            call()
+        parts = "".join(f"{times.seconds[phase]:14.2f}" for phase in phases)
+        own = sum(n for f, n in times.functions.items() if f.startswith("domino_env"))
+        again = sum(times.functions.values()) - len(times.functions)
+        yield (
+            f"{name:24}{time.process_time() - start:8.2f}{parts}   {own} functions, "
+            f"{sum(times.functions.values()) - own} of Numba, {again} for other types"
+        )
 
 
 def main() -> None:
-    """Print the tables; with the argument first-calls, print the times of this process as JSON."""
+    """Print the tables; an argument names a table of this process alone."""
     if sys.argv[1:] == ["first-calls"]:
         seconds = {}
         for name, call in first_calls().items():
@@ -204,11 +269,18 @@ def main() -> None:
             seconds[name] = time.process_time() - start
         print(json.dumps(seconds))
         return
+    if sys.argv[1:] == ["compilation"]:
+        print(*compilation_table(), sep="\n")
+        return
     print(f"{'':68}{'µs per unit':>14}   remark")
     for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
         print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
-        compiling, loading = first_call_times(cache), first_call_times(cache)
+        compiling, loading = (
+            json.loads(output_of_new_process("first-calls", cache)) for _ in range(2)
+        )
+    with tempfile.TemporaryDirectory() as cache:
+        print(f"\n{output_of_new_process('compilation', cache)}", end="")
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")
     for name in compiling:
         print(f"{name:30}{compiling[name]:14.2f}{loading[name]:14.2f}")

@@ -39,6 +39,13 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
             if msg is None:  # "" would clear the line
                 print(str(self).strip(), file=sys.stderr, flush=True)
 
+        def clear(self, nolock: bool = False) -> None:  # around another line: it has its own
+            pass
+
+        def refresh(self, nolock: bool = False, lock_args: Any = None) -> None:
+            if not nolock:  # else after another line
+                super().refresh(lock_args=lock_args)
+
     options |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": PERIOD}
     return Lines(mininterval=PERIOD, maxinterval=PERIOD, **options)
 
@@ -49,9 +56,9 @@ def leave_out(bar: Any, count: int) -> None:
     bar.unpause()
 
 
-def notice(sentence: str) -> None:
+def notice(sentence: str, level: int = logging.INFO) -> None:
     """Log a sentence for the user, such as on a long wait; commands print it on its own line."""
-    logging.getLogger("domino_env").info(sentence)
+    logging.getLogger("domino_env").log(level, sentence)
 
 
 class Advice(UserWarning):

@@ -240,7 +240,7 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
     count = layouts.thickness.shape[1]
     own = new_arrays(layouts, ring_length(count), setting, exact_minimum)
     unrecorded = np.empty(0, arrays.ARRIVAL)
-    states, lanes, ring = jit.borrow(own)
+    layouts, states, lanes, ring = jit.borrow((layouts, *own))
     state = states[0]
     for b in range(first, last):
         arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
@@ -253,7 +253,7 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
 def compose_falls(layout, setting):
     """Compose the maps of all falls; return (outcome, u_0 above which the wave completes)."""
     own = new_arrays(layout, ring_length(len(layout.thickness)), setting, True)
-    states, lanes, ring = jit.borrow(own)
+    layout, states, lanes, ring = jit.borrow((layout, *own))
     state = states[0]
     fall.start_chain(layout, ring, state)
     state.composing = True
@@ -288,7 +288,7 @@ def period_falls(pattern, setting, ring_size, u, composing, falls):
     """
     period = len(pattern.thickness)
     own = new_arrays(pattern, ring_size, setting, True)
-    states, lanes, ring = jit.borrow(own)
+    pattern, states, lanes, ring = jit.borrow((pattern, *own))
     state, tape = states[0], no_tape()
     fall.initialise(state)
     state.u, state.composing = u, composing

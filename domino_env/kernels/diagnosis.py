@@ -206,7 +206,7 @@ def diagnose_chain(layout, setting, loads):
     """
     count = len(layout.thickness)
     own, geometry = new_arrays(layout, ring_length(count), setting, True), np.zeros(count, GEOMETRY)
-    states, lanes, ring = borrow(own)
+    layout, states, lanes, ring = borrow((layout, *own))
     state, tape, outcome = states[0], no_tape(), arrays.PROPAGATED
     fall.start_chain(layout, ring, state)
     for n in range(count):

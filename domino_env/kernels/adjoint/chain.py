@@ -214,6 +214,7 @@ def clear(bar, tilt):
 @entry_point
 def vjp(layout, setting, tape, arrival_bar, bar, physics_bar):
     """Write the derivatives of Σ arrival_bar · arrival times; see `chain_vjp`."""
+    layout, tape = borrow((layout, tape))
     chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bar)
 
 
@@ -227,6 +228,7 @@ def vjp_batch(first, last, layouts, setting, arrival_bars, summaries, bars, phys
     count = layouts.thickness.shape[1]
     own = new_arrays(layouts, ring_length(count), setting, True)
     unrecorded = np.empty(0, arrays.ARRIVAL)
+    layouts, bars = borrow((layouts, bars))
     states, lanes, ring = borrow(own)
     state = states[0]
     tape = np.empty(4 * count + 16, arrays.EVENT)  # usually long enough

@@ -17,6 +17,19 @@ machine code for flat ground contains no terms of uneven ground.
 
 Python calls entry points only, and kernels do not call them.
 
+What keeps first calls short, and what a change should not undo:
+
+- `borrow` gives read-only arrays the type of others, so that simulations, gradients and
+  environments share one compilation of each function that reads a layout.
+- Passes of Numba for closures and comprehensions, which kernels do not contain, are left out, and
+  the signature of an operation is looked up once per process.
+- No kernel assigns an array to an array: the message for unequal shapes alone takes 2 s to compile.
+  Each use of `np.zeros`, `max` or `min` with other types takes 0.03 to 0.1 s.
+- To optimise internal functions less before they are linked gains nothing.
+
+A call that compiles for more than two seconds says so; of several processes one compiles
+(`waiting`).
+
 The compilation depends on parts of Numba that are not public (`internals`).  If Numba is newer than
 `NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).
 """
@@ -29,6 +42,7 @@ from numba.core import types
 
 from domino_env.core.progress import advise
 from domino_env.kernels.jit.plain import compile_plainly
+from domino_env.kernels.jit.waiting import announce
 
 NEWEST_TESTED = (0, 68)  # newest version of Numba with which the tests pass
 
@@ -90,13 +104,20 @@ def noinline(function: Callable[..., Any]) -> Any:
 
 def compile_alone(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls and that shares no code with the kernels."""
-    return compile_plainly(function, cache=True)
+    dispatcher = compile_plainly(function, cache=True)
+    announce(dispatcher)
+    return dispatcher
 
 
 def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
+    is_entry = library == "EntryPoint"
     if _FAST is None:
-        return compile_plainly(function, cache=library == "EntryPoint", **options)
-    return _FAST.compile_fast(function, getattr(_FAST, library), **options)
+        dispatcher = compile_plainly(function, cache=is_entry, **options)
+    else:
+        dispatcher = _FAST.compile_fast(function, getattr(_FAST, library), **options)
+    if is_entry:
+        announce(dispatcher)
+    return dispatcher
 
 
 @numba.extending.intrinsic
@@ -104,8 +125,16 @@ def borrow(_: Any, value: Any) -> Any:
     """Return an array or tuple of arrays without reference counts; the owners must outlive it.
 
     Atomic reference counting takes an eighth of the time of a step, and 5 % of that of a
-    simulation.
+    simulation. Read-only arrays get the type of those that can be written, so that one compilation
+    of the functions below serves both: these must not write into arrays of a layout.
     """
+
+    def borrowed(kind: Any) -> Any:
+        if isinstance(kind, types.NamedTuple):
+            return types.NamedTuple([borrowed(part) for part in kind.types], kind.instance_class)
+        if isinstance(kind, types.Tuple | types.UniTuple):
+            return types.Tuple([borrowed(part) for part in kind.types])
+        return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
 
     def without_owner(context: Any, builder: Any, kind: Any, data: Any) -> Any:
         kinds: Any = kind
@@ -124,7 +153,7 @@ def borrow(_: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
         return without_owner(context, builder, value, args[0])
 
-    return value(value), generate
+    return borrowed(value)(value), generate
 
 
 def optional_field(name: str) -> Any:

@@ -1,7 +1,7 @@
 """Fast compilation and its cache, by parts of Numba that are not public.
 
-This depends on `numba.core.codegen`, `compiler` and `caching`. With an untested version of Numba,
-`plain` compiles instead.
+This depends on `numba.core.codegen`, `compiler` and `caching`, and on how `types.BaseFunction`
+finds the signature of an operation. With an untested version of Numba, `plain` compiles instead.
 
 Numba caches machine code with a stamp of the file that contains the function.  A kernel depends on
 functions and tables of other files, so kernels are cached with a stamp of all files of the folder
@@ -11,21 +11,21 @@ functions and tables of other files, so kernels are cached with a stamp of all f
 import contextlib
 import warnings
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
 from numba.core import caching, codegen, compiler, types
 
-from domino_env.core.progress import Advice, notice
+from domino_env.core.progress import Advice
 from domino_env.kernels.jit.plain import STAMP
+from domino_env.kernels.jit.waiting import take_turn
 
 _DISPATCHERS: dict[str, Any] = {}  # functions that are not inlined, by name
 _SYMBOLS: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their symbols: name and argument types
 
 _WARNED_FOLDERS: list[str] = []  # folders that cannot be written, for a single warning
-_NOTICED_FOLDERS: list[str] = []  # folders without machine code, for a single notice
 
 
 def register_noinline(dispatcher: Any) -> None:
@@ -113,10 +113,9 @@ class _Cache(caching.FunctionCache):
         except (AttributeError, ImportError):  # a file of a version with other types
             result = None
             with contextlib.suppress(OSError):
-                self._cache_file.flush()
-        if result is None and not _NOTICED_FOLDERS:
-            _NOTICED_FOLDERS.append(self.cache_path)
-            notice("compiling the simulator, once: some ten seconds ...")
+                self.flush()
+        if result is None and take_turn(self.cache_path):  # another process may have compiled it
+            return self.load_overload(sig, target_context)
         return result
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -145,7 +144,6 @@ class Internal(Library):
 
     def finalize(self) -> None:
         """Declare the variables of the code."""
-        self._raise_if_finalized()
         # Numba writes into this variable of each function; the code itself is linked later
         variables = [
             str(variable)
@@ -160,7 +158,8 @@ class Internal(Library):
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return a null pointer: there is no machine code."""
-        self._ensure_finalized()
+        if not self._finalized:
+            self.finalize()
         return 0
 
 
@@ -192,12 +191,38 @@ class NoInline(EntryPoint):
     """Machine code that callers call by its symbol; they link an empty module."""
 
     def _get_module_for_linking(self) -> Any:
-        self._ensure_finalized()
-        shared: Any = self._shared_module
-        if shared is None:
-            empty = self._codegen._create_empty_module(self.name)
-            shared = self._shared_module = llvm.parse_assembly(str(empty))
-        return shared
+        return self.empty
+
+    @cached_property
+    def empty(self) -> Any:
+        """Module without code."""
+        return llvm.parse_assembly(str(self._codegen._create_empty_module(self.name)))
+
+
+# --- The compiler
+
+# Passes for what kernels do not contain: closures, context managers, array expressions and so on
+UNUSED_PASSES = {
+    "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction",
+    "InlineInlinables", "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass",
+    "InlineOverloads", "NopythonRewrites", "NoPythonSupportedFeatureValidation",
+}  # fmt: skip
+
+_SIGNATURES: dict[Any, Any] = {}  # of builtin operations, by operation and types of its arguments
+_operations: Any = types.BaseFunction
+_resolve: Callable[..., Any] = _operations.get_call_type
+
+
+def _get_call_type(operation: Any, context: Any, args: Any, kws: Any) -> Any:
+    """Return the signature of an operation; type inference and lowering ask for each many times."""
+    key = operation, tuple(args)  # all constructors of named tuples have one typing key
+    if key not in _SIGNATURES or kws:
+        signature = _resolve(operation, context, args, kws)
+        # the code of an overload depends on options of its caller
+        if kws or operation.get_impl_key(signature) is not operation.typing_key:
+            return signature
+        _SIGNATURES[key] = signature
+    return _SIGNATURES[key]
 
 
 @cache
@@ -209,7 +234,18 @@ def compiler_into(library: type) -> type:
             context = self.state.targetctx
             self.state.library = library(context.codegen(), func.__qualname__)
             self.state.library.enable_object_caching()
-            return super().compile_extra(func)
+            before, _operations.get_call_type = _operations.get_call_type, _get_call_type
+            try:
+                return super().compile_extra(func)
+            finally:
+                _operations.get_call_type = before
+
+        def define_pipelines(self) -> Any:
+            pipelines = super().define_pipelines()
+            for pipeline in pipelines:
+                pipeline.passes = [p for p in pipeline.passes if p[0].__name__ not in UNUSED_PASSES]
+                pipeline.finalize()
+            return pipelines
 
     return Compiler
 

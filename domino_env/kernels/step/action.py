@@ -120,7 +120,8 @@ def restock(batch, b, given):
     """Put all pieces back into the box, and draw the hand after `given` dominoes."""
     if batch.box.shape[1] == 0:
         return
-    batch.box[b] = batch.kinds[1]
+    for k in range(batch.box.shape[1]):  # an assignment of arrays compiles messages of shapes
+        batch.box[b, k] = batch.kinds[1, k]
     for n in range(given):
         batch.box[b, nearest_kind(batch.kinds[0], batch.thickness[b, n + 1])] -= 1.0
     for j in range(given, min(given + rules_of(batch, b).hand, batch.order.shape[1])):

@@ -165,7 +165,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
     chosen, given: (B,). Writes observations (B, O). An episode whose wave stops among the given
     dominoes is OVER afterwards.
     """
-    lanes, tape = np.zeros(LANES), no_tape()
+    batch, lanes, tape = borrow(batch), np.zeros(LANES), no_tape()
     for b in range(first, last):
         if not chosen[b]:
             continue

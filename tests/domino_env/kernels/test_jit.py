@@ -144,16 +144,25 @@ print(json.dumps([result.tolist(), jit._FAST is not None]))
 
 
 def test_plain_compilation_gives_the_same_results(tmp_path):
-    root = str(Path(domino_env.__file__).parents[1])
+    # without the cache of other tests
+    environment = os.environ | {"PYTHONPATH": str(Path(domino_env.__file__).parents[1])}
+    options = {
+        "cwd": tmp_path,
+        "env": environment,
+        "text": True,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+    }
+    ways = {
+        way: subprocess.Popen([sys.executable, "-c", WALK, way], **options)
+        for way in ("fast", "plain")
+    }
     results = {}
-    for way in ("fast", "plain"):
-        done = subprocess.run(
-            [sys.executable, "-c", WALK, way], capture_output=True, text=True, check=True,
-            cwd=tmp_path, env=os.environ | {"PYTHONPATH": root},  # without the cache of other tests
-        )  # fmt: skip
-        results[way], fast = json.loads(done.stdout)
+    for way, process in ways.items():
+        output, errors = process.communicate()
+        results[way], fast = json.loads(output)
         assert fast == (way == "fast")
-        assert ("is compiled by its public functions" in done.stderr) == (way == "plain")
+        assert ("is compiled by its public functions" in errors) == (way == "plain")
     np.testing.assert_allclose(results["plain"], results["fast"], rtol=1e-12)
 
 
@@ -163,3 +172,28 @@ def test_a_long_layout_is_diagnosed():
     physics = domino_env.Physics(push=8.0)
     assert domino_env.diagnose(layout, physics, rtol=1e-4).outcome is domino_env.Outcome.PROPAGATED
     assert domino_env.smallest_push(layout, physics, rtol=1e-4) < 8.0
+
+
+SIMULATE = """
+import domino_env as de
+from domino_env.kernels.chain import solve_batch
+de.simulate(de.Layout.uniform(5, pitch=0.02))
+print(sum(solve_batch.stats.cache_hits.values()))
+"""
+
+
+def test_of_two_processes_one_compiles_and_both_tell_the_user(tmp_path):
+    root = str(Path(domino_env.__file__).parents[1])
+    environment = os.environ | {"PYTHONPATH": root, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def start():
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen([sys.executable, "-c", SIMULATE], env=environment, **pipes)
+
+    both = [process.communicate() for process in (start(), start())]
+    (compiled, told), (loaded, waited) = sorted(both)
+    assert (int(compiled), int(loaded)) == (0, 1)
+    assert told.startswith("compiling solve_batch, once: about ")
+    assert waited.startswith("compiling solve_batch, once: another process does so")
+    assert told.count("\n") == waited.count("\n") == 1
+    assert start().communicate() == ("1\n", "")
