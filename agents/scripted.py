@@ -16,9 +16,9 @@ from agents.rollout import Rollout, average, average_uniform, build, evaluation_
 from domino_env import DominoChain
 from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints, Singles
-from domino_env.scenes.design_problem import SCORE_RTOL
 from domino_env.scenes.placement import add_errors
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.scene_base import SCORE_RTOL
 from optimize.experiments.best_known import best_known
 
 # number of values of each variable that greedy tries: with one free variable, and with several

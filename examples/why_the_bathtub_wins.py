@@ -1,7 +1,7 @@
 """Why the best layouts have wide gaps at both ends and narrow ones in between.
 
     python examples/why_the_bathtub_wins.py          # prints the tables of docs/why.md
-    python examples/why_the_bathtub_wins.py --write  # writes them and the two pictures there
+    python examples/why_the_bathtub_wins.py --write  # writes them and the three pictures there
 
 It takes a minute. Chains are those of the scene `sprint` unless a column says otherwise.
 """
@@ -300,7 +300,9 @@ def draw_relay():
     label = "relay: 100 designed dominoes"
     axes.plot(number[: len(gaps)], 1e3 * gaps, ".-", color=COLOURS[0], label=label)
     fixed = np.full(RELAY.run_out.count, 1e3 * RELAY.run_out.spacing)
-    axes.plot(number[len(gaps) :], fixed, color=INK, linewidth=1.2, label="and 60 at 3 mm")
+    axes.plot(
+        number[len(gaps) :], fixed, color=INK, linewidth=1.2, label="relay: run-out, 60 at 3 mm"
+    )
     axes.set_xlabel("number of the gap from the pushed domino")
     axes.set_ylabel("gap [mm]")
     axes.set_ylim(0.0, 42.0)

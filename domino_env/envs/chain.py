@@ -264,8 +264,8 @@ class DominoChain(DominoEnv):
     so the undiscounted return is 100 times the gain. On a uniform baseline that completes, the
     return is 0 and, without a schedule, every reward is 0 within the tolerance.
 
-    - If the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
-      (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
+    - If the scene has a length ℓ, the rest up to the last designed domino n is ℓ - x_k long and
+      takes the time (T_n - T_k) (ℓ - x_k) / (ℓ - X_k).
     - If the wave of the uniform baseline stops, T_k = X_k / √(g h).
     - If all pieces of a stock are placed, the rest of the chain has the pieces that remain, and the
       gaps of the baseline.
@@ -287,8 +287,8 @@ class DominoChain(DominoEnv):
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
     `Scene.score`), except with "toppled", where it may score more. Its return is below that of
-    every layout that completes; without a schedule it is between -200 and -100. The return orders
-    layouts as `scene.score` does, above 1e-4 with a schedule, and does not depend on the size of
+    every layout that completes; for speeds it is between -200 and -100. The return orders layouts
+    as `scene.score` does, above 1e-4 with a schedule, and does not depend on the size of
     the dominoes. If the score of the uniform baseline is 0 or less, S_u is 1 in this table, for
     speeds √(g h) and for heights h, and the gain is relative to that of the baseline.
 

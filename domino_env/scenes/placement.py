@@ -1,4 +1,4 @@
-"""Placement noise: random errors of all gaps, and statistics of scores over draws of them."""
+"""Placement noise: random errors of all designed gaps, and statistics of scores over draws."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def add_errors(spacing: Floats, errors: Floats) -> Floats:
 
 
 class Placement(Value, frozen=True):  # type: ignore[misc]
-    """Normal errors of all free gaps, in every episode of an environment and in scores.
+    """Normal errors of all designed gaps, in every episode of an environment and in scores.
 
     Parameters
     ----------

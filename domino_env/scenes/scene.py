@@ -11,13 +11,13 @@ from typing import Any, Self
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
 from domino_env.scenes.consistency import check_document
-from domino_env.scenes.design_problem import DesignProblem
+from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.tables import format_toml, make_document
 from domino_env.scenes.uniform import UniformBaseline, stored_point, uniform_baseline
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene(DesignProblem):
+class Scene(SceneBase):
     """Design problem: dominoes, allowed values, objective.
 
     Scenes are equal if all their fields are equal. A scene made in Python has the defaults of a
@@ -79,8 +79,8 @@ class Scene(DesignProblem):
     ground
         Ground on which layouts stand, a slope or a curve; None for flat ground.
     placement
-        Placement noise: normal errors of all gaps in every episode of an environment and, with
-        draws, in scores; a gap with its error is at least 0.2 mm. None for no noise.
+        Placement noise: normal errors of all designed gaps in every episode of an environment and,
+        with draws, in scores; a gap with its error is at least 0.2 mm. None for no noise.
     run_out
         Dominoes with fixed gaps after the `count` dominoes that are designed. Waves, scores and
         pictures are those of the whole row; layouts have the designed dominoes only. None for none.

@@ -1,4 +1,4 @@
-"""Scoring: the line from layouts to scores.
+"""Scoring: the stages from layouts to scores.
 
 Layouts, draws of placement noise, run-out, simulator, waves, objective, limits, statistic over the
 draws: each stage is a value that a scene has or has not.
@@ -22,7 +22,7 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 
 @dataclass(frozen=True)
 class Scoring:
-    """Line of the values that make scores of layouts.
+    """Stages from layouts to scores, of which only objective and simulator are required.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
-from domino_env.scenes import design_problem, tables
+from domino_env.scenes import scene_base, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import load_scene, scene_names
@@ -35,7 +35,7 @@ def scene_schema() -> dict[str, Any]:
     """Return the JSON Schema of scene files, draft 2020-12."""
     schema_of_file = msgspec.json.schema(tables.SceneFile)
     settings = {kind.table.__name__: kind.table for kind in OBJECTIVES.values() if kind.table}
-    classes = vars(tables) | vars(design_problem) | settings
+    classes = vars(tables) | vars(scene_base) | settings
     definitions: dict[str, dict[str, Any]] = {
         name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
         for name, schema in schema_of_file["$defs"].items()

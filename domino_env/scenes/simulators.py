@@ -72,7 +72,7 @@ class FreeStanding:
     is_slow: ClassVar[bool] = True
     digits: ClassVar[int] = 4
     rtol: ClassVar[float] = 1e-3
-    """Relative tolerance for any `rtol` of a batch; errors are about 2e-4."""
+    """Relative tolerance for any `rtol` of a batch; errors are about 3e-4."""
 
     @property
     def place(self) -> str:

@@ -1,4 +1,4 @@
-"""Tables of a scene's file, made from the fields of `DesignProblem`.
+"""Tables of a scene's file, made from the fields of `SceneBase`.
 
 The tables check scenes made in Python too. Editors check files by the JSON Schema that
 `domino_env.scenes.shipping` makes from the tables; `SCHEMA` of a table adds relations between its
@@ -19,17 +19,17 @@ from msgspec import Meta
 from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import LARGEST, Size, Table, about, plain
 from domino_env.physics.physics import Physics, require_physics
-from domino_env.scenes.design_problem import DesignProblem
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds, Values
+from domino_env.scenes.scene_base import SceneBase
 
 # largest number of combinations of a listed gap and a listed thickness, all of which are simulated
 # for the uniform baseline
 MAX_COMBINATIONS = 100_000
 RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 
-HINTS = get_type_hints(DesignProblem, include_extras=True)
-DEFAULTS = {field.name: field.default for field in dataclasses.fields(DesignProblem)}
+HINTS = get_type_hints(SceneBase, include_extras=True)
+DEFAULTS = {field.name: field.default for field in dataclasses.fields(SceneBase)}
 DEFAULTS["name"] = None  # that of the file
 # fields that are keys of [row], keys of no table, and tables
 ROW = ("count", "height", "width", "density", "first_thickness", "length")
@@ -38,7 +38,7 @@ TABLES = ("stock", "ground", "limits", "placement", "run_out")
 
 
 def _with_fields(base: type[msgspec.Struct], *names: str) -> Any:
-    """Return a table of a file with the keys of `base`, and fields of `DesignProblem` as keys."""
+    """Return a table of a file with the keys of `base`, and fields of `SceneBase` as keys."""
     keys: list[Any] = []
     for name in names:
         hint, default = HINTS[name], DEFAULTS[name]

@@ -23,7 +23,7 @@ from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import StoppedError
-from domino_env.scenes.design_problem import DesignProblem
+from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Scorer = Callable[[Floats, float], Floats]
@@ -87,7 +87,7 @@ def gain(score: float, reference: float) -> float | None:
 
 
 @lru_cache(maxsize=32)  # baselines
-def uniform_baseline(scene: DesignProblem, point: tuple[float, float] | None) -> UniformBaseline:
+def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> UniformBaseline:
     """Return the best layout with one gap and one thickness within the scene's rules.
 
     The first domino has the thickness that the scene gives it. The dominoes of a stock stand in the
@@ -129,9 +129,7 @@ def uniform_baseline(scene: DesignProblem, point: tuple[float, float] | None) ->
     return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)
 
 
-def best_point(
-    scene: DesignProblem, *, quick: bool = False, seconds: float | None = None
-) -> Floats:
+def best_point(scene: SceneBase, *, quick: bool = False, seconds: float | None = None) -> Floats:
     """Return the two numbers (2,) of the uniform baseline, a point of `UniformLayouts`.
 
     Parameters
@@ -188,7 +186,7 @@ def best_point(
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
 
-def uniform_layouts(scene: DesignProblem) -> UniformLayouts:
+def uniform_layouts(scene: SceneBase) -> UniformLayouts:
     """Return the uniform layouts within the rules; if there are none, those without the lists."""
     try:
         return UniformLayouts(scene)
@@ -281,7 +279,7 @@ def _separate_points(points: Floats, scores: Floats, distance: Floats, keep: int
     return chosen
 
 
-def best_uniform_on(scene: DesignProblem, baseline: Layout, floor: float | None) -> Layout:
+def best_uniform_on(scene: SceneBase, baseline: Layout, floor: float | None) -> Layout:
     """Return the fastest uniform layout on a floor.
 
     Parameters

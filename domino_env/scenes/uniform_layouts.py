@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome
-from domino_env.scenes.design_problem import DesignProblem
 from domino_env.scenes.rules import is_listed
+from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.simulators import Stop
 from domino_env.scenes.waves import LayoutBatch, Waves
 
@@ -105,7 +105,7 @@ class UniformLayouts:
         If the rules of the scene allow no uniform layout.
     """
 
-    def __init__(self, scene: DesignProblem) -> None:
+    def __init__(self, scene: SceneBase) -> None:
         self.scene = scene
         pairs = scene.count - 1
         self.allowed = [scene.spacing_values, scene.thickness_values]

@@ -113,33 +113,34 @@ def fall_onto_next(rules, uniform, batch, b, lanes, row, tape):
 
 @always_inline
 def expected_gain(rules, uniform, batch, b):
-    """Return the gain [%] if the rest of the chain were that of the uniform baseline.
-
-    uniform: UNIFORM of the domino placed last.
-    """
+    """Return the gain [%] if the rest of the row were that of the uniform baseline."""
     state, episode = batch.states[b], batch.episodes[b]
-    length, time = uniform.length_left, uniform.time_left
+    rest, end = uniform[episode.placed], uniform[rules.count - 1]  # after the last one: the run-out
+    length, time = rest.length_left, rest.time_left
     if rules.length > 0.0:  # the remaining length, at the speed of the baseline there
-        length = rules.length - episode.distance
-        time *= length / uniform.length_left
+        left = rules.length - episode.distance
+        length = left + end.length_left
+        time = end.time_left + (time - end.time_left) * (
+            left / (rest.length_left - end.length_left)
+        )
     elif batch.box.shape[1] > 0:
         number, thickness = action.pieces_left(rules, batch, b)
         if number == rules.count - 1 - episode.placed:  # all of them will be placed
-            length += thickness - uniform.thickness_left
+            length += thickness - rest.thickness_left
     speed = (episode.distance + length) / (state.time + time)
     return 100.0 * (speed / rules.uniform_speed - 1.0)
 
 
 @always_inline
-def gain_in_tempo(rules, episode, late):
-    """Return the part of the gain [%] that the dominoes placed so far contribute.
+def expected_gain_in_tempo(rules, episode, late):
+    """Return the part of the expected gain [dB] that the dominoes placed so far contribute.
 
     Each contributes the same part of the gain of a layout without errors of arrival times, and the
     errors reduce it; later hits count as late as the last one, `late` [s]. With all dominoes placed
     it is the gain of the layout.
     """
     pairs = rules.count - 1
-    squares = episode.lateness + (pairs - episode.placed) * late * late
+    squares = episode.squared_errors + (pairs - episode.placed) * late * late
     score = 1.0 / (1.0 + math.sqrt(squares / pairs) / rules.tolerance)
     most = -math.log10(rules.score_unit)
     return 10.0 * (math.log10(max(score, rules.least_score)) + most * episode.placed / pairs)
@@ -147,15 +148,18 @@ def gain_in_tempo(rules, episode, late):
 
 @always_inline
 def step_reward(rules, uniform, batch, b):
-    """Return the reward of a step that did not end the episode: the change of expected gain."""
+    """Return the reward of a step that did not end the episode: the change of expected gain.
+
+    With a schedule, the error of the last hit is added to those of the episode.
+    """
     episode = batch.episodes[b]
     if rules.tolerance > 0.0:
         late = batch.states[b].time - schedule_of(batch, b)[episode.placed, 0]
-        episode.lateness += late * late
-        return gain_in_tempo(rules, episode, late) - episode.reward_sum
+        episode.squared_errors += late * late
+        return expected_gain_in_tempo(rules, episode, late) - episode.reward_sum
     if not rules.rewards_steps:
         return 0.0
-    return expected_gain(rules, uniform[episode.placed], batch, b) - episode.reward_sum
+    return expected_gain(rules, uniform, batch, b) - episode.reward_sum
 
 
 @entry_point
@@ -174,7 +178,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         configure(state, ring, setting_of(rules), False)
         start_chain(layout, ring, state)
         episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
-        episode.lateness = 0.0
+        episode.squared_errors = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         action.restock(batch, b, given[b])
         for i in range(given[b]):

@@ -119,3 +119,12 @@ def test_a_scene_with_a_run_out_keeps_it_in_its_file():
 def test_run_outs_that_contradict_the_scene_are_rejected(changes, words):
     with pytest.raises(ValueError, match=words):
         FREE.replace(**changes)
+
+
+@pytest.mark.parametrize("kind", ["plain", "slope", "length"])
+def test_every_reward_of_the_uniform_baseline_is_zero(kind):
+    envs = DominoChainVector(1, KINDS[kind], rtol=1e-10)
+    envs.reset(seed=0)
+    actions = np.zeros((1, *envs.single_action_space.shape))
+    rewards = [envs.step(actions)[1][0] for _ in range(KINDS[kind].count - 1)]
+    assert np.abs(rewards).max() < 1e-6

@@ -1,4 +1,4 @@
-"""Fields, rules, layouts and scores of a design problem."""
+"""Fields, rules, layouts and scores of a scene."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ else:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DesignProblem:
-    """Fields, rules, layouts and scores of a design problem; see `Scene`.
+class SceneBase:
+    """Fields, rules, layouts and scores of a scene; `Scene` adds its file and uniform baseline.
 
     The types of the fields have the ranges and descriptions of the keys in scene files:
     `domino_env.scenes.tables` makes the tables of the files from them.
@@ -454,7 +454,7 @@ class DesignProblem:
         """Score waves that have been simulated.
 
         The wave of an incomplete layout can be scored if it stopped. Its `reach` must then refer to
-        all N dominoes of the scene, not to those of the layout. Complete layouts are simulated
+        all N dominoes of the whole row, not to those of the layout. Complete layouts are simulated
         again, with all threads, if the scores need their draws of placement noise or free-standing
         dominoes.
 
@@ -473,7 +473,7 @@ class DesignProblem:
         TypeError
             For anything but a sequence of waves.
         ValueError
-            For a wave of more dominoes than the scene has, or of fewer if it propagated.
+            For a wave of more dominoes than the whole row has, or of fewer if it propagated.
         """
         require_type("waves", waves, Sequence, "a list of waves")
         scores = self.scoring.score(Waves.from_waves(waves, self.row_count))
