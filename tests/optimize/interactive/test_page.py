@@ -18,7 +18,7 @@ from optimize import Studio, studio
 from optimize.interactive.design import StudioDesign
 from optimize.interactive.exchange import open_design
 
-pytest.importorskip("panel", reason="needs the extra 'studio'")
+page = pytest.importorskip("optimize.interactive.page", reason="needs the extra 'studio'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Panel's and Bokeh's own
 
 SPRINT = de.load_scene("sprint")
@@ -44,6 +44,26 @@ gaps.renderers.forEach(r => { if (r.glyph.type == 'Scatter' && r.data_source.dat
            box.top + view.frame.y_scale.compute(data.y[k])]; } });
 return place;
 """
+
+
+@pytest.mark.parametrize("name", ["sprint", "relay", "table", "downhill"])
+def test_the_value_of_a_control_gives_the_same_scene(name):
+    scene = de.load_scene(name)
+    for control in page.CONTROLS:
+        if (value := control.read(scene)) is not None:
+            assert scene.replace(**control.fields(scene, value)) == scene, control.label
+
+
+def test_controls_add_change_and_remove_a_run_out():
+    count, gap = (
+        next(c for c in page.CONTROLS if words in c.label) for words in ("at fixed", "Gaps of")
+    )
+    longer = SPRINT.replace(**count.fields(SPRINT, 20))
+    assert (longer.row_count, gap.read(SPRINT)) == (60, None)
+    wider = longer.replace(**gap.fields(longer, 8.0))
+    assert wider.run_out == de.RunOut(20, 0.008)
+    assert wider.replace(**count.fields(wider, 30)).run_out == de.RunOut(30, 0.008)
+    assert wider.replace(**count.fields(wider, 0)) == SPRINT
 
 
 class Tab:
