@@ -1,8 +1,8 @@
 """Compare actions and rewards: python docs/learning_matrix.py, which writes learning-matrix.csv.
 
 Algorithms of Stable-Baselines3 learn with the actions of `DominoChain-v2` or with linear ones, and,
-where hits have a schedule, with its rewards or those of v1. Runs that are in the file are not made
-again, so the command continues after an interruption; --check trains a few steps in every case.
+where hits have a schedule, with its rewards or with ratios, as in v1. Runs that are in the file are
+not made again, so the command continues after an interruption; --check trains a few steps in every case.
 """
 
 from __future__ import annotations
