@@ -2,7 +2,8 @@
 
 Algorithms of Stable-Baselines3 learn with the actions of `DominoChain-v2` or with linear ones, and,
 where hits have a schedule, with its rewards or with ratios, as in v1. Runs that are in the file are
-not made again, so the command continues after an interruption; --check trains a few steps in every case.
+not made again, so the command continues after an interruption; --check trains a few steps in every
+case.
 """
 
 from __future__ import annotations
