@@ -163,7 +163,9 @@ def search(
         compile_simulations(scene, gradients=True)
         start = clock()
         scene = with_baseline(scene, seconds)
-        problem, uniform = Problem(scene), scene.uniform()
+        if scene is not problem.scene:  # with a baseline that was searched on a floor
+            problem = Problem(scene)
+        uniform = scene.uniform()
         callback = stack.enter_context(progress_line(scene, method, progress, callback))
         evaluator = Evaluator(
             problem, budget, seconds,

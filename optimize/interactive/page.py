@@ -97,14 +97,14 @@ def _one_thickness(scene: Scene) -> float | None:
     return None if varies else _mm(scene.thickness[0])
 
 
-def _count_after(scene: Scene) -> int | None:
+def _run_out_count(scene: Scene) -> int | None:
     """Return the number of dominoes of the run-out; None if the scene cannot have one."""
     if scene.stock or scene.growth or scene.tempo:
         return None
     return scene.run_out.count if scene.run_out else 0
 
 
-def _change_count_after(scene: Scene, count: float) -> dict[str, Any]:
+def _change_run_out(scene: Scene, count: float) -> dict[str, Any]:
     """Return the change of the scene to a run-out of `count` dominoes, first at a middle gap."""
     spacing = scene.run_out.spacing if scene.run_out else 0.2 * scene.height
     return {"run_out": RunOut(int(count), spacing) if count else None}
@@ -126,8 +126,8 @@ CONTROLS = (
             lambda s, v: {"physics": s.physics.replace(push=v)}),
     Control("Friction between dominoes", 0, 1, 0.01, lambda s: s.physics.friction,
             lambda s, v: {"physics": s.physics.replace(friction=v)}),
-    Control("Dominoes of the run-out (0: none)", 0, 200, 1, _count_after,
-            _change_count_after, pn.widgets.EditableIntSlider),
+    Control("Dominoes of the run-out (0: none)", 0, 200, 1, _run_out_count,
+            _change_run_out, pn.widgets.EditableIntSlider),
     Control("Gaps of the run-out [mm]", 0.5, 100, 0.1,
             lambda s: _mm(s.run_out.spacing) if s.run_out else None,
             lambda s, v: {"run_out": s.run_out and s.run_out.replace(spacing=v / MM)}),
