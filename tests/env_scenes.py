@@ -62,7 +62,7 @@ def courses():
 
 def demanding():
     """Return scenes with every rule and objective beyond bounds, by name."""
-    thick, gentle = short("sprint-thickness", 9), short("gentle", 6)
+    thick, gentle = short("sprint-thickness", 9), short("gentle", 6).replace(limits=None)
     grid = tuple((np.arange(4, 81) * 0.0005).tolist())
     jitter = de.load_scene("jitter")
     return {
