@@ -113,6 +113,7 @@ def page(experiment: Experiment, command: str) -> str:
     firsts = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
     hashes = [(f"`{r.problem}`", target_hash(read_target(r.scene))) for r in firsts]
     return PAGE.read_text("utf-8").format(
+        summary="\n".join(_summary_table(experiment)),
         overview="\n\n".join(_overview(experiment)),
         work="\n".join(_work_table(experiment)),
         improvement="\n".join(_improvement_table(experiment)),
@@ -126,11 +127,27 @@ def page(experiment: Experiment, command: str) -> str:
     )
 
 
+def _summary_table(experiment: Experiment) -> list[str]:
+    """Return a table of the interquartile means of each algorithm on each scene."""
+    lines = []
+    for name in experiment.rank([m for m in experiment.methods if is_learner(m)]):
+        runs = {scene: experiment.runs(name, scene) for scene in experiment.problems}
+        cells = (
+            f"{float(experiment.mean_score(name, s).value):.1%}" if runs[s] else ""
+            for s in experiment.problems
+        )
+        seconds = float(np.median([r.seconds for r in experiment.runs(name)]))
+        lines.append((f"`{name}`", *cells, _seconds_text(seconds)))
+    return list(markdown_table(("algorithm", *experiment.problems, "processor time"), lines))
+
+
 def _overview(experiment: Experiment) -> list[str]:
-    """Return a table with a title for each group of algorithms with the same scenes and runs."""
+    """Return a titled table for each group of algorithms with the same scenes, if several."""
     groups: dict[tuple[str, int], list[str]] = {}
     for name in experiment.rank(()):
         counts = Counter(r.problem for r in experiment.runs(name))
+        if len(counts) == 1 < len(experiment.problems):
+            continue  # a line in the section of this scene
         groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
     for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
         # scripted policies have one run: they join the largest group of these scenes

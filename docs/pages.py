@@ -3,7 +3,7 @@
 ``python docs/pages.py`` writes the text between the comments ``<!-- name -->`` and ``<!-- end -->``
 of README.md and of docs/scenes/index.md, environments.md, actions-and-rewards.md, methods.md and
 reference.md. MkDocs calls `on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page
-for every scene, with a figure, and one for the public names of every package.
+for every scene, with pictures, and pages of the public names, and list them in the navigation.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import inspect
 import re
 from functools import cache, partial
 from importlib.resources import files as package_files
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -22,20 +23,26 @@ import numpy as np
 
 import domino_env as de
 from agents.rollout import evaluation_seeds, last_infos
+from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
+from domino_env.core.colours import UNIFORM
 from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
 from domino_env.scenes.shipping import scene_schema
-from domino_env.view.figures import draw_with_uniform
+from domino_env.view.animation import poses
+from domino_env.view.comparison import ComparedLayout
+from domino_env.view.figures import DrawnLayout, draw_layouts, draw_with_uniform
 from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, THIRD_PARTY
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from mkdocs.structure.files import Files
 
 STANDARD = 0.0075  # thickness of a standard domino [m]
-README_COLUMNS = ("scene", "problem", "over equal gaps", "floor 0.5")
+README_COLUMNS = ("scene", "problem", "result, over equal gaps", "floor 0.5")
+REACTING = {"draw": "rule", "tempo-noise": "controller"}  # policies that see what is random
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PACKAGES = ("domino_env", "optimize", "agents")
@@ -45,11 +52,9 @@ SCENE_PAGE = """\
 
 {title}.
 
-Best known layout, found by `{method}` (seed {seed}) in {seconds:g} s:
+{text}
 
-![The best known layout and the uniform baseline]({name}.png)
-
-Its [verification](../verified.md) on fixed pivots and on floors.
+![The layout and the uniform baseline]({name}.png)
 
 ## Try it
 
@@ -64,38 +69,108 @@ domino report runs/best.csv --scene {name}      # compare it with the baseline
 ```toml
 {source}```
 """
+BEST = """\
+The best known layout was found by `{method}` (seed {seed}). Its [verification](../verified.md), on
+fixed pivots and on floors."""
+DRAWN = """\
+Below, one random order of the pieces: equal gaps, and the layout of the policy `rule`, which sees
+the pieces in hand. Means over 200 orders, with the best known layout for each order as hindsight:
+[when to learn](../when-to-learn.md). The best known layout, with {best:.4f} m/s, takes the pieces
+in any order."""
 EQUATION = re.compile(r"^\$\$(.+?)(?: \\tag\{(\d+)\})?\$\$$", re.MULTILINE)
 SITE_LINKS = {  # links to files of the repository, and to pages of the site
     r"\(\.\./\.\./domino_env/scenes/shipped/([\w-]+)\.toml\)": r"(\1.md)",
-    r"\[`(\w+)`\]\(\.\./(\w+)/[\w/]+\.py\)": r"[`\1`](reference/\2.md#\2.\1)",
+    r"\[`(\w+)`\]\(\.\./(\w+)/([\w/]+)\.py\)": r"[`\1`][\2.\1]",
 }
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages and figures of the scenes, and the pages of the public names."""
+    """Add the pages and pictures of the scenes, and the pages of the public names."""
     from mkdocs.structure.files import File
 
     pages: dict[str, str | bytes] = {}
     for name, record in best_known().items():
         scene = de.load_scene(name)
         source = package_files("domino_env.scenes") / "shipped" / f"{name}.toml"
+        text = (DRAWN if scene.hand else BEST).format(
+            method=record.method, seed=record.seed, best=record.score
+        )
         pages[f"scenes/{name}.md"] = SCENE_PAGE.format(
-            name=name, title=scene.title, method=record.method, seed=record.seed,
-            seconds=record.seconds, source=source.read_text("utf-8"),
-        )  # fmt: skip
-        drawn = SimpleNamespace(scene=scene, layout=record.layout, score=record.score)
-        drawn.wave = scene.simulate(record.layout)
-        pages[f"scenes/{name}.png"] = png(draw_with_uniform(drawn, "best known"))
+            name=name, title=scene.title, text=text, source=source.read_text("utf-8")
+        )
+        pages[f"scenes/{name}.png"] = png(_scene_figure(scene, record))
+        pages[f"scenes/{name}-strip.png"] = _strip(scene, record.layout)
+    _entries(config.nav, "Scenes").extend({n: f"scenes/{n}.md"} for n in best_known())
     for package in PACKAGES:
-        objects = "".join(f"::: {package}.{name}\n\n" for name in public_names(package))
-        pages[f"reference/{package}.md"] = f"# {package}\n\n{objects}"
+        listed: list[dict[str, str]] = []
+        for title, names in _reference_pages(package):
+            place = f"reference/{package}/{title}.md"
+            listed.append({", ".join(names): place})
+            level = 1 if len(names) == 1 else 2
+            objects = (
+                f"::: {package}.{n}\n    options: {{heading_level: {level}}}\n" for n in names
+            )
+            pages[place] = f"# {', '.join(names)}\n\n" * (level == 2) + "\n".join(objects)
+        _entries(config.nav, "Reference").append({package: listed})
     for path, content in pages.items():
         files.append(File.generated(config, path, content=content))
     return files
 
 
+def _entries(nav: list[Any], title: str) -> list[Any]:
+    """Return the entries of a section of the navigation."""
+    return next(entry[title] for entry in nav if title in entry)
+
+
+def _reference_pages(package: str) -> list[tuple[str, list[str]]]:
+    """Return names of pages and the public names on each: a class, or functions of a module."""
+    pages: dict[str, list[str]] = {}
+    for name, source in public_names(package).items():
+        page = name if name[:1].isupper() and not name.isupper() else source.stem.replace("_", "-")
+        pages.setdefault(page, []).append(name)
+    return sorted(pages.items(), key=lambda page: page[1][0].casefold())
+
+
+def _scene_figure(scene: de.Scene, record: BestKnown) -> Figure:
+    """Draw the best known layout and the uniform baseline; of `draw`, the rule in one order."""
+    if not scene.hand:
+        drawn = SimpleNamespace(scene=scene, layout=record.layout, score=record.score)
+        drawn.wave = scene.simulate(record.layout)
+        return draw_with_uniform(drawn, "best known")
+    layout = ScriptedPolicy("rule").build(scene).layout
+    (order,) = scene.orders([np.random.default_rng(evaluation_seeds(scene)[0])])
+    uniform = scene.layout(scene.uniform().layout.spacing, order)
+    waves = scene.simulate(uniform), scene.simulate(layout)
+    drawn_layouts = [
+        DrawnLayout(uniform, waves[0], "equal gaps, pieces as they come", UNIFORM),
+        DrawnLayout(layout, waves[1], "rule, with three pieces in hand"),
+    ]
+    gain = waves[1].mean_speed / waves[0].mean_speed - 1.0
+    headline = f"{scene.name}: {gain:.1%} over equal gaps in this order of the pieces"
+    return draw_layouts(drawn_layouts, headline, scene.title, scene)
+
+
+def _strip(scene: de.Scene, layout: de.Layout) -> bytes:
+    """Return a picture of a layout at one moment of its wave, as PNG."""
+    wave, file = scene.simulate(layout), BytesIO()
+    poses([ComparedLayout(scene.name, wave)], 1, 500).save(file, "PNG")
+    return file.getvalue()
+
+
+def gallery() -> str:
+    """Return the gallery of the scenes, for the site."""
+    cards = (
+        f"-   [![Its best known layout, half toppled]({name}-strip.png)]({name}.md)\n\n"
+        f"    [**{name}**]({name}.md): {de.load_scene(name).title}\n"
+        for name in best_known()
+    )
+    return '<div class="grid cards" markdown>\n\n' + "\n".join(cards) + "\n</div>"
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Write equations, between pairs of $$, as MathML, and links to the pages of the site."""
+    """Write equations, between pairs of $$, as MathML, links to pages of the site, the gallery."""
+    if "<!-- gallery -->" in markdown:
+        markdown = markdown.replace("<!-- gallery -->", gallery())
     for link, place in SITE_LINKS.items():
         markdown = re.sub(link, place, markdown)
     return EQUATION.sub(_equation, markdown)
@@ -116,7 +191,7 @@ def filled_pages() -> dict[Path, str]:
     """Return README and the generated pages with their present tables."""
     columns = scene_columns()
     tables: dict[str, dict[str, list[str]]] = {
-        "README.md": {"scenes": scene_table("domino_env", columns, README_COLUMNS)},
+        "README.md": {"scenes": scene_table("domino_env", readme_columns(), README_COLUMNS)},
         "docs/scenes/index.md": {
             "scenes": scene_table("../../domino_env", columns, tuple(columns)),
             "keys": key_table(),
@@ -141,7 +216,7 @@ def scene_columns() -> dict[str, list[str]]:
     """Return the columns of the table of scenes: scores, and gains on pivots and on floors."""
     checks = [check for verified in read_verified().values() for check in verified.floors]
     floors = sorted({check.floor for check in checks if check.floor})
-    names = ["scene", "problem", "gap = thickness", "best equal gaps", "best known"]
+    names = ["scene", "problem", "gap = thickness", "equal gaps", "best known"]
     names += ["over gap = thickness", "over equal gaps", *(f"floor {floor:g}" for floor in floors)]
     lines = []
     for name, record in best_known().items():
@@ -157,6 +232,36 @@ def scene_columns() -> dict[str, list[str]]:
             *(floor_cell(floor, scene, record) for floor in floors),
         ])  # fmt: skip
     return dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))
+
+
+def readme_columns() -> dict[str, list[str]]:
+    """Return the columns of README's table: what the titled task allows, and on one floor.
+
+    A score that is no speed is an error; in scenes with random events it is that of a policy.
+    """
+    columns = scene_columns() | {README_COLUMNS[2]: []}
+    floors = columns["floor 0.5"] = columns["floor 0.5"].copy()
+    for i, (name, gain) in enumerate(zip(columns["scene"], columns["over equal gaps"], strict=True)):
+        scene, policy = de.load_scene(name), REACTING.get(name)
+        by = f", by `{policy}`" if policy else ""
+        if policy:
+            line = references(name)[policy]
+            gain = f"+{float(line['gain']):.1f}%{by}"
+            floors[i] = "–"
+        if scene.tempo:
+            reached = float(line["score"]) if policy else best_known()[name].score
+            errors = (scene.criterion.label(s, 2) for s in (reached, scene.uniform().score))
+            error, even = (text.removeprefix("RMS error ") for text in errors)
+            gain = f"error {error}, not {even}{by}"
+        columns[README_COLUMNS[2]].append(gain)
+    return columns
+
+
+def references(name: str) -> dict[str, dict[str, str]]:
+    """Return the lines of uncertainty.csv of the references of a scene, by their policy."""
+    with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
+        lines = [line for line in csv.DictReader(file) if not line["seed"]]
+    return {line["policy"]: line for line in lines if line["scene"] == name}
 
 
 def scene_table(package: str, columns: dict[str, list[str]], names: tuple[str, ...]) -> list[str]:
@@ -201,6 +306,8 @@ def floor_cell(floor: float, scene: de.Scene, record: BestKnown) -> str:
         return "–"
     if check.staying_up:
         return not_toppled(check.staying_up)
+    if scene.tempo and not scene.placement:
+        return f"{float(check.score.split()[2]):.1f} ms"
     # a gain of the first dominoes only is another quantity
     return "–" if check.gain is None or verified.first < verified.count else f"{check.gain:+.1%}"
 
@@ -234,8 +341,6 @@ def return_table() -> list[str]:
     Returns are means over episodes [%]. References react to what is random in the scene, or are
     planned for it.
     """
-    with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
-        references = [line for line in csv.DictReader(file) if not line["seed"]]
     lines = []
     for name, record in best_known().items():
         scene = de.load_scene(name)
@@ -243,9 +348,9 @@ def return_table() -> list[str]:
         (size,), (entries,) = env.action_space.shape, env.observation_space.shape
         gain, uniform = scene.criterion.gain, scene.uniform().score
         others = {
-            line["policy"]: gain(np.array(float(line["score"])), uniform)
-            for line in references
-            if line["scene"] == name and line["policy"] != "uniform"
+            policy: gain(np.array(float(line["score"])), uniform)
+            for policy, line in references(name).items()
+            if policy != "uniform"
         }
         if not others:
             others = {"best known": gain(np.array(record.score), uniform)}
@@ -258,7 +363,8 @@ def return_table() -> list[str]:
             vector = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
             mean_gains.append(np.mean(last_infos(policy, vector, "gain", seed=[*seeds])))
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
-        numbers = (f"{100.0 * value:z.1f}" for value in mean_gains)
+        digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
+        numbers = (f"{100.0 * value:z.{digits}f}" for value in mean_gains)
         lines.append((f"`{name}`", entries, size, *numbers, known))
     names = "scene", "observation", "action", "random", "zeros", "best known, or references"
     return markdown_table(names, lines)

@@ -26,6 +26,12 @@ MEASURED = {
     # [s] first simulation on one core, with compilation (empty the cache, then domino simulate)
     "seconds.compile.least": "10",
     "seconds.compile.most": "25",
+    # [µs] simulation of forty dominoes on one core: equal ones, and those of random layouts (timeit)
+    "us.equal": "35",
+    "us.most": "75",
+    # simulations that take as long as one with its gradient (make bench)
+    "gradient.least": "3",
+    "gradient.most": "4",
 }
 
 
@@ -38,16 +44,21 @@ def numbers() -> dict[str, str]:
         for name, layout in layouts.items()
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | uncertainty_numbers()
-    return MEASURED | times | computed
+    return MEASURED | times | computed | benchmark_numbers()
 
 
 def scene_numbers() -> dict[str, str]:
-    """Return speeds and gains [%] of the scenes whose scores are speeds."""
-    values = {}
+    """Return speeds, gains [%] and lengths [mm] of the scenes whose scores are speeds."""
+    (gain,) = re.findall(r"^\| length 997 mm .* \+([\d.]+)% \|", _page("why.md"), re.M)
+    values = {"gain2.sprint.length": gain}
     for name, record in best_known().items():
         scene = de.load_scene(name)
         baseline = scene.uniform()
+        verified = known_verification(record.layout, scene.physics)
         if scene.unit != "m/s":
+            checks = verified.floors if verified else ()
+            errors = {f"error.{check.floor}.{name}": check.score.split() for check in checks}
+            values |= {key: f"{float(text[2]):.1f}" for key, text in errors.items() if "RMS" in text}
             continue
         gain = 100.0 * (record.score / baseline.score - 1.0)
         values |= {
@@ -57,8 +68,9 @@ def scene_numbers() -> dict[str, str]:
             f"best.{name}": f"{record.score:.4f}",
             f"best5.{name}": f"{record.score:.5f}",
             f"gap.{name}": f"{1e3 * baseline.layout.spacing[0]:.1f}",
+            f"length.{name}.uniform": f"{1e3 * scene.row(baseline.layout).length:.0f}",
+            f"length.{name}.best": f"{1e3 * scene.row(record.layout).length:.0f}",
         }
-        verified = known_verification(record.layout, scene.physics)
         if verified is None or verified.first < verified.count:
             continue
         for check in verified.floors:
@@ -81,21 +93,30 @@ def uncertainty_numbers() -> dict[str, str]:
     return values
 
 
+def benchmark_numbers() -> dict[str, str]:
+    """Return numbers of the runs on sprint, of all and within 0.1 % of the best known score."""
+    values = {}
+    with (DOCS / "benchmark.csv").open(newline="", encoding="utf-8") as file:
+        runs = [run for run in csv.DictReader(file) if run["scene"] == "sprint"]
+    for name in {run["algorithm"] for run in runs}:
+        scores = [float(run["score"]) for run in runs if run["algorithm"] == name]
+        near = sum(score >= 0.999 * best_known()["sprint"].score for score in scores)
+        values |= {f"{name}.runs": str(len(scores)), f"{name}.near": str(near)}
+    return values
+
+
 def verification_numbers() -> dict[str, str]:
     """Return the agreement of the model with the reference simulator on fixed pivots."""
     verified = read_verified().values()
     agreeing = [entry for entry in verified if entry.verdict.startswith("AGREES")]
     largest = max(entry.checks[0].largest for entry in agreeing)
     verdicts = re.findall(r"^\| `[\w-]+`, random .*\| (\w+)[^|]*\|$", _page("verified.md"), re.M)
-    gentle = best_known()["gentle"].layout
-    margin = de.simulate(gentle, de.load_scene("gentle").physics).stall_margin.min()
     return {
         "known.agree": str(len(agreeing)),
         "known.all": str(len(verified)),
         "known.largest": f"{100.0 * largest:.3f}",
         "random.all": str(len(verdicts)),
         "random.differ": str(len(verdicts) - verdicts.count("agrees")),
-        "margin.gentle": f"{margin:.1e}".replace("e-0", "e-"),
     }
 
 

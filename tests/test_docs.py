@@ -97,8 +97,7 @@ def prepared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     de.Layout.uniform(8, pitch=0.024).to_csv(folder / "short.csv")
     wave = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))
     write_wav(clicks(wave), folder / "recording.wav")
-    own = SNIPPETS.findall(PAGES["your-own-method.md"])
-    (method,) = (code for code in own if "def run(evaluator" in code)
+    (method,) = (code for code in SNIPPETS.findall(OPTIMISERS) if "def run(evaluator" in code)
     (folder / "my_methods.py").write_text(method)
     return folder
 

@@ -242,10 +242,13 @@ def draw_with_uniform(
         For `ax` that are not Matplotlib axes.
     """
     scene, uniform, physics = result.scene, result.scene.uniform(), result.scene.physics
+    uniform_name = "uniform baseline"
+    if scene.hand:  # its score, with which layouts are compared, is not that of the order drawn
+        uniform_name += f", mean {uniform.score:.4f} {scene.unit}; here one order of the pieces"
     layouts = [
         DrawnLayout(scene.row(layout), wave, label, colour, scene.count)
         for layout, wave, label, colour in (
-            (uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
+            (uniform.layout, uniform.wave, uniform_name, UNIFORM),
             (result.layout, result.wave, name, RESULT),
         )
     ]
