@@ -126,7 +126,8 @@ def _reference_pages(package: str) -> list[tuple[str, list[str]]]:
     """Return names of pages and the public names on each: a class, or functions of a module."""
     pages: dict[str, list[str]] = {}
     for name, source in public_names(package).items():
-        page = name if name[:1].isupper() and not name.isupper() else source.stem.replace("_", "-")
+        is_class = name[:1].isupper() and not name.isupper()
+        page = name if is_class else f"{source.stem}-module"  # Wave and wave: one file on Windows
         pages.setdefault(page, []).append(name)
     return sorted(pages.items(), key=lambda page: page[1][0].casefold())
 
@@ -241,7 +242,8 @@ def readme_columns() -> dict[str, list[str]]:
     """
     columns = scene_columns() | {README_COLUMNS[2]: []}
     floors = columns["floor 0.5"] = columns["floor 0.5"].copy()
-    for i, (name, gain) in enumerate(zip(columns["scene"], columns["over equal gaps"], strict=True)):
+    for i, name in enumerate(columns["scene"]):
+        gain = columns["over equal gaps"][i]
         scene, policy = de.load_scene(name), REACTING.get(name)
         by = f", by `{policy}`" if policy else ""
         if policy:

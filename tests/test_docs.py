@@ -92,7 +92,8 @@ def prepared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert run("domino train sprint --algorithm apg") == 0
         assert run("domino sweep sprint --set physics.friction=0,0.1 --budget 1") == 0
     for name in ("my-row.toml", "my.toml"):
-        shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / name)
+        scenes = ROOT / "domino_env" / "scenes" / "shipped"
+        shutil.copy(scenes / "sprint-thickness.toml", folder / name)
     shutil.copy(folder / "runs" / "sprint" / "layout.csv", folder / "LAYOUT.csv")
     de.Layout.uniform(8, pitch=0.024).to_csv(folder / "short.csv")
     wave = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))

@@ -245,8 +245,8 @@ def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     wrong = sum(bool(result.faults) for result in results)
     figure, (axes,) = new_panels(
         1, 1, (10.0, 6.0),
-        headline=f"{len(results)} edge cases: {wrong} with a wrong outcome or underestimated error",
-        subtitle="one column per layout; dot: true error; bar: its estimate",
+        headline=f"{len(results)} edge cases: {wrong or 'none'} with a fault",
+        subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
     )  # fmt: skip
     groups = list(dict.fromkeys(result.group for result in results))
     results = sorted(results, key=lambda result: groups.index(result.group))
