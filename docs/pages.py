@@ -77,6 +77,7 @@ Below, one random order of the pieces: equal gaps, and the layout of the policy 
 the pieces in hand. Means over 200 orders, with the best known layout for each order as hindsight:
 [when to learn](../when-to-learn.md). The best known layout, with {best:.4f} m/s, takes the pieces
 in any order."""
+GALLERY = "<!-- on the site, a gallery of the scenes -->"
 EQUATION = re.compile(r"^\$\$(.+?)(?: \\tag\{(\d+)\})?\$\$$", re.MULTILINE)
 SITE_LINKS = {  # links to files of the repository, and to pages of the site
     r"\(\.\./\.\./domino_env/scenes/shipped/([\w-]+)\.toml\)": r"(\1.md)",
@@ -170,8 +171,8 @@ def gallery() -> str:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Write equations, between pairs of $$, as MathML, links to pages of the site, the gallery."""
-    if "<!-- gallery -->" in markdown:
-        markdown = markdown.replace("<!-- gallery -->", gallery())
+    if GALLERY in markdown:
+        markdown = markdown.replace(GALLERY, gallery())
     for link, place in SITE_LINKS.items():
         markdown = re.sub(link, place, markdown)
     return EQUATION.sub(_equation, markdown)
