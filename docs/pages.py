@@ -46,6 +46,7 @@ REACTING = {"draw": "rule", "tempo-noise": "controller"}  # policies that see wh
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PACKAGES = ("domino_env", "optimize", "agents")
+MODULE = "-module"  # end of names: of Wave and wave, some file systems would keep one
 UNDERLINED = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)  # a section of a docstring
 SCENE_PAGE = """\
 # {name}
@@ -107,7 +108,7 @@ def on_files(files: Files, config: Any) -> Files:
         for title, names in _reference_pages(package):
             place = f"reference/{package}/{title}.md"
             listed.append({", ".join(names): place})
-            level = 1 if len(names) == 1 else 2
+            level = 2 if title.endswith(MODULE) else 1  # signatures are too long for a title
             objects = (
                 f"::: {package}.{n}\n    options: {{heading_level: {level}}}\n" for n in names
             )
@@ -128,7 +129,7 @@ def _reference_pages(package: str) -> list[tuple[str, list[str]]]:
     pages: dict[str, list[str]] = {}
     for name, source in public_names(package).items():
         is_class = name[:1].isupper() and not name.isupper()
-        page = name if is_class else f"{source.stem}-module"  # Wave and wave: one file on Windows
+        page = name if is_class else source.stem + MODULE
         pages.setdefault(page, []).append(name)
     return sorted(pages.items(), key=lambda page: page[1][0].casefold())
 
