@@ -44,7 +44,7 @@ def numbers() -> dict[str, str]:
         for name, layout in layouts.items()
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | uncertainty_numbers()
-    return MEASURED | times | computed | benchmark_numbers()
+    return MEASURED | times | computed
 
 
 def scene_numbers() -> dict[str, str]:
@@ -82,8 +82,8 @@ def scene_numbers() -> dict[str, str]:
 
 
 def uncertainty_numbers() -> dict[str, str]:
-    """Return mean scores, gains and errors of each policy and scene in uncertainty.csv."""
-    values, lines = {}, dict[str, list[dict[str, str]]]()
+    """Return means of each policy and scene in uncertainty.csv, and `benchmark_numbers`."""
+    values, lines = benchmark_numbers(), dict[str, list[dict[str, str]]]()
     with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
         for line in csv.DictReader(file):
             lines.setdefault(f"{line['scene']}.{line['policy']}", []).append(line)
@@ -91,18 +91,6 @@ def uncertainty_numbers() -> dict[str, str]:
         for key, digits in {"score": 4, "gain": 2, "hindsight_score": 2, "rms_ms": 2}.items():
             if runs[0][key]:
                 values[f"{name}.{key}"] = f"{mean(float(run[key]) for run in runs):.{digits}f}"
-    return values
-
-
-def benchmark_numbers() -> dict[str, str]:
-    """Return numbers of the runs on sprint, of all and within 0.1 % of the best known score."""
-    values = {}
-    with (DOCS / "benchmark.csv").open(newline="", encoding="utf-8") as file:
-        runs = [run for run in csv.DictReader(file) if run["scene"] == "sprint"]
-    for name in {run["algorithm"] for run in runs}:
-        scores = [float(run["score"]) for run in runs if run["algorithm"] == name]
-        near = sum(score >= 0.999 * best_known()["sprint"].score for score in scores)
-        values |= {f"{name}.runs": str(len(scores)), f"{name}.near": str(near)}
     return values
 
 
@@ -140,6 +128,18 @@ def source_numbers() -> dict[str, str]:
         "chapman.least": f"{min(slower):.0f}",
         "chapman.most": f"{max(slower):.0f}",
     }
+
+
+def benchmark_numbers() -> dict[str, str]:
+    """Return numbers of the runs on sprint, of all and within 0.1 % of the best known score."""
+    values = {}
+    with (DOCS / "benchmark.csv").open(newline="", encoding="utf-8") as file:
+        runs = [run for run in csv.DictReader(file) if run["scene"] == "sprint"]
+    for name in {run["algorithm"] for run in runs}:
+        scores = [float(run["score"]) for run in runs if run["algorithm"] == name]
+        near = sum(score >= 0.999 * best_known()["sprint"].score for score in scores)
+        values |= {f"{name}.runs": str(len(scores)), f"{name}.near": str(near)}
+    return values
 
 
 def with_numbers(text: str, values: dict[str, str]) -> str:
