@@ -105,7 +105,7 @@ def on_files(files: Files, config: Any) -> Files:
     _entries(config.nav, "Scenes").extend({n: f"scenes/{n}.md"} for n in best_known())
     for package in PACKAGES:
         listed: list[dict[str, str]] = []
-        for title, names in _reference_pages(package):
+        for title, names in reference_pages(package):
             place = f"reference/{package}/{title}.md"
             listed.append({", ".join(names): place})
             level = 2 if title.endswith(MODULE) else 1  # signatures are too long for a title
@@ -124,7 +124,7 @@ def _entries(nav: list[Any], title: str) -> list[Any]:
     return next(entry[title] for entry in nav if title in entry)
 
 
-def _reference_pages(package: str) -> list[tuple[str, list[str]]]:
+def reference_pages(package: str) -> list[tuple[str, list[str]]]:
     """Return names of pages and the public names on each: a class, or functions of a module."""
     pages: dict[str, list[str]] = {}
     for name, source in public_names(package).items():

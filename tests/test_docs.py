@@ -249,6 +249,9 @@ def test_quoted_numbers_are_up_to_date(script):
 def test_the_reference_is_complete(pages):
     for package in (de, optimize, agents):
         assert set(pages.public_names(package.__name__)) == set(package.__all__)
+        listed = pages.reference_pages(package.__name__)
+        assert sorted(name for _, names in listed for name in names) == sorted(package.__all__)
+        assert len({title.casefold() for title, _ in listed}) == len(listed)  # files of Windows
 
 
 GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}

@@ -76,6 +76,12 @@ def test_plot_draws_into_given_axes(results, name, curves, label):
         results[name].plot(ax=3)
 
 
+def test_the_baseline_of_a_random_order_is_said_to_be_a_mean():
+    result = search("draw", "uniform", budget=1)
+    texts = [text.get_text() for text in result.plot().texts]
+    assert any("mean 0.7799 m/s; here one order of the pieces" in text for text in texts)
+
+
 @pytest.mark.parametrize("name", ["layout", "wave", "result"])
 def test_pyplot_shows_what_a_script_plots_and_nothing_else(results, name):
     import matplotlib.pyplot as plt
