@@ -12,8 +12,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from domino_env.physics.layout import Layout
@@ -76,20 +76,28 @@ class SearchProcess:
 
     def close(self) -> None:
         """End the process."""
-        self._process.kill()
+        with self._process:  # which also closes its pipes
+            self._process.kill()
 
     def _send(self, message: Any) -> None:
         assert self._process.stdin
-        pickle.dump(message, self._process.stdin)
-        self._process.stdin.flush()
+        with _errors_of_the_process():
+            pickle.dump(message, self._process.stdin)
+            self._process.stdin.flush()
 
     def _receive(self) -> tuple[Layout, float, str, bool]:
         assert self._process.stdout
-        try:
+        with _errors_of_the_process():
             received: tuple[Layout, float, str, bool] = pickle.load(self._process.stdout)
-        except EOFError:
-            raise ValueError("the process of the search ended: reload the page") from None
         return received
+
+
+@contextmanager
+def _errors_of_the_process() -> Iterator[None]:
+    try:
+        yield
+    except (EOFError, OSError, ValueError):
+        raise ValueError("the process of the search ended: reload the page") from None
 
 
 def run_search(scene: Scene, stop: threading.Event, show: Show, *, thorough: bool) -> Result:

@@ -233,7 +233,7 @@ class Page:
         self.undo, self.redo = button("Undo", self._move, -1), button("Redo", self._move, 1)
         self.equal = button("Equal gaps", self._equal_gaps)
         names = [LINK, *exports(self.design)]
-        save = pn.widgets.MenuButton(name="Save", items=names, width=90, margin=0)
+        save = pn.widgets.MenuButton(name="Save", items=names, width=180, margin=0)
         save.on_click(lambda event: self._schedule(lambda: self._call(self._save, event.new)))
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
         connect(upload, lambda data: self._receive(upload.filename, data))
@@ -423,7 +423,7 @@ class Page:
         self.design = self._steps[self._position].with_size(quantity, index, value)
         self._draw()
 
-    def drag_domino(self, index: int, shift: float, following: bool) -> None:
+    def drag_domino(self, index: int, shift: float, following: bool = False) -> None:
         """Show the present step with a domino moved, see `Design.with_shift`."""
         self._keep_found()
         design = self._steps[self._position]
@@ -578,20 +578,15 @@ class Page:
         def work() -> str:
             noise = placement_noise(design.wave, design.scene, PLACED)
             rigid = simulate_standing(design.wave.layout, design.wave.physics, floor)
-            count, share = rigid.layout.count, noise["completes"]
-            is_safe = share == 1.0 and rigid.toppled == count
-            answer = (
-                "Yes"
-                if is_safe
-                else "Probably"
-                if min(share, rigid.toppled / count) > 0.95
-                else "No"
-            )
-            speed = f", at {rigid.mean_speed:.3f} m/s" if rigid.mean_speed > 0.0 else ""
+            fallen, share = rigid.toppled / rigid.layout.count, noise["completes"]
+            least, speed = min(share, fallen), ""
+            answer = "Yes" if least == 1.0 else "Probably" if least > LIKELY else "No"
+            if rigid.mean_speed > 0.0:
+                speed = f", at {rigid.mean_speed:.3f} m/s"
             return (
-                f"{answer}. Placed to ±{MM * PLACED:g} mm, {share:.0%} of {noise['draws']:.0f} "
-                f"rows fall to the end. On a floor of friction {floor:g}, {rigid.toppled} of {count} "
-                f"dominoes fall{speed}."
+                f"{answer}. Placed to ±{MM * PLACED:g} mm, {share:.0%} of {noise['draws']} rows "
+                f"fall to the end. On a floor of friction {floor:g}, {rigid.toppled} of "
+                f"{rigid.layout.count} dominoes fall{speed}."
             )
 
         self._in_thread(work, self.notify, lambda: self.design is design)

@@ -293,7 +293,7 @@ def test_a_race_a_saved_file_and_a_wrong_one(
     )
     for name, ending in (("Layout (CSV)", "csv"), ("Scene (TOML)", "scene.toml")):
         tab.click("Save")
-        tab.wait(lambda name=name: tab.of("li, a, div.bk-menu-item, .bk-menu > div", name, "click"))
+        tab.wait(lambda name=name: tab.of(".bk-item", name, "click"))
         tab.wait(lambda ending=ending: (tmp_path / f"sprint.{ending}").exists())
     printed = output_of("simulate", tmp_path / "sprint.csv")
     assert f"score {tab.design.score:.6f} m/s on 'sprint'" in printed
@@ -345,6 +345,8 @@ def test_a_damaged_link_shows_an_error(served: Studio) -> None:
 def test_sliders_change_the_scene_and_keep_the_best_equal_gaps(tab: Tab) -> None:
     from selenium.webdriver.common.keys import Keys
 
+    tab.wait(lambda: tab.of("h3", "Dominoes", "click"))
+    tab.wait(lambda: tab.run("return find('.noUi-handle')?.getBoundingClientRect().width") or 0)
     for _ in range(2):
         tab.send(".noUi-handle", Keys.ARROW_RIGHT)
     tab.wait(lambda: tab.design.layout.count == 42 and tab.settled)
