@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 import domino_env as de
-from domino_env.core.colours import COLOURS, INK, PALE, SOFT
+from domino_env.core.colours import COLOURS, INK, PALE
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.core.tables import fill_tables, markdown_table, write_csv
 from domino_env.core.types import Floats
@@ -158,15 +158,15 @@ def draw_floors(lines: list[Line]) -> Any:
     style(axes, "How much faster the wave is on a floor of friction 0.3 than on one of 1.0 [%]")
     axes.grid(visible=False)
     axes.pcolormesh(np.clip(ratio, -4.5, 4.5), cmap="RdBu_r", vmin=-9.0, vmax=9.0)
-    middles = [np.arange(size) + 0.5 for size in ratio.shape[::-1]]
-    axes.contour(*middles, np.ma.masked_invalid(ratio), [0.0], colors=SOFT, linewidths=2.0)
-    for (y, x), value in np.ndenumerate(ratio):
-        number = f"{value:+.1f}" if abs(value) > error[y, x] else "≈ 0"
-        text = "stops" if np.isnan(value) else number
-        axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", color=INK, size=9, zorder=3)
-    axes.set_xticks(middles[0], [f"{gap}" for gap in MAP[1]])
-    axes.set_yticks(middles[1], [f"{friction:g}" for friction in MAP[0]])
-    axes.set(xlabel="gap [mm]; line: equal speeds", ylabel="friction between dominoes")
+    is_faster = np.kron(ratio > error, np.ones((20, 20)))
+    axes.contour(is_faster, [0.5], extent=(0, 10, 0, 6), colors=INK, linewidths=2.0)
+    for (y, x), one in np.ndenumerate(ratio):
+        text = "stops" if np.isnan(one) else f"{one:+.1f}" if abs(one) > error[y, x] else "≈ 0"
+        axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", color=INK, size=9)
+    axes.set_xticks(np.arange(10) + 0.5, [*map(str, MAP[1])])
+    axes.set_yticks(np.arange(6) + 0.5, [*map(str, MAP[0])])
+    axes.set_xlabel("gap [mm]; lines: around cells in which the smoother floor is faster")
+    axes.set_ylabel("friction between dominoes")
     return figure
 
 
@@ -219,7 +219,7 @@ def growth_table(lines: list[Line]) -> list[str]:
 
 def draw_growth() -> Any:
     """Draw the largest factor over gap and over friction."""
-    figure, gaps, frictions = new_figure(7.5, 3.7), np.linspace(0.1, 0.99, 40), np.arange(9) / 16
+    figure, gaps, frictions = new_figure(7.5, 3.7), np.linspace(0.1, 0.99, 90), np.arange(9) / 16
     left, right = figure.subplots(1, 2, sharey=True)
     for friction, colour in zip(FRICTIONS, COLOURS, strict=False):
         factors = [largest_factor(gap, units(friction)) for gap in gaps]
@@ -265,8 +265,8 @@ def record_table() -> list[str]:
         speeds = speed, *steady_speed(np.array([0.2, 0.4, 0.6]), friction)
         heights = *map(needed_height, speeds), started_height(friction)
         cells.append((f"{friction:g}", f"{gap:.3f}", *(f"{height:.2f}" for height in heights)))
-    names = "friction", "best gap [height]", "best gap", "gap 0.2", "gap 0.4", "gap 0.6"
-    return markdown_table((*names, "with the start, best gap"), cells)
+    names = "friction", "best gap", "height there [m]", "at gap 0.2", "at gap 0.4", "at gap 0.6"
+    return markdown_table((*names, "row of 30 m from a push"), cells)
 
 
 def draw_record() -> Any:
@@ -302,7 +302,7 @@ def quoted(lines: list[Line]) -> list[Line]:
     values = dict(zip(("law", "law.pitch"), (f"{max(one):.1f}" for one in off), strict=True))
     values |= {"measured": f"{slope:.2f}", "measured.error": f"{slope_error:.2f}"}
     values |= {"most": f"{np.nanmax(ratio):.1f}", "least": f"{-np.nanmin(ratio):.1f}"}
-    values |= {"error": f"{np.nanmedian(error):.2f}", "floors": f"{floors.min():.0f}"}
+    values |= {"error": f"{np.nanmedian(error):.2f}", "floors": f"{floors.min():.1f}"}
     for gap, engine in zip(CHAINS["engine"][1], ratios(lines, "engine")[0][0], strict=True):
         values[f"engine.{gap}"] = f"{engine:+.1f}"
         values[f"reference.{gap}"] = f"{ratio[1, MAP[1].index(gap)]:+.1f}"
