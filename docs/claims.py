@@ -2,7 +2,7 @@
 
 It writes the tables of claims.md, its pictures and claims.csv in half a minute; then
 ``python docs/quoted_numbers.py`` writes the numbers in the text. Rigid-body simulations are read
-from claims.csv; ``--simulate`` makes them anew in a quarter of an hour.
+from claims.csv; ``--simulate`` makes them anew in 20 minutes.
 """
 
 from __future__ import annotations

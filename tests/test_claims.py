@@ -34,10 +34,8 @@ def test_free_standing_chains_are_as_the_page_states(claims, lines):
     speed = np.reshape([float(line["value"]) for line in chosen[:120]], (6, 10, 2))
     slower = np.diff(speed[:, 1:], axis=0) < 0.0  # with more friction
     assert np.argwhere(~slower).tolist() == [[0, 8, 0]]  # a gap of 38 mm, the floor of 0.3
-    again = claims.simulate_floor(0.05, 20, 0.3)
-    assert [
-        line for line in chosen if list(line.values())[:4] == ["speed", "0.05", "0.3", "20"]
-    ] == [{name: str(value) for name, value in again.items()}]
+    again = {name: str(value) for name, value in claims.simulate_floor(0.05, 20, 0.3).items()}
+    assert again in chosen
 
 
 def test_fits_are_those_of_numpy(claims):
