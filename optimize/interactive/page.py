@@ -26,7 +26,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.summaries import placement_noise
 from optimize.experiments.best_known import best_known
-from optimize.interactive.design import SPACING, THICKNESS, Design, known_best
+from optimize.interactive.design import NAME, SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, SPEED, TITLES, Curve
 from optimize.interactive.jobs import SearchProcess
@@ -44,6 +44,9 @@ STYLE = Path(__file__).with_name("page.css").read_text("utf-8")
 UNIFORM, BEST, KEPT, ALONE = "best equal gaps", "best known row", "kept row", "no other row"
 FASTER, STOP, THOROUGH = "Make it faster", "Stop", "Search thoroughly"
 LINK = "Link to this row"
+WORDS = {  # of the page, for words of scene files in messages
+    f"scene '{NAME}'": "this scene", "row.length": "a length", "row.count": "a number of dominoes",
+}  # fmt: skip
 
 Schedule = Callable[[Callable[[], None]], object]
 """Function that schedules another one in the thread of the page."""
@@ -328,7 +331,10 @@ class Page:
         try:
             action(*values)
         except (ValueError, ArithmeticError) as error:
-            self.notify(str(error), "error")
+            message = str(error)
+            for key, words in WORDS.items():
+                message = message.replace(key, words)
+            self.notify(message, "error")
             self._settle()
 
     def notify(self, text: str, kind: str = "") -> None:

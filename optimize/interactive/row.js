@@ -179,7 +179,10 @@ export function render({ model, el }) {
     const gap = shown.findIndex((x, i) => i + 1 < state.designed && px(x) <= e.offsetX && e.offsetX < px(shown[i + 1]));
     if (gap >= 0) send("insert", gap);
   });
-  canvas.addEventListener("keydown", (e) => {
+  const onKey = (e) => { // anywhere on the page but in a control
+    const focus = e.composedPath()[0];
+    if (!canvas.isConnected) { document.removeEventListener("keydown", onKey); return; }
+    if (focus !== canvas && focus !== document.body) return;
     if (e.key === " ") { if (playing || (now > 0 && now < end())) play(!playing); else push(); }
     else if (["Delete", "Backspace"].includes(e.key) && chosen > 0) { send("remove", chosen); chosen = -1; }
     else if (e.key.toLowerCase() === "z" && (e.ctrlKey || e.metaKey)) send("undo", e.shiftKey ? 1 : -1);
@@ -190,7 +193,8 @@ export function render({ model, el }) {
       draw();
     } else return;
     e.preventDefault();
-  });
+  };
+  document.addEventListener("keydown", onKey);
 
   // from the server
   function update() {

@@ -143,6 +143,14 @@ class Tab:
     def click(self, name: str) -> None:
         self.wait(lambda: self.of("button:enabled, a", name, "click"))
 
+    def choose(self, option: str) -> None:
+        """Choose an option of the selection that has it."""
+        self.run(
+            "const select = all(document).find(e => e.matches('select') &&"
+            "  [...e.options].some(o => o.value == arguments[0]));"
+            "select.value = arguments[0]; select.dispatchEvent(new Event('change'))", option,
+        )  # fmt: skip
+
     def send(self, selector: str, keys: str, text: str = "") -> None:
         element = self.run("return find(arguments[0], arguments[1])", selector, text)
         element.send_keys(keys)
@@ -279,11 +287,7 @@ def test_a_race_a_saved_file_and_a_wrong_one(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
     )
     tab.drag(tab.point(0), 0, 60)
-    tab.run(
-        "const select = all(document).filter(e => e.matches('select'))"
-        ".find(e => [...e.options].some(o => o.value == 'best known row'));"
-        "select.value = 'best known row'; select.dispatchEvent(new Event('change'))"
-    )
+    tab.choose("best known row")
     state = (
         "return [...Bokeh.documents[0]._all_models.values()].find(m => m.data?.attributes?.state)"
     )
