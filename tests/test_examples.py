@@ -75,6 +75,8 @@ def test_the_page_of_the_bathtub_has_the_numbers_of_its_program(script):
     words = {0.004: "from", 0.0075: "of 7.5 mm from", 0.012: "of 12 mm from"}
     for thickness, before in words.items():
         assert f"{before} {1e3 * example.least_gap(thickness):.1f} mm" in page
+    smooth = "(¼, ½, ¼) the gain is {1} instead of {0}".format(*example.smoothed())
+    assert smooth in page.replace("\n", " ")
     assert len(example.draw_map(8).axes) == 2
     assert len(example.draw_gaps(budget=20).axes[0].lines) == 2 * len(example.FRICTIONS)
 
