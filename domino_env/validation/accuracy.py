@@ -217,7 +217,7 @@ def draw_accuracy(
     """Draw error against run time into a PNG file, one panel per example."""
     across = 2  # panels in a line
     figure, panels = new_panels(
-        len(examples), across, (5.6, 4.1), (0.0, 0.4),
+        len(examples), across, (4.6, 3.4), (0.0, 0.5),
         "Error against run time of eight solvers of the same equations", "lower left is better",
         sharex=True, sharey=True,
     )  # fmt: skip
