@@ -71,7 +71,7 @@ def draw_curve(steps, returns):
             words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
             xycoords=("axes fraction", "data"), textcoords="offset points",
         )  # fmt: skip
-    axes.set_ylim(-6.0, best + 1.0)
+    axes.set_ylim(max(min(returns), -20.0) - 1.0, best + 1.0)
     axes.set_xlabel("steps: dominoes placed in training")
     axes.set_ylabel("return: gain over equal gaps [%]")
     return figure
