@@ -134,9 +134,10 @@ def test_every_requirement_is_pinned_to_the_version_under_test():
     extras = {**PROJECT["project"]["optional-dependencies"]}
     del extras["zoo"]  # one of its requirements excludes that of others
     core = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
-    groups = [text for texts in PROJECT["dependency-groups"].values() for text in texts]
-    tools = [Requirement(text) for text in groups if isinstance(text, str)]
-    for requirement in [*core, *tools, *(Requirement(t) for texts in extras.values() for t in texts)]:
+    groups = [entry for group in PROJECT["dependency-groups"].values() for entry in group]
+    tools = [Requirement(entry) for entry in groups if isinstance(entry, str)]
+    more = [Requirement(text) for texts in extras.values() for text in texts]
+    for requirement in (*core, *tools, *more):
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)])
     for requirement in (*core, *tools):
         assert version(requirement.name) == pins[canonicalize_name(requirement.name)]
