@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3; do \
 	command -v $$p >/dev/null && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	&& echo $$p && break; done)
 SCENE ?= sprint
@@ -15,7 +15,7 @@ help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
 	@echo "make bench  timings with the error beside them"
-	@echo "make lint   ruff, mypy, import-linter"
+	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -36,6 +36,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
 
 docs: $(VENV)/.docs
 	$(BIN)/mkdocs build --strict --quiet
@@ -47,17 +48,19 @@ $(BIN)/python:
 		"or name one with make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
-# The build runs in the environment itself, so that the version of setuptools is pinned too.
+# The build runs in the environment itself, so that the version of setuptools is pinned too; an
+# older pip than 25.1 has no `--group`.
 $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing into $(VENV)"
-	$(PIP) setuptools
+	$(PIP) pip setuptools
 	$(PIP) --no-build-isolation -e .
 	@touch $@
 
 # The simulator is compiled meanwhile.
 $(VENV)/.dev: $(VENV)/.core
 	$(BIN)/python -m tests.bench first-calls >/dev/null 2>&1 & \
-	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist,parquet,minari,studio]' && wait
+	$(PIP) --no-build-isolation --group dev \
+		-e '.[rl,render,verify,dist,parquet,minari,studio]' && wait
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

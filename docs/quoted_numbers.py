@@ -44,7 +44,7 @@ def numbers() -> dict[str, str]:
         for name, layout in layouts.items()
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | uncertainty_numbers()
-    return MEASURED | times | computed
+    return MEASURED | times | computed | claim_numbers()
 
 
 def scene_numbers() -> dict[str, str]:
@@ -92,6 +92,13 @@ def uncertainty_numbers() -> dict[str, str]:
             if runs[0][key]:
                 values[f"{name}.{key}"] = f"{mean(float(run[key]) for run in runs):.{digits}f}"
     return values
+
+
+def claim_numbers() -> dict[str, str]:
+    """Return the numbers in the text of claims.md, which docs/claims.py computes."""
+    with (DOCS / "claims.csv").open(newline="", encoding="utf-8") as file:
+        lines = [line for line in csv.DictReader(file) if not line["gap"]]
+    return {f"claims.{line['quantity']}": line["value"] for line in lines}
 
 
 def verification_numbers() -> dict[str, str]:

@@ -8,7 +8,7 @@ from statistics import median
 import numpy as np
 
 from domino_env.scenes.io.reading import load_scene
-from optimize.interactive.design import SPACING, StudioDesign
+from optimize.interactive.design import Design
 from optimize.interactive.page import Page
 
 DRAGS = 100  # positions of the pointer that are timed
@@ -22,12 +22,16 @@ def measure_drag(count: int) -> float:
     count
         Number of dominoes.
     """
-    page = Page(StudioDesign(load_scene("sprint").replace(count=count)), lambda _: None)
-    gaps = iter(0.018 + 1e-4 * np.arange(DRAGS))  # [m] of gap 5, within the bounds
-    return median(timeit.repeat(lambda: page.drag(SPACING, 5, next(gaps)), number=1, repeat=DRAGS))
+    page = Page(Design.uniform(load_scene("sprint").replace(count=count)), lambda _: None)
+    shifts = iter(1e-4 * np.arange(DRAGS))  # [m] of domino 5, within the bounds
+    times = timeit.repeat(
+        lambda: page.drag_domino(5, next(shifts), following=False), number=1, repeat=DRAGS
+    )
+    page.close()
+    return median(times)
 
 
 if __name__ == "__main__":
     for count in (100, 1000):
         time = 1e3 * measure_drag(count)
-        print(f"drag of one gap of {count} dominoes: {time:.1f} ms (median of {DRAGS})")
+        print(f"drag of one of {count} dominoes: {time:.1f} ms (median of {DRAGS})")

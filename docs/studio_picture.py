@@ -1,4 +1,4 @@
-"""Write studio.gif, a drag and a search on the page: python docs/studio_picture.py.
+"""Write studio.gif, a drag, a search and a race on the page: python docs/studio_picture.py.
 
 It needs the extras studio and dev, Chromium and its driver.
 """
@@ -19,19 +19,20 @@ from selenium import webdriver
 from optimize import studio
 
 HERE = Path(__file__).parent
-SIZE = 1000, 860
-WIDTH = 800  # [px] of the picture
-CROP = 0, 0, 516, 680  # numbers, dominoes and curves, without the column of the scene
-HOLD = 12  # frames for which a state is shown
-LONGEST = 40.0  # [s] after which the search is stopped
+SIZE = 1100, 690
+BAR = 16  # [px] of the scroll bar
+WIDTH = 830  # [px] of the picture
+HOLD = 10  # frames for which a state is shown
+RACE = 17.0  # [s] of a race, ten times slower than real time
+FRAME = 120  # [ms]
 
 
 def main() -> None:
-    """Open the page, drag a point, search, and write the picture."""
+    """Open the page, drag a domino, search, push the row, and write the picture."""
     sys.path.insert(0, str(HERE.parent / "tests" / "optimize" / "interactive"))
     from test_page import Tab
 
-    page, ready = studio("sprint"), threading.Event()
+    page, ready = studio(), threading.Event()
     threading.Thread(target=page.serve, args=(lambda _: ready.set(),), daemon=True).start()
     ready.wait()
     options = webdriver.ChromeOptions()
@@ -44,26 +45,34 @@ def main() -> None:
 
     def take(number: int = 1) -> None:
         picture: Any = Image.open(io.BytesIO(window.get_screenshot_as_png())).convert("RGB")
-        picture = picture.resize((WIDTH, WIDTH * picture.height // picture.width)).crop(CROP)
-        frames.extend([picture.quantize(96, dither=Image.Dither.NONE)] * number)
+        picture = picture.crop((0, 0, SIZE[0] - BAR, SIZE[1]))
+        height = WIDTH * picture.height // picture.width
+        frames.extend([picture.resize((WIDTH, height), Image.Resampling.LANCZOS)] * number)
 
     tab = Tab(window, page.url)
     take(HOLD)
-    tab.drag(12, 40, take)
+    tab.drag(tab.domino(20), 9, 0, take)
     take(HOLD)
-    tab.click("Search")
-    speed, end = tab.speed, time.monotonic() + LONGEST
+    tab.click("Make it faster")
+    result = tab.result
     while "layouts in" not in tab.status:
-        if tab.speed != speed:
-            speed = tab.speed
+        if tab.result != result:
+            result = tab.result
             take()
-        if time.monotonic() > end:
-            tab.click("Stop")
-            tab.wait(lambda: "layouts in" in tab.status)
+    take(HOLD)
+    tab.choose("10 × slower")
+    x, y = map(int, tab.domino(0))
+    tab.pointer(("move_to_location", x, y), ("pointer_down",), ("pointer_up",))
+    end = time.monotonic() + RACE
+    while time.monotonic() < end:
+        take()
     take(2 * HOLD)
     window.quit()
-    more: dict[str, Any] = {"append_images": frames[1:], "duration": 150, "loop": 0}
-    frames[0].save(HERE / "studio.gif", save_all=True, optimize=True, **more)
+    # one palette, of a frame of the race, so that no colour flickers
+    palette = frames[-3 * HOLD].quantize(96, Image.Quantize.MAXCOVERAGE)
+    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    more: dict[str, Any] = {"append_images": others, "duration": FRAME, "loop": 0}
+    first.save(HERE / "studio.gif", save_all=True, optimize=True, **more)
 
 
 if __name__ == "__main__":

@@ -134,10 +134,17 @@ def test_every_requirement_is_pinned_to_the_version_under_test():
     extras = {**PROJECT["project"]["optional-dependencies"]}
     del extras["zoo"]  # one of its requirements excludes that of others
     core = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
-    for requirement in [*core, *(Requirement(text) for group in extras.values() for text in group)]:
+    groups = [entry for group in PROJECT["dependency-groups"].values() for entry in group]
+    tools = [Requirement(entry) for entry in groups if isinstance(entry, str)]
+    more = [Requirement(text) for texts in extras.values() for text in texts]
+    for requirement in (*core, *tools, *more):
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)])
-    for requirement in [*core, *(Requirement(text) for text in extras["dev"])]:
+    for requirement in (*core, *tools):
         assert version(requirement.name) == pins[canonicalize_name(requirement.name)]
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text("utf-8")
+    versions = dict(re.findall(r"pinned: ([\w-]+)\n *rev: v?([\d.]+)", hooks))
+    assert {*versions.items()} <= {*pins.items()}
+    assert versions.keys() == {"ruff", "import-linter", "codespell"}
 
 
 def test_everything_is_compiled_through_one_decorator():

@@ -210,5 +210,5 @@ def format_range(
     return "".join(f", {word} {_format_number(x)}" for word, x in given.items())
 
 
-def _format_number(value: float) -> str:
+def _format_number(value: int | float) -> str:
     return f"{value:g}" if isinstance(value, float) else f"{value}"

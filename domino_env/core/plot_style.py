@@ -153,8 +153,9 @@ def add_headings(figure: Figure, headline: str, subtitle: str, left: float = 0.1
     ):  # fmt: skip
         line = figure.text(left / width, 1.0 - y / height, escape_dollars(text), va="center")
         line.set(size=size, color=colour, weight=weight)
-        fraction = line.get_window_extent().width / (figure.dpi * (width - left - RIGHT))
-        line.set_fontsize(size / max(1.0, fraction))
+        while line.get_window_extent().width > figure.dpi * (width - left - RIGHT):
+            size *= 0.95
+            line.set_fontsize(size)
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:

@@ -360,7 +360,7 @@ def shared_pool(distribution: SceneDistribution) -> ScenePool:
     return ScenePool(distribution)
 
 
-def _observed_indices(features: Sequence[str], hide: Sequence[str]) -> list[int]:
+def _observed_indices(features: Sequence[str], hide: object) -> list[int]:
     """Return the indices of the features that are not hidden."""
     hidden = list(hide) if np.iterable(hide) and not isinstance(hide, str) else [hide]
     for name in hidden:

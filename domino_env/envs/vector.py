@@ -353,10 +353,10 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             )
         return flags
 
-    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+    def _check_seeds(self, seed: object) -> list[int | None]:
         if seed is None or isinstance(seed, int | np.integer):
             seed = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        seeds = list(seed) if np.iterable(seed) else [seed] * self.num_envs
+        seeds: list[Any] = list(seed) if np.iterable(seed) else [seed] * self.num_envs
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed of length {len(seeds)}: give a number or {self.num_envs} seeds")
         for value in seeds:

@@ -217,7 +217,7 @@ def draw_accuracy(
     """Draw error against run time into a PNG file, one panel per example."""
     across = 2  # panels in a line
     figure, panels = new_panels(
-        len(examples), across, (5.6, 4.1), (0.0, 0.4),
+        len(examples), across, (4.6, 3.4), (0.0, 0.5),
         "Error against run time of eight solvers of the same equations", "lower left is better",
         sharex=True, sharey=True,
     )  # fmt: skip
@@ -242,11 +242,12 @@ def draw_accuracy(
 
 def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     """Draw every edge case as a column: a dot for the true error, a bar for its estimate."""
-    wrong = sum(bool(result.faults) for result in results)
+    faulty = sum(bool(result.faults) for result in results)
     figure, (axes,) = new_panels(
         1, 1, (10.0, 6.0),
-        headline=f"{len(results)} edge cases: {wrong or 'none'} with a fault",
-        subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
+        headline=f"True error and error estimate of {len(results)} layouts at limits of the model",
+        subtitle="each column is a layout: the dot is its true error, the bar its error estimate; "
+        f"wrong results or estimates: {faulty or 'none'}",
     )  # fmt: skip
     groups = list(dict.fromkeys(result.group for result in results))
     results = sorted(results, key=lambda result: groups.index(result.group))

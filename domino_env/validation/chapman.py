@@ -15,11 +15,10 @@ from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
 from domino_env.physics import steady
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, stack_leans
+from domino_env.physics.motion import stack_leans
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
 from domino_env.physics.wave import Wave, simulate
-from domino_env.view.energy import energies
 
 GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's [m]
 FRICTION, PUSH = 0.25, 5.0 * np.pi  # Chapman's, the push in rad/s
@@ -27,7 +26,6 @@ PITCHES = (0.016, 0.024, 0.032)  # [m]
 SPEED_UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # [m/s]
 PITCH_LABEL = "thickness d over pitch λ"
 SPEED_LABEL = "steady speed over √(3gL), L height"
-ESTIMATE_STYLE = "--"  # of lines of equation 13
 # as printed: after and before a hit, and "true" average [rad/s]; 17.80 is a misprint of 14.80
 PRINTED_VELOCITIES = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
 # hits per second: Chapman's simulation, LMGC90, experiment
@@ -132,14 +130,6 @@ def draw_interval(axes: Axes) -> None:
     axes.set(xlabel="dominoes behind the leading one", ylabel="energy [mJ]")
 
 
-def draw_kinetic_energy(axes: Axes) -> None:
-    """Draw the kinetic energy of a chain over time."""
-    wave = _wave(30)
-    energy = energies(Motion(wave.layout, wave.physics))
-    axes.plot(energy.time, 1e3 * energy.kinetic, color=BLUE)
-    axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))
-
-
 def draw_angular_velocity(axes: Axes) -> None:
     """Draw the angular velocity of the leading domino over time."""
     wave = _wave(30)
@@ -152,26 +142,19 @@ def draw_angular_velocity(axes: Axes) -> None:
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
 
 
-def draw_correction_factor(axes: Axes) -> None:
+def draw_formula(axes: Axes) -> None:
     """Draw speed over √(3gL) against d/λ for several d/L, by equation 13 and simulated."""
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thickness = ratio * HEIGHT
         low = max(ratio / (1.0 + ratio) * 1.05, 0.02)  # 5 % above the out-of-reach limit
         ratios = np.linspace(low, steady.existence_limit(thickness), 60)[:-1]
         x, estimate, simulated = _speeds(ratios, thickness)
-        axes.plot(x, simulated, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
-        axes.plot(x, estimate, color=colour, linestyle=ESTIMATE_STYLE)
+        label = f"d/L = {ratio:g}{' (standard)' * (thickness == THICKNESS)}"
+        axes.plot(x, simulated, color=colour, label=label)
+        axes.plot(x, estimate, color=colour, linestyle="--")
     axes.plot([], [], color="0.4", label="simulated")
-    axes.plot([], [], color="0.4", linestyle=ESTIMATE_STYLE, label="equation 13")
+    axes.plot([], [], color="0.4", linestyle="--", label="equation 13 of Chapman")
     axes.set(xlabel=PITCH_LABEL, ylabel=SPEED_LABEL, ylim=(0.5, 3.0))
-
-
-def draw_formula(axes: Axes) -> None:
-    """Draw speed over √(3gL) against d/λ for standard dominoes, by equation 13 and simulated."""
-    x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
-    axes.plot(x, simulated, color=BLUE, label="simulated")
-    axes.plot(x, estimate, color=BLUE, linestyle=ESTIMATE_STYLE, label="equation 13")
-    axes.set(xlabel=PITCH_LABEL, ylabel=SPEED_LABEL)
 
 
 def draw_friction(axes: Axes) -> None:
@@ -205,16 +188,12 @@ FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
     "one-fall": (
         "One interval between hits, domino by domino (pitch 16 mm, no friction)", draw_interval
     ),
-    "kinetic-energy": (
-        "Kinetic energy of thirty dominoes (pitch 16 mm, no friction)", draw_kinetic_energy
-    ),
     "angular-velocity": (
         "Angular velocity of the leading domino (pitch 16 mm, no friction)", draw_angular_velocity
     ),
-    "correction-factor": (
-        "Steady speed by equation 13 and simulated, no friction", draw_correction_factor
+    "formula": (
+        "Steady speed by Chapman's equation 13 and simulated, no friction", draw_formula
     ),
-    "formula": ("Equation 13 and simulation (d/L = 0.15625, no friction)", draw_formula),
     "friction": ("Steady speed lost to friction", draw_friction),
 }  # fmt: skip
 """Title and drawing function of each figure, by the name of its file."""

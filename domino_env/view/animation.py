@@ -14,19 +14,73 @@ from PIL import Image
 
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
-from domino_env.physics.motion import Motion
+from domino_env.core.types import Floats
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import Motion, stack_leans
 from domino_env.view.comparison import ComparedLayout, require_compared
-from domino_env.view.drawing import MAX_PLACE, Scale, draw_strip, draw_title, palette, stack_strips
+from domino_env.view.drawing import (
+    MAX_PLACE,
+    Scale,
+    draw_gaps,
+    draw_hand,
+    draw_strip,
+    draw_title,
+    palette,
+    stack_strips,
+)
 from domino_env.view.ground import relief
 
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
 MAX_WIDTH = 10_000  # [px]
 MAX_PIXELS = 500_000_000  # of all images of a file; a GIF keeps one byte per pixel in memory
-STRIP_HEIGHT, POSE_HEIGHT = 150, 100  # [px] on flat ground, in an animation and in poses
+STRIP_HEIGHT, POSE_HEIGHT = 120, 100  # [px] on flat ground, in an animation and in poses
 MAX_POSE_PLACE = 0.97  # largest place of the leader in poses, as a fraction of the width
 MAX_GIF_RATE = 50.0  # [Hz] viewers slow down images that are shown for less than 20 ms
 LAST_DURATION = 2000.0  # [ms] duration of the last image of a GIF
 REST = 0.08  # [s] shown before the push and after the end, in the time of the wave
+
+
+def placements(
+    layout: Layout, equal: float, ending: str, width: int = 840, hands: Sequence[Floats] = ()
+) -> Iterator[Image.Image]:
+    """Draw a chain on flat ground as an environment places it, an image for each domino.
+
+    The latest domino placed stands ahead of the leading one, which has just been hit. Its gap is
+    marked in the panel below.
+
+    Parameters
+    ----------
+    layout
+        The layout.
+    equal
+        Gap of the uniform baseline [m], drawn as a line.
+    ending
+        Text of the last image.
+    width
+        Width of an image [px].
+    hands
+        Thicknesses of the pieces in hand before each step [m]; empty for none.
+
+    Yields
+    ------
+    Image
+        Next image.
+    """
+    highest, tall = max(equal, float(layout.spacing.max())), float(layout.height.max())
+    scale = Scale.fitting(float(layout.length), tall, width, STRIP_HEIGHT)
+    for n in range(layout.count):
+        last = min(n + 1, layout.count - 1)
+        placed = Layout(
+            layout.spacing[:last], layout.thickness[: last + 1], layout.height[: last + 1]
+        )
+        leans = stack_leans(placed, np.array([n]), np.zeros(1))[0]
+        text = f"domino {last + 1} of {layout.count}: gap {1e3 * layout.spacing[last - 1]:.1f} mm"
+        strip = draw_strip(placed, leans, n, scale, text if last > n else ending, 1.0)
+        if len(hands) and last > n:
+            draw_hand(strip, hands[n], tall, scale, float(layout.thickness[last]))
+        latest = last - 1 if last > n else -1
+        gaps = draw_gaps(placed, equal, scale, "gaps", highest, latest)
+        yield stack_strips([strip, gaps])
 
 
 def frames(
@@ -112,7 +166,7 @@ def poses(
     require("moments", moments, 1, whole=True)
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
-    end = max(float(entry.wave.arrival_times[entry.wave.hit - 1]) for entry in compared)
+    end = max(map(_end, compared))
     strips = [draw_title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
@@ -270,15 +324,22 @@ def _strips(
         finish = float(motion.layout.pivots[-1, 0])
         leans, text = motion.angles([t])[0], _status_line(entry, t)
         drawing = motion.layout, leans, leader, scale
-        strips.append(draw_strip(*drawing, text, max_place, camera=camera, finish=finish))
+        result = f"{_end(entry):.3f} s" if t >= _end(entry) and entry.wave.mean_speed else ""
+        places: dict[str, Any] = {"camera": camera, "finish": finish, "result": result}
+        strips.append(draw_strip(*drawing, text, max_place, **places))
     return strips
+
+
+def _end(entry: ComparedLayout) -> float:
+    """Return the time of the last hit [s]."""
+    return float(entry.wave.arrival_times[entry.wave.hit - 1])
 
 
 def _status_line(entry: ComparedLayout, t: float) -> str:
     """Return the text above a chain at an instant [s]; after the last hit it has the result."""
     wave = entry.wave
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
-    end = float(wave.arrival_times[wave.hit - 1])
+    end = _end(entry)
     line = f"{entry.name}   {min(max(t, 0.0), end):.3f} s   {hit} of {wave.layout.count} hit"
     if t < end or hit < wave.hit:
         return line

@@ -21,7 +21,7 @@ from domino_env.view.ground import ground_line
 STEPS = 32  # of time in an interval between hits; linear interpolation is within 1e-4 rad
 MARGIN = 1e-5  # fraction of an interval left out at each of its ends
 SIZES = "spacing", "thickness", "height", "positions"  # of a layout
-WAVE_FIELDS = "hit", "mean_speed", "explanation", "flushes"  # of a wave
+WAVE_FIELDS = "mean_speed", "explanation", "flushes"  # of a wave
 RUN_FIELDS = "trace", "learning", "verification", "score_text", "quantity"  # of a compared layout
 
 
@@ -166,25 +166,13 @@ def _merits(compared: Sequence[ComparedLayout]) -> list[float]:
 
 def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
     """Return the data of one layout; the page computes all leans from those of the leaders."""
-    wave, layout = entry.wave, entry.wave.layout
-    motion = Motion(layout, wave.physics)
-    ends = np.append(wave.arrival_times[: wave.hit], motion.end)
-    # Not at the hits themselves: wave and motion give their times with different rounding, so that
-    # another domino could lead.
-    fraction = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
-    times = ends[:-1, None] + fraction * np.maximum(np.diff(ends), 0.0)[:, None]
-    leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
-    # a domino that jams when it is hit does not lead: it stays at rest
-    falls = np.where(leader == np.arange(wave.hit)[:, None], angle, layout.tilt[: wave.hit, None])
+    wave = entry.wave
+    motion = Motion(wave.layout, wave.physics)
     energy = energies(motion)
     return {
         "name": entry.name,
-        **{name: _round_values(getattr(layout, name)) for name in SIZES},
-        "ground": _ground(layout),
-        "arrivals": _round_values(wave.arrival_times),
+        **motion_data(wave, motion),
         "speed": _round_values(wave.local_speed),
-        "falls": [_round_values(leans) for leans in falls],
-        "end": float(motion.end),
         "outcome": wave.outcome.label,
         "error": wave.error_estimate,
         "friction": wave.physics.friction,
@@ -197,6 +185,46 @@ def _layout_data(entry: ComparedLayout) -> dict[str, Any]:
         },
         **{name: getattr(wave, name) for name in WAVE_FIELDS},
         **{name: getattr(entry, name) for name in RUN_FIELDS},
+    }
+
+
+def layout_data(layout: Layout) -> dict[str, Any]:
+    """Return sizes, positions and ground of a layout in SI units, for `motion.js`."""
+    sizes = {name: _round_values(getattr(layout, name)) for name in SIZES}
+    return {**sizes, "ground": _ground(layout)}
+
+
+def motion_data(wave: Wave, motion: Motion) -> dict[str, Any]:
+    """Return the data of a toppling layout, from which `motion.js` computes all leans.
+
+    Parameters
+    ----------
+    wave
+        The wave.
+    motion
+        Motion of its layout.
+
+    Returns
+    -------
+    dict
+        `layout_data`, and `arrivals` [s], `falls`: leans of each leader at equal steps of time
+        between two hits [rad], `end` of the motion [s], `hit`: number of dominoes hit.
+    """
+    layout = wave.layout
+    ends = np.append(wave.arrival_times[: wave.hit], motion.end)
+    # Not at the hits themselves: wave and motion give their times with different rounding, so that
+    # another domino could lead.
+    fraction = np.clip(np.linspace(0.0, 1.0, STEPS + 1), MARGIN, 1.0 - MARGIN)
+    times = ends[:-1, None] + fraction * np.maximum(np.diff(ends), 0.0)[:, None]
+    leader, angle = (values.reshape(times.shape) for values in motion.leader(times.ravel()))
+    # a domino that jams when it is hit does not lead: it stays at rest
+    falls = np.where(leader == np.arange(wave.hit)[:, None], angle, layout.tilt[: wave.hit, None])
+    return {
+        **layout_data(layout),
+        "arrivals": _round_values(wave.arrival_times),
+        "falls": [_round_values(leans) for leans in falls],
+        "end": float(motion.end),
+        "hit": wave.hit,
     }
 
 

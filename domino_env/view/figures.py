@@ -27,7 +27,7 @@ from domino_env.physics.wave import Wave, require_wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
 
-WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35  # [in] of a figure, of its margins
+WIDTH, LEFT, RIGHT = 9.0, 0.85, 0.35  # [in] of a figure, of its margins
 SPAN = WIDTH - LEFT - RIGHT  # [in] width of axes
 # [in] heights: text above a layout, panel, space above a panel, below an x axis, at the foot
 LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55

@@ -85,6 +85,7 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
         # "</script" would end the script early, "<!--" could prevent its end
         "data": data.replace("<", "\\u003c"),
         "charts": read("uPlot.iife.min.js"),
+        "motion": read("motion.js"),
         "comparison": read("comparison.js"),
     }
     # in one pass, as data may contain {{comparison}} in the name of a layout

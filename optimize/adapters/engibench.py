@@ -178,7 +178,7 @@ class DominoProblem(Problem[Floats]):
             auto(evaluator, rng)
 
         budget, scene = self._config(config).budget, self._scene_under(config)
-        result = search(scene, from_start, budget, self.seed or 0, progress=False)
+        result = search(scene, from_start, budget, self.seed, progress=False)
         best = self._values(self._box.design(result.layout)[None])
         return best, [OptiStep(np.array([score]), count) for count, _, _, score in result.trace]
 

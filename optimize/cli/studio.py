@@ -1,4 +1,4 @@
-"""Design a layout in the browser: drag gaps and see the speed, search, check on a floor, print.
+"""Design a row in the browser: drag dominoes, push the first, make it faster, check, print.
 
 SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
 of the page. The page is served on this machine only, until its last tab is closed or until Ctrl-C.
@@ -11,14 +11,14 @@ from contextlib import suppress
 
 from domino_env.cli.options import add_flags, add_options, number
 
-SUMMARY = "design a layout in the browser: drag, search, check, print"
+SUMMARY = "design a row in the browser: drag, push, improve, print"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino studio`."""
     parser.add_argument(
-        "source", metavar="SOURCE", nargs="?", default="sprint",
-        help="scene, layout, run folder or link (sprint)",
+        "source", metavar="SOURCE", nargs="?", default="course",
+        help="scene, layout, run folder or link (course)",
     )  # fmt: skip
     port = number(whole=True, low=0, high=65535)
     add_options(parser, ("port", port, "N", 0, "port on this machine; 0: a free one"))

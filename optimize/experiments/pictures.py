@@ -26,11 +26,12 @@ Prepare = Callable[[Axes, str], None]  # sets the scales of a panel, given its t
 
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
+ACROSS, LEGEND_COLUMNS = 2, 6  # panels, and names in the legend, side by side
 MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
 DASH = np.array([-0.1, 0.0, 0.1, np.nan])  # places of a value that is not a number; NaN ends a line
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
-LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
+ENDS = LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
 CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
 EARLIEST = {"seconds": 1e-2, "steps": 10.0}  # first time that is drawn, on each clock
@@ -64,13 +65,16 @@ def draw_curves(
     dashed
         Methods whose lines are dashed.
     """
-    # three panels in a line; sizes of a panel, and of the space for the legend [in]
-    figure, all_axes = plot_style.new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), *headings)
+    # sizes of a panel, and of the legend below them [in]
+    legend = 0.2 + 0.2 * (len(methods) // LEGEND_COLUMNS + 1)
+    figure, all_axes = plot_style.new_panels(
+        len(panels), ACROSS, (4.6, 2.9), (0.0, legend), *headings
+    )
     lines = plot_style.method_lines(methods)
     handles: dict[str, Any] = {}
     for (title, curves), axes in zip(panels.items(), all_axes, strict=True):
         plot_style.style(axes, title)
-        axes.set_ylabel(labels[1] if axes is all_axes[0] else "")
+        axes.set_ylabel(labels[1] if axes in all_axes[::ACROSS] else "")
         prepare(axes, title)
         axes.set_xlabel(labels[0])
         for method, (x, y, band) in curves.items():
@@ -85,8 +89,13 @@ def draw_curves(
             line |= {"marker": "o", "markersize": 3.5, "markevery": marked}
             if band is not None:
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
+            if x[0] == x[-1]:  # one score at one time, such as that of a scripted policy
+                axes.axhline(y[0], color=line["color"], lw=0.8, ls=line["linestyle"], zorder=1.5)
             handles[method] = axes.plot(x, y, **line)[0]
-    figure.legend([*handles.values()], [*handles], loc="outside right center", **plot_style.LEGEND)
+    figure.legend(
+        [*handles.values()], [*handles], loc="outside lower center", ncols=LEGEND_COLUMNS,
+        **plot_style.LEGEND,
+    )  # fmt: skip
     plot_style.write_png(figure, path)
 
 
@@ -225,33 +234,47 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
 
 
 def draw_intervals(experiment: Experiment, path: Path) -> None:
-    """Draw the interquartile means with their intervals, and the performance profiles."""
-    figure, (means, profile) = plot_style.new_panels(
-        2, 2, (4.6, 3.4), headline="Normalised scores at the end of the runs",
-        subtitle="95 % intervals of five or more runs, all scenes with equal weights",
+    """Draw the interquartile means with their intervals, and the performance profiles.
+
+    There is a panel of means for each problem. The panel of all problems and the profiles have the
+    methods with runs on each.
+    """
+    overview: list[str | None] = [None] if len(experiment.problems) > 1 else []
+    problems = [*overview, *experiment.problems]
+    lines, complete = plot_style.method_lines(experiment.methods), experiment.complete_methods
+    figure, panels = plot_style.new_panels(
+        len(problems) + 1, ACROSS, (4.6, 2.9), headline="Normalised scores at the end of the runs",
+        subtitle="interquartile means; 95 % intervals of five or more runs",
     )  # fmt: skip
-    order = [name for name in experiment.rank(())[::-1] if name in experiment.complete_methods]
-    lines = plot_style.method_lines(experiment.methods)
-    for y, name in enumerate(order):
-        mean, colour = experiment.mean_score(name), lines[name]["color"]
-        if mean.interval is not None:
-            means.plot(mean.interval, [y, y], color=colour, linewidth=5, alpha=0.35)
-        means.plot([mean.value], [y], "o", color=colour, markersize=5)
+    profile = panels.pop(1)
+    for problem, axes in zip(problems, panels, strict=True):
+        names = experiment.rank((), problem)[::-1]
+        names = names if problem else [name for name in names if name in complete]
+        for y, name in enumerate(names):
+            mean, colour = experiment.mean_score(name, problem), lines[name]["color"]
+            if mean.interval is not None:
+                axes.plot(np.clip(mean.interval, *ENDS), [y, y], color=colour, lw=5, alpha=0.35)
+            marker = "o" if mean.value >= LOWEST else "<"  # a worse mean is at the left end
+            axes.plot(np.clip([mean.value], *ENDS), [y], marker, color=colour, markersize=5)
+        plot_style.style(axes, problem or "all scenes (algorithms with runs on each)")
+        axes.set_xlim(*ENDS)
+        axes.set_ylim(-0.6, len(names) - 0.4)
+        axes.set_yticks(range(len(names)), names)
+        axes.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
+        axes.axvline(1.0, color=BEST_KNOWN, linestyle=":", linewidth=1)
+    for name in complete:
         fraction = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
         profile.plot(PROFILE_TARGETS, fraction.value, label=name, **lines[name])
         if fraction.interval is not None:
+            colour = lines[name]["color"]
             profile.fill_between(
                 PROFILE_TARGETS, *fraction.interval, color=colour, alpha=0.12, linewidth=0
             )
-    plot_style.style(means, "interquartile mean")
-    means.set_xlim(LOWEST, HIGHEST)
-    means.set_yticks(range(len(order)), order)
-    means.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
-    plot_style.style(profile, "fraction of runs with a higher normalised score")
+    plot_style.style(profile, "all scenes: fraction of runs with a higher score")
     profile.set_ylim(0.0, 1.02)
-    profile.set_xlim(PROFILE_TARGETS[0], PROFILE_TARGETS[-1])
+    profile.set_xlim(*ENDS)
     profile.legend(loc="lower left", **plot_style.LEGEND)
-    for axes in (means, profile):
+    for axes in (*panels, profile):
         axes.set_xticks([0.0, 0.5, 1.0], ["uniform", "50 %", "best known"])
         axes.set_xlabel("normalised score")
     plot_style.write_png(figure, path)

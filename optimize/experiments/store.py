@@ -134,11 +134,12 @@ class Store:
             If the study of that name has another kind or other settings, if the name is invalid or
             a number in the settings is not finite, or if the store cannot be written.
         TypeError
-            If `kind` or `settings` are of another type.
+            If an argument is of another type.
         """
-        if not isinstance(name, str) or not name.isprintable() or not STUDY_NAME.fullmatch(name):
-            expected = "give 1 to 200 printable characters without / and \\"
-            raise ValueError(f"study name = {as_text(name)}: {expected}")
+        expected = "1 to 200 printable characters without / and \\"
+        require_type("study name", name, str, expected)
+        if not name.isprintable() or not STUDY_NAME.fullmatch(name):
+            raise ValueError(f"study name = {as_text(name)}: give {expected}")
         require_type("kind", kind, str, 'a word, such as "sweep"')
         require_type("settings", settings, Mapping, "a dictionary of settings")
         text = json.dumps(dict(settings), allow_nan=False)

@@ -60,7 +60,7 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
         if not listing or not all(key.split(".")):
             raise ValueError("a key or its values are missing")
         if ":" in listing:
-            texts = _spread_values(listing)
+            texts: list[Any] = _spread_values(listing)
         else:
             texts = json.loads(listing) if listing.startswith("[") else listing.split(",")
         values: list[Value] = [_parse_value(key, v) if isinstance(v, str) else v for v in texts]

@@ -1,8 +1,10 @@
-"""Design: a scene and one of its layouts, changed by hand within its rules, with undo and redo."""
+"""Designs: a scene and one of its layouts, from which other designs are made within its rules."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+import re
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,35 +22,20 @@ from optimize.problem import Problem
 
 SPACING, THICKNESS = "spacing", "thickness"
 NAME, TITLE = "own", "your own scene"  # of a scene that was changed or made from a layout
-GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
-UNIFORM = "result of the uniform baseline (best equal gaps)"
-NORMALISED = "normalised score (100 %: best known layout)"
+SAME_GAIN = 5e-5  # smaller relative differences count as equal
+EQUAL = 1e-6  # relative range of values that count as equal
 
 
-class StudioDesign:
-    """A scene and one of its layouts, which satisfies the rules of the scene after every change.
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A scene and a layout that satisfies its rules.
 
     Parameters
     ----------
     scene
         The scene.
     layout
-        A layout that satisfies its rules; None for an approximate uniform baseline.
-
-    Attributes
-    ----------
-    scene
-        The scene.
-    layout
-        The layout that is shown; during a drag or a search it is not yet in the history.
-    wave
-        Wave of the layout, simulated by `Scene.simulate`.
-    score
-        Score of the layout, by `Scene.score`; on a floor None until the caller sets it.
-    uniform
-        Uniform baseline of the scene; None until the caller sets it.
-    first_step
-        First step of the history, a scene and a layout.
+        The layout.
 
     Raises
     ------
@@ -61,83 +48,56 @@ class StudioDesign:
 
     scene: Scene
     layout: Layout
-    wave: Wave
-    score: float | None
 
-    def __init__(self, scene: Scene, layout: Layout | None = None) -> None:
-        self.uniform: UniformBaseline | None = None
-        self._steps: list[tuple[Scene, Layout]] = []
-        self._position = -1  # the step that is shown
-        self.open(scene, layout)
-        self.first_step = self._steps[0]
+    def __post_init__(self) -> None:
+        require_type("scene", self.scene, Scene, "a Scene, as load_scene returns")
+        require_drawable(f"scene '{self.scene.name}'", self.scene.row_count)
+        _problem(self.scene)  # raises for a scene without free values
+        if violations := self.scene.violations(self.layout):
+            message = f"not a layout of scene '{self.scene.name}': {'; '.join(violations)}"
+            raise ValueError(message)
 
-    # the history --------------------------------------------------------------------------------
+    @classmethod
+    def uniform(cls, scene: Scene) -> Design:
+        """Return the best uniform layout on fixed pivots, to 1 µm if the best takes a second."""
+        space, on_pivots = _problem(scene), scene.on_pivots
+        if scene.count <= 100 and on_pivots.scoring.follows_wave:
+            layout = on_pivots.uniform().layout
+        else:
+            layout = uniform_layouts(on_pivots).layout(best_point(on_pivots, quick=True))
+        return cls(scene, space.layout(space.project(space.design(layout)[None])[0]))
 
-    def open(self, scene: Scene, layout: Layout | None = None) -> None:
-        """Replace scene and layout as one step of the history; see the class for arguments."""
-        require_type("scene", scene, Scene, "a Scene, as load_scene returns")
-        require_drawable(f"scene '{scene.name}'", scene.count)
-        _problem(scene)  # raises for a scene without free values
-        layout = layout if layout is not None else _approximate_uniform(scene)
-        if violations := scene.violations(layout):
-            raise ValueError(f"not a layout of scene '{scene.name}': {'; '.join(violations)}")
-        self.show(layout, scene)
-        self.commit()
+    @cached_property
+    def wave(self) -> Wave:
+        """Wave of the layout on fixed pivots, simulated by `Scene.simulate`."""
+        return self.scene.simulate(self.layout)
 
-    def show(self, layout: Layout, scene: Scene | None = None) -> None:
-        """Simulate and score a layout, without adding it to the history.
-
-        Parameters
-        ----------
-        layout
-            A layout of the scene.
-        scene
-            Another scene; None for the present one.
-        """
-        scene = scene or self.scene
-        wave = scene.simulate(layout)
-        score = None if scene.simulator.is_slow else scene.score(wave)
-        self.scene, self.layout, self.wave, self.score = scene, layout, wave, score
-
-    def commit(self) -> None:
-        """Add scene and layout to the history as a step, unless nothing has changed."""
-        step = self.scene, self.layout
-        if not self._steps or step != self._steps[self._position]:
-            self._position += 1
-            self._steps[self._position :] = [step]
+    @cached_property
+    def score(self) -> float:
+        """Score of the layout, by `Scene.score`; computed when it is first read."""
+        return self.scene.score(self.wave)
 
     @property
-    def committed(self) -> Layout:
-        """Layout of the present step of the history."""
-        return self._steps[self._position][1]
+    def is_scored(self) -> bool:
+        """True if the score is known or takes no time; on a floor it takes a second."""
+        return not self.scene.simulator.is_slow or "score" in vars(self)
 
-    def can_move(self, steps: int) -> bool:
-        """Return True if the history has a step at this distance from the present one."""
-        return 0 <= self._position + steps < len(self._steps)
+    def is_same(self, other: Design) -> bool:
+        """Return True for a design of an equal scene and layout."""
+        return (self.scene, self.layout) == (other.scene, other.layout)
 
-    def move(self, steps: int) -> None:
-        """Show another step of the history, if there is one.
+    @property
+    def stop(self) -> int | None:
+        """Index of the leading domino with which the wave stops; None if it completes."""
+        if self.wave.outcome == Outcome.PROPAGATED:
+            return None
+        # margins are nan from the first domino on that does not lead
+        return int(np.isfinite(self.wave.stall_margin).sum()) - 1
 
-        Parameters
-        ----------
-        steps
-            Distance from the present step: -1 for the one before, 1 for the one after.
+    # other designs ------------------------------------------------------------------------------
 
-        Raises
-        ------
-        ValueError
-            If it is not a whole number.
-        """
-        require("steps", steps, whole=True)
-        if self.can_move(steps):
-            self._position += steps
-            scene, layout = self._steps[self._position]
-            self.show(layout, scene)
-
-    # changes ------------------------------------------------------------------------------------
-
-    def drag(self, quantity: str, index: int, value: float) -> None:
-        """Show the present step with one gap or thickness changed, as far as the rules allow.
+    def with_size(self, quantity: str, index: int, value: float) -> Design:
+        """Return the design with another gap or thickness, as far as the rules allow.
 
         If the length is fixed, the nearest gaps and thicknesses that can change compensate. Then
         the layout is projected to the rules.
@@ -157,18 +117,15 @@ class StudioDesign:
             If the quantity is not free, if there is no such gap or domino, or if the value is not
             finite.
         """
-        space, before = _problem(self.scene), self.committed
-        pairs, height = self.scene.count - 1, before.height  # pairs of neighbours
+        space, pairs = _problem(self.scene), self.scene.count - 1
         free = [name for name in (SPACING, THICKNESS) if getattr(self.scene, f"free_{name}")]
         require_choice("quantity", quantity, free)
         offset = int(quantity == THICKNESS)
         require("index", index, offset, offset + pairs - 1, whole=True)
         require("value", value, unit="m")
-        entry = free.index(quantity) * pairs + index - offset
-        unit = height if offset else np.minimum(height[:-1], height[1:])
-        values = self._values(before)
-        low, high = space.low, space.high
-        target = value / unit[index] if self.scene.in_heights else value
+        curves, low, high = self._curves, space.low, space.high
+        values, entry = curves.ravel(), free.index(quantity) * pairs + index - offset
+        target = value / (self.layout.height[index] if offset else self._units[index])
         target = min(max(target, low[entry]), high[entry])
         difference = values[entry] - target  # left for the other values to compensate
         values[entry] = target
@@ -179,12 +136,64 @@ class StudioDesign:
                 new_value = min(max(values[k] + difference, low[k]), high[k])
                 difference, values[k] = difference - (new_value - values[k]), new_value
             values[entry] += difference
-        self.show(self._nearest(space, values))
+        return self._with_curves(curves)
 
-    def change(self, **fields: Any) -> None:
-        """Change the scene, as one step of the history; the layout changes as the rules require.
+    def with_shift(self, index: int, shift: float, *, following: bool = False) -> Design:
+        """Return the design with a domino 1 … N-1 moved along the floor, as the rules allow.
 
-        If the count changes, gaps and thicknesses are interpolated along the chain.
+        Parameters
+        ----------
+        index
+            The domino.
+        shift
+            Distance [m], positive forward.
+        following
+            True to move all that follow as well; otherwise the gap ahead compensates.
+
+        Raises
+        ------
+        ValueError
+            If gaps are not free, if there is no such domino, or if the shift is not finite.
+        """
+        if following or index == self.scene.count - 1 or not self.scene.free_spacing:
+            gap = float(self.layout.spacing[index - 1]) + shift
+            return self.with_size(SPACING, index - 1, gap)
+        require("index", index, 1, self.scene.count - 1, whole=True)
+        require("shift", shift, unit="m")
+        curves, space, pair = self._curves, _problem(self.scene), [index - 1, index]
+        low, high, gaps = (
+            values.reshape(curves.shape)[0, pair] * self._units[pair]
+            for values in (space.low, space.high, curves)
+        )
+        shift = max(shift, low[0] - gaps[0], gaps[1] - high[1])
+        shift = min(shift, high[0] - gaps[0], gaps[1] - low[1])
+        curves[0, pair] = (gaps[0] + shift, gaps[1] - shift) / self._units[pair]
+        return self._with_curves(curves)
+
+    def with_domino(self, gap: int) -> Design:
+        """Return the design with one more domino, in the middle of a gap 0 … N-2."""
+        require("gap", gap, 0, self.scene.count - 2, whole=True)
+        curves = np.insert(self._curves, gap, self._curves[:, gap], axis=1)
+        if self.scene.free_spacing:
+            rest = self.layout.spacing[gap] - self.layout.thickness[gap + 1]
+            curves[0, gap : gap + 2] = 0.5 * rest / self._units[gap]
+        return self._with_curves(curves, self._changed(count=self.scene.count + 1))
+
+    def without_domino(self, index: int) -> Design:
+        """Return the design without one of the dominoes 1 … N-1."""
+        require("index", index, 1, self.scene.count - 1, whole=True)
+        curves, last = self._curves, self.scene.count - 1
+        if self.scene.free_spacing and index < last:
+            rest = self.layout.thickness[index] / self._units[index - 1]
+            curves[0, index] += curves[0, index - 1] + rest
+        scene = self._changed(count=last)
+        return self._with_curves(np.delete(curves, index - 1, axis=1), scene)
+
+    def with_scene(self, **fields: Any) -> Design:
+        """Return the design with a changed scene, and the layout changed as the rules require.
+
+        Equal gaps become the best equal gaps of the new scene. Others are interpolated along the
+        chain if the count changes.
 
         Parameters
         ----------
@@ -195,75 +204,84 @@ class StudioDesign:
         ------
         ValueError
             For fields that `Scene.replace` rejects, and a scene without free values or without a
-            layout; the design is then not changed.
+            layout.
         """
-        scene = self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
-        space = _problem(scene)
-        # gaps, thicknesses, growths
-        curves = self._values(self.layout).reshape(-1, self.scene.count - 1)
+        scene, curves = self._changed(**fields), self._curves
+        if (np.ptp(curves, axis=1) <= EQUAL * curves.max(axis=1)).all():
+            return Design.uniform(scene)
         before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
-        values = np.concatenate([np.interp(after, before, curve) for curve in curves])
-        self.open(scene, self._nearest(space, values))
+        return self._with_curves(np.array([np.interp(after, before, c) for c in curves]), scene)
 
-    def _values(self, layout: Layout) -> Floats:
-        """Return the free values (n,) of a layout, in the units of `Problem.low`."""
-        space = _problem(self.scene)
-        return np.asarray(space.low + space.design(layout) * (space.high - space.low))
-
-    @staticmethod
-    def _nearest(space: Problem, values: Floats) -> Layout:
-        """Return the layout with the feasible values that are nearest to these (n,)."""
-        design = (values - space.low) / (space.high - space.low)
-        return space.layout(space.project(design[None])[0])
-
-    # numbers ------------------------------------------------------------------------------------
+    def _changed(self, **fields: Any) -> Scene:
+        return self.scene.replace(**{"name": NAME, "title": TITLE} | fields)
 
     @property
-    def stop(self) -> int | None:
-        """Index of the leading domino with which the wave stops; None if it completes."""
-        if self.wave.outcome == Outcome.PROPAGATED:
-            return None
-        # margins are nan from the first domino on that does not lead
-        return int(np.isfinite(self.wave.stall_margin).sum()) - 1
+    def _curves(self) -> Floats:
+        """Free gaps, thicknesses, growths (K, N-1) of the layout, in the units of the problem."""
+        space = _problem(self.scene)
+        values = space.low + space.design(self.layout) * (space.high - space.low)
+        return np.array(values.reshape(-1, self.scene.count - 1))
 
-    def numbers(self) -> dict[str, str]:
-        """Return the numbers of the layout as texts with units, by their labels."""
-        wave, score, scene = self.wave, self.score, self.scene
-        is_speed = scene.unit == "m/s"
-        text = COMPUTING if score is None else scene.format_score(score, wave)
-        numbers = {"mean speed" if is_speed else "result": text}
-        numbers[GAIN if is_speed else UNIFORM] = COMPUTING
-        if self.uniform is not None and not is_speed:
-            numbers[UNIFORM] = scene.format_score(self.uniform.score, self.uniform.wave)
-        if is_speed and score is not None and self.uniform is not None:
-            own_gain, best = scene.gain(score, self.uniform.score), known_best(scene)
-            # + 0.0 changes -0.0 to 0.0
-            numbers[GAIN] = "–" if own_gain is None else f"{round(own_gain, 4) + 0.0:+.2%}"
-            known_gain = scene.gain(best.score, self.uniform.score) if best else None
-            if own_gain is not None and known_gain:
-                numbers[NORMALISED] = f"{round(own_gain / known_gain, 3) + 0.0:.1%}"
+    @property
+    def _units(self) -> Floats:
+        """Lengths (N-1,) of one unit of the gaps [m]."""
+        height = self.layout.height
+        is_ratio = self.scene.in_heights
+        return np.minimum(height[:-1], height[1:]) if is_ratio else np.ones(len(height) - 1)
+
+    def _with_curves(self, curves: Floats, scene: Scene | None = None) -> Design:
+        """Return the design of the feasible values that are nearest to these (K, N-1)."""
+        scene = scene or self.scene
+        space = _problem(scene)
+        design = (curves.ravel() - space.low) / (space.high - space.low)
+        return Design(scene, space.layout(space.project(design[None])[0]))
+
+    # words --------------------------------------------------------------------------------------
+
+    def headline(self, uniform: UniformBaseline | None) -> tuple[str, str]:
+        """Return the result, and how it compares with the uniform baseline, if that is known."""
+        scene, wave = self.scene, self.wave
+        if self.stop is not None:
+            return f"stops at domino {self.stop + 1}", f"{wave.hit} of {wave.layout.count} fall"
+        if not self.is_scored:
+            return f"{wave.mean_speed:.3f} m/s", "with fixed pivots; computing it on the floor …"
+        if scene.unit != "m/s":
+            compared = uniform and _round(scene.format_score(uniform.score, uniform.wave))
+            text = _round(scene.format_score(self.score, wave))
+            return text, f"best equal gaps: {compared}" if compared else ""
+        gain = scene.gain(self.score, uniform.score) if uniform else None
+        if gain is None:
+            return f"{self.score:.3f} m/s", "" if uniform else "computing the best equal gaps …"
+        words = (
+            "as fast as"
+            if abs(gain) < SAME_GAIN
+            else f"{abs(gain):.2%} " + ("faster than" if gain > 0.0 else "slower than")
+        )
+        return f"{self.score:.3f} m/s", f"{words} the best equal gaps"
+
+    def details(self, uniform: UniformBaseline | None) -> str:
+        """Return time, length, normalised score and outcome in one line."""
+        wave, best, scene = self.wave, known_best(self.scene), self.scene
+        parts = [f"{wave.layout.count} dominoes over {1e3 * wave.layout.length:.0f} mm"]
         if wave.hit == wave.layout.count:
-            last = float(wave.arrival_times[-1])
-            numbers["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
-        else:
-            numbers["dominoes hit"] = f"{wave.hit} of {wave.layout.count}"
-        return numbers
+            last, error = float(wave.arrival_times[-1]), wave.error_estimate
+            parts.append(f"last hit after {last:.4f} s (numerical error {error * last:.0e} s)")
+        if best and uniform and self.is_scored and scene.unit == "m/s":
+            known = best.score - uniform.score
+            share = round((self.score - uniform.score) / known, 2) + 0.0  # no -0 %
+            parts.append(f"{share:.0%} of the gain of the best known layout")
+        return "; ".join([*parts, wave.explanation])
+
+
+def _round(text: str) -> str:
+    """Return a text with its decimal numbers rounded to four significant digits."""
+    return re.sub(r"\d+\.\d+", lambda match: f"{float(match[0]):.4g}", text)
 
 
 @lru_cache(8)
 def _problem(scene: Scene) -> Problem:
     """Return the problem of a scene, kept as it is needed for every change."""
     return Problem(scene)
-
-
-def _approximate_uniform(scene: Scene) -> Layout:
-    """Return the uniform baseline on fixed pivots, approximated if it would take over a second."""
-    space, scene = _problem(scene), scene.on_pivots
-    if scene.count <= 100 and scene.scoring.follows_wave:
-        layout = scene.uniform().layout
-    else:
-        layout = uniform_layouts(scene).layout(best_point(scene, quick=True))
-    return space.layout(space.project(space.design(layout)[None])[0])
 
 
 @lru_cache(8)

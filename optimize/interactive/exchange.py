@@ -19,7 +19,7 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
 from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
-from optimize.interactive.design import NAME, TITLE, StudioDesign
+from optimize.interactive.design import NAME, TITLE, Design
 
 MAX_UPLOAD = 8 * 2**20  # [bytes]; at most 5 000 dominoes are drawn, which take 1 MB
 MAX_LINK_CONTENT = 2**20  # [bytes] of a link, decompressed
@@ -28,7 +28,7 @@ USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened 
 NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}  # by ending
 
 
-def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> StudioDesign:
+def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
     """Return the design of a scene, a layout, their name or path, a run folder or a link.
 
     Parameters
@@ -41,7 +41,7 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
 
     Returns
     -------
-    StudioDesign
+    Design
         A new design.
 
     Raises
@@ -53,19 +53,19 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
         For a source of another type.
     """
     if isinstance(source, Scene):
-        return StudioDesign(source)
+        return Design.uniform(source)
     if isinstance(source, Layout):
-        return StudioDesign(_scene_for(source, default), source)
+        return Design(_scene_for(source, default), source)
     if str(source).startswith(("http://", "https://")):
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = as_path("source", source)
     if path.is_dir():
         path = path / "layout.csv"
     if path.suffix.lower() not in (".csv", ".json"):
-        return StudioDesign(load_scene(source))
+        return Design.uniform(load_scene(source))
     scene = scene_beside(path)
     layout = read_layout(path, scene or default)
-    return StudioDesign(scene or _scene_for(layout, default), layout)
+    return Design(scene or _scene_for(layout, default), layout)
 
 
 def _scene_for(layout: Layout, default: Scene | None) -> Scene:
@@ -85,7 +85,7 @@ def _scene_for(layout: Layout, default: Scene | None) -> Scene:
     )  # fmt: skip
 
 
-def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> StudioDesign:
+def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Design:
     """Return the design of a scene (.toml), a layout (.csv, .json) or both.
 
     Parameters
@@ -97,7 +97,7 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Stud
 
     Returns
     -------
-    StudioDesign
+    Design
         A new design.
 
     Raises
@@ -126,34 +126,37 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Stud
             raise ValueError(message) from None
 
 
-def receive(design: StudioDesign, files: Mapping[str, bytes]) -> str:
-    """Open files that a browser sent, as a step of the history of a design.
+def receive(design: Design, files: Mapping[str, bytes]) -> tuple[Design, str]:
+    """Return the design in files that a browser sent, and a message.
 
     Parameters
     ----------
     design
-        The design, which is not changed if a file is rejected.
+        The present design.
     files
         Contents of the files by their names.
 
     Returns
     -------
-    str
-        Message with the names, and the reason if a layout is opened with another scene.
+    received : Design
+        The design in the files.
+    message : str
+        The names, and the reason if a layout is opened with another scene.
 
     Raises
     ------
     ValueError
         For the reasons of `read_files`, and for more than 8 MiB.
     """
-    names = one_line(", ".join(files), 200)
+    names, scene = one_line(", ".join(files), 200), design.scene
     if (size := sum(map(len, files.values()))) > MAX_UPLOAD:
         raise ValueError(f"{names}: {size:,} bytes: send at most {MAX_UPLOAD:,} at a time")
-    scene, received = design.scene, read_files(files, design.scene)
-    design.open(received.scene, received.layout)
-    if len(files) < 2 and design.scene != scene and (violations := scene.violations(design.layout)):
-        return f"opened {names}; it is no layout of scene '{scene.name}': {violations[0]}"
-    return f"opened {names}"
+    received = read_files(files, scene)
+    is_alone = not any(name.lower().endswith(".toml") for name in files)
+    if is_alone and received.scene != scene and (violations := scene.violations(received.layout)):
+        reason = f"it is no layout of scene '{scene.name}': {violations[0]}"
+        return received, f"opened {names}; {reason}"
+    return received, f"opened {names}"
 
 
 def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
@@ -164,7 +167,7 @@ def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
         return BytesIO(path.read_bytes())
 
 
-def exports(design: StudioDesign) -> dict[str, tuple[str, Callable[[Path], object]]]:
+def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     """Return the ending and the writer of each kind of file, by its label on the page.
 
     Parameters
@@ -180,22 +183,23 @@ def exports(design: StudioDesign) -> dict[str, tuple[str, Callable[[Path], objec
         write_report(*read_compared([layout_path], scene), path)
 
     return {
+        "Template to print (PDF)": (".pdf", lambda path: write_template(
+            scene.row(layout), path, title=str(scene.title), physics=scene.physics,
+            designed=layout.count)),
         "Layout (CSV)": (".csv", layout.to_csv),
         "Scene (TOML)": (".scene.toml", lambda path: write_text(path, scene.to_toml())),
-        "Template (PDF)": (".pdf", lambda path: write_template(
-            layout, path, title=str(scene.title), physics=scene.physics)),
         "Report (HTML)": (".html", report),
     }  # fmt: skip
 
 
-def make_link(design: StudioDesign) -> str:
+def make_link(design: Design) -> str:
     """Return the query of a link that contains the scene and the layout, for `read_link`."""
     texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
     data = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
 
-def read_link(text: str) -> StudioDesign:
+def read_link(text: str) -> Design:
     """Return the design in a link.
 
     Parameters
@@ -205,7 +209,7 @@ def read_link(text: str) -> StudioDesign:
 
     Returns
     -------
-    StudioDesign
+    Design
         A new design.
 
     Raises

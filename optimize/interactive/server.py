@@ -10,14 +10,15 @@ from typing import Any
 
 from domino_env.core.checks import require, require_extra, require_type
 from domino_env.physics.layout import Layout
+from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
-from optimize.interactive.design import StudioDesign
+from optimize.interactive.design import Design
 from optimize.interactive.exchange import KEY, MAX_UPLOAD, open_design, read_link
 from optimize.searching import compile_simulations
 
 HOST = "localhost"
 CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
-CHECKS_WITHOUT_TAB = 2  # after so many in a row the server ends; a tab that reloads misses one
+CHECKS_WITHOUT_TAB = 5  # after so many in a row the server ends; a tab that reloads misses some
 CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
 HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = Path(__file__).with_name("template.html")  # of the document that contains the page
@@ -37,17 +38,20 @@ class Studio:
 
     Attributes
     ----------
-    design
-        Design of the tab that was opened last; before any, the first one.
     url
         Address of the page; empty while it is not served.
     """
 
-    def __init__(self, design: StudioDesign, port: int = 0) -> None:
+    def __init__(self, design: Design, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
-        require_type("design", design, StudioDesign, "a StudioDesign; studio(scene) makes one")
-        self.design, self.url = design, ""
-        self._port, self._first_step = port, design.first_step
+        require_type("design", design, Design, "a Design; studio(scene) makes one")
+        self.url, self._port, self._first = "", port, design
+        self._page: Any = None  # of the tab that was opened last
+
+    @property
+    def design(self) -> Design:
+        """Design of the tab that was opened last; before any, the first one."""
+        return self._page.design if self._page else self._first
 
     @property
     def layout(self) -> Layout:
@@ -87,7 +91,7 @@ class Studio:
             hint = "give another port, or 0 for any free one (--port)"
             raise OSError(f"port {self._port}: {error.strerror}: {hint}") from None
         # the compilation in a first search would block the page
-        compile_simulations(self._first_step[0], gradients=True)
+        compile_simulations(self._first.scene, gradients=True)
         checks_left = 0  # checks without a tab until the end; negative before the first tab
 
         def end_without_tabs() -> None:
@@ -116,15 +120,17 @@ class Studio:
         from optimize.interactive.page import Page
 
         document: Any = pn.state.curdoc
-        self.design, message = StudioDesign(*self._first_step), ""
+        design, message, arguments = self._first, "", pn.state.session_args or {}
         try:
-            if link := (pn.state.session_args or {}).get(KEY):
-                self.design = read_link(link[0].decode())
+            if link := arguments.get(KEY):
+                design = read_link(link[0].decode())
+            elif (name := arguments.get("scene", [b""])[0].decode()) in scene_names():
+                design = Design.uniform(load_scene(name))
         except ValueError as error:
             message = str(error)
-        page = Page(self.design, document.add_next_tick_callback)
+        page = self._page = Page(design, document.add_next_tick_callback)
         page.notify(message, "error")
-        pn.state.on_session_destroyed(lambda _: page.stop())
+        pn.state.on_session_destroyed(lambda _: page.close())
         template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
         return template
@@ -145,7 +151,7 @@ class Studio:
         return f'<iframe src="{self.url}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
 
 
-def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Studio:
+def studio(source: str | Path | Scene | Layout = "course", port: int = 0) -> Studio:
     """Design a layout by hand on a page of this machine: drag, improve, search, check, print.
 
     Parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,10 +16,8 @@ from numba.core import event
 
 from domino_env.core.progress import notice
 
-try:
+if sys.platform != "win32":  # there each process compiles on its own
     import fcntl
-except ImportError:  # Windows: each process compiles on its own
-    fcntl = None  # type: ignore[assignment]
 
 UNNOTICED = 2.0  # [s] of compilation or waiting, after which the user is told
 LONGEST_TURN = 300.0  # [s] after which a process that compiles is assumed to be stopped
@@ -83,7 +82,7 @@ class _FirstCall(event.Listener):
 
     def take_turn(self, folder: str) -> bool:
         """Hold the lock of a folder until the call ends; return False if it is held already."""
-        if fcntl is None or self.turn is not None:
+        if sys.platform == "win32" or self.turn is not None:
             return False
         try:
             self.turn = Path(folder, LOCK).open("a")  # noqa: SIM115 - `close` closes it

@@ -97,6 +97,7 @@ def write_for_ever(path: Path, result: TaskResult, pipe) -> None:
         number += 1
 
 
+@pytest.mark.skipif("fork" not in mp.get_all_start_methods(), reason="needs fork")
 def test_a_writer_that_is_killed_leaves_all_its_results(path, result):
     context = mp.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)

@@ -1,4 +1,4 @@
-"""Designs without a page: drags within the rules, history, numbers, background work."""
+"""Designs without a page: changes within the rules, words, searches."""
 
 import threading
 from typing import Any
@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from optimize.interactive.design import SPACING, THICKNESS, StudioDesign
-from optimize.interactive.jobs import improvement_method, run_search
+from optimize.experiments.best_known import best_known
+from optimize.interactive.design import SPACING, THICKNESS, Design
+from optimize.interactive.jobs import SearchProcess, run_search
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
@@ -26,149 +27,154 @@ SCENES = {
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("wanted", [1e-9, 0.0101, 0.0263, 7.0])
 def test_a_drag_anywhere_keeps_the_rules(kind: str, wanted: float) -> None:
-    design = StudioDesign(SCENES[kind])
+    design = Design.uniform(SCENES[kind])
     for part in [SPACING, THICKNESS][: 1 + design.scene.free_thickness]:
-        design.drag(part, 5, wanted)
-        assert design.scene.violations(design.layout) == []
+        design = design.with_size(part, 5, wanted)  # raises if it breaks a rule
         assert design.score == design.scene.score(design.layout)
+    for following in (False, True):
+        assert design.with_shift(6, wanted - 0.01, following=following).layout.count
+    if kind != "stock":  # which has as many pieces as dominoes
+        assert design.with_domino(5).layout.count == design.layout.count + 1
+    assert design.without_domino(5).layout.count == design.layout.count - 1
 
 
 def test_a_drag_sets_the_nearest_value_allowed() -> None:
-    free, listed = StudioDesign(SPRINT), StudioDesign(LISTED)
+    free, listed = Design.uniform(SPRINT), Design.uniform(LISTED)
     for wanted, set_to, nearest in ((0.0263, 0.0263, 0.020), (7.0, 0.040, 0.040)):
-        free.drag(SPACING, 5, wanted)
-        listed.drag(SPACING, 5, wanted)
-        assert free.layout.spacing[5] == pytest.approx(set_to, rel=1e-12)
-        assert listed.layout.spacing[5] == nearest
+        dragged = free.with_size(SPACING, 5, wanted)
+        assert dragged.layout.spacing[5] == pytest.approx(set_to, rel=1e-12)
+        assert listed.with_size(SPACING, 5, wanted).layout.spacing[5] == nearest
 
 
 def test_a_drag_with_a_fixed_length_changes_the_neighbours() -> None:
-    design = StudioDesign(COURSE)
+    design = Design.uniform(COURSE)
     before = design.layout.spacing
-    design.drag(SPACING, 20, before[20] + 0.001)
-    changed = np.flatnonzero(abs(design.layout.spacing - before) > 1e-9)
-    assert changed.tolist() == [19, 20]
-    design.drag(SPACING, 20, 0.040)  # more than one neighbour can give
-    changed = np.flatnonzero(abs(design.layout.spacing - before) > 1e-9)
-    assert changed.tolist() == list(range(changed[0], changed[-1] + 1))
-    assert design.layout.spacing[20] == pytest.approx(0.040)
-    design.drag(SPACING, 20, float(before[20]))  # a drag begins at the last step
-    np.testing.assert_allclose(design.layout.spacing, before, rtol=1e-12)
+    changed = design.with_size(SPACING, 20, before[20] + 0.001).layout.spacing
+    assert np.flatnonzero(abs(changed - before) > 1e-9).tolist() == [19, 20]
+    changed = design.with_size(SPACING, 20, 0.040).layout.spacing  # more than one can give
+    gaps = np.flatnonzero(abs(changed - before) > 1e-9)
+    assert gaps.tolist() == list(range(gaps[0], gaps[-1] + 1))
+    assert changed[20] == pytest.approx(0.040)
 
 
-def test_a_drag_is_one_step_of_the_history() -> None:
-    design = StudioDesign(SPRINT)
-    first = design.layout
-    for gap in (0.010, 0.011, 0.012):
-        design.drag(SPACING, 3, gap)
-    design.commit()
-    dragged = design.layout
-    design.change(count=30)
-    design.move(-1)
-    assert (design.scene, design.layout) == (SPRINT, dragged)
-    design.move(-1)
-    assert design.layout == first
-    assert not design.can_move(-1)
-    design.move(1)
-    assert design.layout == dragged
-    design.drag(SPACING, 3, 0.02)
-    design.commit()
-    assert not design.can_move(1)
+def test_a_domino_moves_between_its_neighbours() -> None:
+    design = Design.uniform(SPRINT)
+    before = design.layout
+    moved = design.with_shift(7, 0.004).layout
+    pivots = moved.pivots[:, 0] - before.pivots[:, 0]
+    assert pivots == pytest.approx(0.004 * (np.arange(40) == 7))
+    far = design.with_shift(7, 1.0).layout  # as far as the bounds of both gaps
+    assert far.spacing[7] == pytest.approx(0.002)
+    assert far.length == pytest.approx(before.length)
+    moved = design.with_shift(7, 0.004, following=True).layout
+    assert moved.pivots[:, 0] - before.pivots[:, 0] == pytest.approx(0.004 * (np.arange(40) >= 7))
+    last = design.with_shift(39, -0.004).layout
+    assert np.flatnonzero(abs(last.spacing - before.spacing) > 1e-9).tolist() == [38]
+
+
+def test_a_domino_that_is_inserted_or_removed_leaves_the_others() -> None:
+    design = Design.uniform(SPRINT.replace(spacing=(0.002, 0.060)))
+    inserted, removed = design.with_domino(4).layout, design.without_domino(4).layout
+    pivots = design.layout.pivots[:, 0]
+    assert np.delete(inserted.pivots[:, 0], 5) == pytest.approx(pivots)
+    assert inserted.spacing[4] == pytest.approx(inserted.spacing[5])
+    assert removed.pivots[:, 0] == pytest.approx(np.delete(pivots, 4))
+    end = design.without_domino(39).layout
+    assert end.pivots[:, 0] == pytest.approx(pivots[:-1])
 
 
 @pytest.mark.parametrize("fields", [
     {"count": 57}, {"height": 0.060}, {"spacing": (0.015, 0.030)}, {"length": 1.1},
     {"ground": de.Ground(slope=2.0)}, {"physics": SPRINT.physics.replace(push=12.0)},
 ], ids=lambda fields: next(iter(fields)))  # fmt: skip
-def test_another_scene_keeps_the_shape(fields: dict[str, Any]) -> None:
-    design = StudioDesign(SPRINT)
-    design.drag(SPACING, 0, 0.030)
-    design.commit()
-    design.change(**fields)
-    assert design.scene.violations(design.layout) == []
+def test_another_scene_keeps_the_shape_or_the_best_equal_gaps(fields: dict[str, Any]) -> None:
+    first = Design.uniform(SPRINT)
+    design = first.with_size(SPACING, 0, 0.030).with_scene(**fields)
     assert design.layout.spacing[0] == pytest.approx(0.030, abs=0.003)
-    assert design.score == design.scene.score(design.layout)
+    uniform = first.with_scene(**fields)
+    assert uniform.score == pytest.approx(uniform.scene.uniform().score, rel=1e-8)
 
 
-def test_an_impossible_scene_changes_nothing() -> None:
-    design = StudioDesign(SPRINT)
-    before = design.scene, design.layout
+def test_an_impossible_change_is_an_error() -> None:
+    design = Design.uniform(SPRINT)
     with pytest.raises(ValueError, match="length"):
-        design.change(length=9.0)
-    assert (design.scene, design.layout) == before
+        design.with_scene(length=9.0)
     for wrong, message in (
         ((THICKNESS, 5, 0.01), "quantity = 'thickness': choose one of spacing"),
         ((SPACING, 39, 0.01), "index = 39: give a whole number from 0 to 38"),
         ((SPACING, 5, float("nan")), "value = nan m: give a finite number"),
     ):
         with pytest.raises(ValueError, match=message):
-            design.drag(*wrong)
+            design.with_size(*wrong)
     with pytest.raises(ValueError, match="leaves nothing free"):
-        design.change(spacing=(0.02, 0.02))
+        design.with_scene(spacing=(0.02, 0.02))
     with pytest.raises(ValueError, match="40 dominoes, and the scene 20"):
-        design.open(SPRINT.replace(count=20), design.layout)
+        Design(SPRINT.replace(count=20), design.layout)
 
 
-def test_displayed_numbers_agree_with_the_command(output_of, tmp_path) -> None:
-    design = StudioDesign(SPRINT)
-    design.drag(SPACING, 3, 0.012)
-    design.uniform = SPRINT.uniform()
-    numbers = design.numbers()
+def test_the_words_agree_with_the_command(output_of, tmp_path) -> None:
+    design, uniform = Design.uniform(SPRINT).with_size(SPACING, 3, 0.012), SPRINT.uniform()
     path = tmp_path / "row.csv"
     design.layout.to_csv(path)
     printed = output_of("simulate", path, "--scene", "sprint")
-    speed, last = numbers["mean speed"], numbers["last domino hit after"].partition(" ±")[0]
-    assert f"mean speed {speed} over" in printed
-    assert f"last domino hit after {last}\n" in printed
-    gained = numbers["gain over the uniform baseline (best equal gaps)"]
-    assert gained == f"{SPRINT.score(design.layout) / design.uniform.score - 1.0:+.2%}"
-    size = gained.removeprefix("+").removeprefix("-")
-    assert f"score {speed} on 'sprint', {size} " in printed
+    speed, sentence = design.headline(uniform)
+    assert f"score {design.score:.6f} m/s" in printed
+    assert speed == f"{design.score:.3f} m/s"
+    loss = 1.0 - design.score / uniform.score
+    assert sentence == f"{loss:.2%} slower than the best equal gaps"
+    assert f"{loss:.2%} below the uniform" in printed
+    assert f"last hit after {design.wave.arrival_times[-1]:.4f} s" in design.details(uniform)
+    best = Design(SPRINT, best_known()["sprint"].layout)
+    assert best.headline(uniform) == ("0.829 m/s", "3.18% faster than the best equal gaps")
+    assert "100% of the gain of the best known layout" in best.details(uniform)
+    assert Design.uniform(SPRINT).headline(uniform)[1] == "as fast as the best equal gaps"
+    assert "computing" in best.headline(None)[1]
 
 
-def test_displayed_numbers_of_a_schedule_are_errors() -> None:
-    design = StudioDesign(de.load_scene("tempo"))
-    name = "result of the uniform baseline (best equal gaps)"
-    assert design.numbers()[name] == "computing …"
-    design.uniform = design.scene.uniform()
-    assert design.numbers()[name] == design.numbers()["result"] == "RMS error 18.7318 ms"
+@pytest.mark.parametrize(("name", "words"), [
+    ("tempo", "RMS error 18.73 ms"), ("magnify", "last domino 8.444 m high"),
+])  # fmt: skip
+def test_the_words_of_other_objectives(name: str, words: str) -> None:
+    design = Design.uniform(de.load_scene(name))
+    assert design.headline(design.scene.uniform()) == (words, f"best equal gaps: {words}")
 
 
-def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
-    design = StudioDesign(SPRINT.replace(spacing=(0.002, 0.060)))
+def test_the_words_of_a_wave_that_stops_name_the_place() -> None:
+    design = Design.uniform(SPRINT.replace(spacing=(0.002, 0.060)))
     assert design.stop is None
-    design.uniform = design.scene.uniform()
-    assert "+0.00%" in design.numbers().values()
-    design.drag(SPACING, 20, 0.050)  # more than the height
+    design = design.with_size(SPACING, 20, 0.050)  # more than the height
     assert design.stop == 20
-    assert design.numbers()["dominoes hit"] == "21 of 40"
+    assert design.headline(None) == ("stops at domino 21", "21 of 40 fall")
 
 
-@pytest.mark.parametrize("kind", ["bounds", "length", "list"])
-def test_improving_raises_the_score_and_keeps_the_rules(kind: str, monkeypatch) -> None:
+def test_a_search_shows_better_layouts_and_is_stopped(monkeypatch) -> None:
     monkeypatch.setattr("optimize.interactive.jobs.SHOW_INTERVAL", 0.0)
-    monkeypatch.setattr("optimize.interactive.jobs.STEP_PAUSE", 0.0)
-    scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
-    design, scores = StudioDesign(scene), list[float]()
+    stopped, shown = threading.Event(), list[float]()
 
-    def show(layout: de.Layout, _: float) -> None:
-        scores.append(scene.score(layout))
+    def show(layout: de.Layout, score: float, _: str) -> None:
+        assert SPRINT.score(layout) == pytest.approx(score, rel=1e-6)
+        shown.append(score)
+        if len(shown) == 5:
+            stopped.set()
 
-    layout, words = run_search(scene, improvement_method(design.layout), threading.Event(), show)
-    assert scene.violations(layout) == []
-    assert scene.score(layout) == pytest.approx(max(scores), rel=1e-9)
-    assert scores == sorted(scores)
-    assert (max(scores) > design.score * 1.001) == (kind != "list")
-    assert ("Search" in words) == (kind == "list")
-
-
-def test_a_search_that_is_stopped_returns_its_best() -> None:
-    stopped, layouts = threading.Event(), list[de.Layout]()
-
-    def show(layout: de.Layout, _: float) -> None:
-        layouts.append(layout)
-        stopped.set()
-
-    layout, words = run_search(SPRINT, "auto", stopped, show)
+    layout, score, words = run_search(SPRINT, stopped, show, thorough=True)
+    assert shown == sorted(shown)
+    assert SPRINT.score(layout) == pytest.approx(score)
+    assert score >= shown[-1] * (1.0 - 1e-6)
     assert "stopped" in words
-    assert SPRINT.score(layout) >= SPRINT.score(layouts[0]) - 1e-6
+
+
+def test_a_process_searches_and_continues_after_an_error() -> None:
+    process = SearchProcess()
+    try:
+        _, score, words = process.run(SPRINT, thorough=False, show=lambda *_: None)
+        assert score > 1.03 * SPRINT.uniform().score
+        assert "gained less than 0.01%" in words
+        weak = SPRINT.replace(physics=SPRINT.physics.replace(push=0.1, friction=1.0))
+        assert process.run(weak, thorough=False, show=lambda *_: None)[1] <= 0.0
+        again = process.run(SPRINT, thorough=False, show=lambda *_: process.stop())
+        assert "stopped" in again[2]
+    finally:
+        process.close()
+    with pytest.raises(ValueError, match="the process of the search ended"):
+        process.run(SPRINT, thorough=False, show=lambda *_: None)

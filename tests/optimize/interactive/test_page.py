@@ -15,8 +15,8 @@ import pytest
 
 import domino_env as de
 from optimize import Studio, studio
-from optimize.interactive.design import StudioDesign
-from optimize.interactive.exchange import open_design
+from optimize.interactive.design import Design
+from optimize.interactive.exchange import make_link, open_design
 
 page = pytest.importorskip("optimize.interactive.page", reason="needs the extra 'studio'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Panel's and Bokeh's own
@@ -43,6 +43,19 @@ gaps.renderers.forEach(r => { if (r.glyph.type == 'Scatter' && r.data_source.dat
   place = [box.left + view.frame.x_scale.compute(data.x[k]),
            box.top + view.frame.y_scale.compute(data.y[k])]; } });
 return place;
+"""
+# the place of a domino: the canvas has the scale and the margins of the figures
+DOMINO = """
+const box = find('canvas[role=application]').getBoundingClientRect();
+const view = Bokeh.index.find_one_by_id([...Bokeh.documents[0]._all_models.values()].find(
+  m => m.type == 'Figure').id);
+return [view.el.getBoundingClientRect().left + view.frame.x_scale.compute(arguments[0]) - 3,
+        box.bottom - 25];
+"""
+COUNT_NODES = """
+window.nodes = 0;
+const make = AudioContext.prototype.createBufferSource;
+AudioContext.prototype.createBufferSource = function() { nodes++; return make.call(this); };
 """
 
 
@@ -71,7 +84,7 @@ class Tab:
     """
 
     def __init__(self, window: Any, url: str) -> None:
-        self.window = window
+        self.window, self.url = window, url
         window.switch_to.new_window("tab")
         window.get(url)
         self.handle = window.current_window_handle
@@ -81,7 +94,7 @@ class Tab:
         """Wait until a condition holds, and return its value."""
         end = time.monotonic() + LONGEST
         while not (found := condition()):
-            assert time.monotonic() < end, f"not in time: {self.text('.numbers')} {self.status}"
+            assert time.monotonic() < end, f"not in time: {self.result} {self.status}"
             time.sleep(0.05)
         return found
 
@@ -100,26 +113,21 @@ class Tab:
         return self.text("[role=status]")
 
     @property
-    def link(self) -> str:
-        return self.of("a", "Link that contains this layout", "href")
+    def design(self) -> Design:
+        """The design in the address of the page."""
+        return open_design(self.window.current_url)
 
     @property
-    def design(self) -> StudioDesign:
-        """The design in the link of the page."""
-        return open_design(self.link)
-
-    @property
-    def speed(self) -> float:
-        return float((re.search(r"([\d.]+) m/s", self.text(".numbers")) or [0, "nan"])[1])
-
-    @property
-    def gain(self) -> float:
-        return float((re.search(r"([+-][\d.]+)%gain", self.text(".numbers")) or [0, "nan"])[1])
+    def result(self) -> str:
+        return self.text(".number")
 
     @property
     def settled(self) -> bool:
-        """True if the numbers are complete and those of the layout in the link."""
-        return bool(self.link) and abs(self.speed - self.design.score) < 6e-7 and self.gain > -100
+        """True if the result is complete, and that of the layout in the address."""
+        is_linked = "design=" in self.window.current_url
+        return (
+            is_linked and f"{self.design.score:.3f} m/s" in self.result and "equal" in self.result
+        )
 
     def of(self, selector: str, text: str, what: str) -> Any:
         """Return an attribute of the first such element, or what one of its methods returns.
@@ -135,28 +143,50 @@ class Tab:
     def click(self, name: str) -> None:
         self.wait(lambda: self.of("button:enabled, a", name, "click"))
 
+    def choose(self, option: str) -> None:
+        """Choose an option of the selection that has it."""
+        self.run(
+            "const select = all(document).find(e => e.matches('select') &&"
+            "  [...e.options].some(o => o.value == arguments[0]));"
+            "select.value = arguments[0]; select.dispatchEvent(new Event('change'))", option,
+        )  # fmt: skip
+
     def send(self, selector: str, keys: str, text: str = "") -> None:
         element = self.run("return find(arguments[0], arguments[1])", selector, text)
         element.send_keys(keys)
 
-    def drag(self, number: int, up: int, callback: Callable[[], Any] = lambda: None) -> None:
-        """Drag a point of the gap curve by some pixels, and call `callback` after each step."""
+    def pointer(self, *moves: tuple[Any, ...]) -> None:
+        """Move and press the pointer."""
         from selenium.webdriver import ActionChains
 
-        def act(name: str, *values: Any) -> None:
-            moves = ActionChains(self.window, duration=10)
-            getattr(moves.w3c_actions.pointer_action, name)(*values)
-            moves.perform()
+        chain = ActionChains(self.window, duration=10)
+        for name, *values in moves:
+            getattr(chain.w3c_actions.pointer_action, name)(*values)
+        chain.perform()
 
-        before = self.design.layout
-        x, y = map(int, self.run(POINT, number))
-        act("move_to_location", x, y)
-        act("pointer_down")
+    def drag(
+        self, place: Any, across: int, up: int, callback: Callable[[], Any] = lambda: None
+    ) -> None:
+        """Drag from a place on the screen by some pixels, and call `callback` after each step."""
+        before, (x, y) = self.design.layout, map(int, place)
+        self.pointer(("move_to_location", x, y), ("pointer_down",))
         for k in range(1, 9):
-            act("move_to_location", x + 3, y - up * k // 8)  # which goes up and down only
+            self.pointer(("move_to_location", x + across * k // 8, y - up * k // 8))
             callback()
-        act("pointer_up")
+        self.pointer(("pointer_up",))
         self.wait(lambda: self.design.layout != before and self.settled)
+
+    def point(self, gap: int) -> Any:
+        """Return the place of a gap's point on the screen."""
+        return self.run(POINT, gap)
+
+    def domino(self, index: int) -> Any:
+        """Return the place of a domino on the screen, near its base."""
+        return self.run(DOMINO, float(self.design.layout.pivots[index, 0]))
+
+    def changed_gaps(self) -> list[int]:
+        """Return the gaps that differ from the first layout."""
+        return np.flatnonzero(abs(self.design.layout.spacing - FIRST.spacing) > 1e-6).tolist()
 
 
 @pytest.fixture(scope="module")
@@ -176,77 +206,136 @@ def opened(chromium: Any, served: Studio) -> Tab:
 
 @pytest.fixture
 def tab(opened: Tab) -> Iterator[Tab]:
-    opened.click("Reset")
-    opened.wait(lambda: not opened.status and opened.settled and opened.design.layout == FIRST)
+    opened.window.get(opened.url)
+    opened.wait(lambda: opened.settled and opened.design.layout == FIRST)
     yield opened
     assert "SEVERE" not in [entry["level"] for entry in opened.window.get_log("browser")]
 
 
-def test_dragging_a_point_changes_the_gap_and_the_numbers(tab: Tab) -> None:
-    before = tab.speed
-    tab.drag(12, 35)
-    gaps = tab.design.layout.spacing
-    assert np.flatnonzero(abs(gaps - FIRST.spacing) > 1e-6).tolist() == [12]
-    assert gaps[12] > 0.022
-    assert tab.speed != before
+def test_dragging_a_domino_or_a_point_changes_gaps_and_result(tab: Tab) -> None:
+    before = tab.result
+    tab.drag(tab.domino(12), 8, 0)
+    assert tab.changed_gaps() == [11, 12]
+    assert tab.design.layout.length == pytest.approx(FIRST.length)
     tab.click("Undo")
-    tab.wait(lambda: tab.speed == before)
+    tab.wait(lambda: tab.result == before and tab.changed_gaps() == [])
+    tab.drag(tab.point(12), 3, 35)  # which goes up and down only
+    assert tab.changed_gaps() == [12]
+    assert tab.design.layout.spacing[12] > 0.022
+    changed = tab.design.layout
+    tab.window.refresh()
+    tab.wait(lambda: tab.settled)
+    assert tab.design.layout == changed
 
 
-def test_improving_raises_the_gain(tab: Tab) -> None:
-    tab.click("Improve")
-    tab.wait(lambda: "nothing nearby is better" in tab.status and tab.settled and tab.gain > 1.0)
+def test_a_push_is_heard_and_space_pauses(tab: Tab) -> None:
+    tab.run(COUNT_NODES)
+    x, y = map(int, tab.domino(0))
+    tab.pointer(("move_to_location", x, y), ("pointer_down",), ("pointer_up",))
+    pointer = (
+        "const s = Bokeh.documents[0].get_model_by_name('pointer'); return s.visible && s.location"
+    )
+    tab.wait(lambda: tab.run(pointer) > 0.1)
+    tab.send("canvas[role=application]", " ")
+    place = tab.run(pointer)
+    time.sleep(0.2)
+    assert tab.run(pointer) == place
+    tab.send("canvas[role=application]", " ")
+    tab.wait(lambda: tab.run("return nodes") == 39)
+    tab.wait(lambda: tab.run(pointer) == pytest.approx(FIRST.pivots[-1, 0]))
 
 
-def test_a_stopped_search_shows_its_best_layout(tab: Tab) -> None:
-    tab.click("Search")
+def test_dominoes_are_inserted_and_removed(tab: Tab) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    x, y = map(int, tab.domino(5))
+    press = ("pointer_down",), ("pointer_up",)
+    tab.pointer(("move_to_location", x + 12, y), *press, *press)
+    tab.wait(lambda: tab.design.layout.count == 41 and tab.settled)
+    tab.pointer(("move_to_location", *map(int, tab.domino(9))), *press)
+    tab.send("canvas[role=application]", Keys.DELETE)
+    tab.wait(lambda: tab.design.layout.count == 40 and tab.settled)
+    assert tab.design.layout != FIRST
+    tab.click("Undo")
+    tab.click("Undo")
+    tab.wait(lambda: tab.design.layout == FIRST)
+
+
+def test_a_search_ends_by_itself(tab: Tab) -> None:
+    tab.click("Make it faster")
+    tab.wait(lambda: "layouts in" in tab.status and tab.settled)
+    assert "3.18% faster than the best equal gaps" in tab.result
+    assert tab.of("button", "Search thoroughly", "click")
     tab.click("Stop")
-    tab.wait(lambda: "stopped; this is the best so far" in tab.status and tab.settled)
-    assert tab.gain >= 0.0
-    tab.wait(lambda: tab.of("button:disabled", "Stop", "disabled"))
+    tab.wait(
+        lambda: "stopped" in tab.status and tab.of("button", "Make it faster", "disabled") is False
+    )
 
 
-def test_a_race_plays_and_the_export_scores_the_same(
+def test_a_drag_ends_a_search_and_keeps_what_it_found(tab: Tab) -> None:
+    tab.click("Make it faster")
+    tab.wait(lambda: "faster than" in tab.result)
+    tab.drag(tab.domino(20), 4, 0)
+    tab.wait(lambda: tab.of("button", "Make it faster", "disabled") is False)
+    assert len(tab.changed_gaps()) > 20
+
+
+def test_a_race_a_saved_file_and_a_wrong_one(
     tab: Tab, tmp_path: Path, output_of: Callable[..., str]
 ) -> None:
     tab.window.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
     )
-    from selenium.webdriver.common.keys import Keys
-
-    tab.drag(0, 60)
-    tab.run(
-        "const select = find('select');"
-        "select.value = 'best known layout'; select.dispatchEvent(new Event('change'))"
+    tab.drag(tab.point(0), 0, 60)
+    tab.choose("best known row")
+    state = (
+        "return [...Bokeh.documents[0]._all_models.values()].find(m => m.data?.attributes?.state)"
     )
-    tab.wait(lambda: "Best known layout is the fastest" in tab.text())
-    tab.of("button.play", "", "click")
-    tab.wait(lambda: re.search(r"\d\.\d+ s of \d", tab.text()))
-    tab.click("Layout (CSV)")
-    tab.send("button", Keys.ENTER, "Scene (TOML)")
-    names = {"sprint.csv", "sprint.scene.toml"}
-    tab.wait(lambda: {path.name for path in tmp_path.iterdir()} >= names)
+    tab.wait(lambda: tab.run(f"{state}.data.attributes.state.rival") == "best known row")
+    assert "later than best known row; the row is" in tab.run(
+        f"{state}.data.attributes.state.verdict"
+    )
+    for name, ending in (("Layout (CSV)", "csv"), ("Scene (TOML)", "scene.toml")):
+        tab.click("Save")
+        tab.wait(lambda name=name: tab.of(".bk-item", name, "click"))
+        tab.wait(lambda ending=ending: (tmp_path / f"sprint.{ending}").exists())
     printed = output_of("simulate", tmp_path / "sprint.csv")
-    assert f"score {tab.speed:.6f} m/s on 'sprint'" in printed
-
-
-def test_an_invalid_file_shows_its_error_and_a_link_its_layout(tab: Tab, tmp_path: Path) -> None:
-    path = tmp_path / "wrong.csv"
+    assert f"score {tab.design.score:.6f} m/s on 'sprint'" in printed
+    path, layout = tmp_path / "wrong.csv", tab.design.layout
     path.write_text("spacing_mm,thickness_mm\n18,5,7.5\n,7.5\n")
     tab.send("input[type=file]", str(path))
     tab.wait(lambda: "wrong.csv, line 2: more cells" in tab.status)
-    assert tab.design.layout == FIRST
-    layout = de.Layout.uniform(40, spacing=0.012)
-    layout.to_csv(path)
+    assert tab.design.layout == layout
+    uniform = de.Layout.uniform(40, spacing=0.012)
+    uniform.to_csv(path)
     tab.send("input[type=file]", str(path))
-    tab.wait(lambda: "opened wrong.csv" in tab.status and tab.design.layout == layout)
-    linked = Tab(tab.window, tab.link)
-    assert linked.design.layout == layout
+    tab.wait(lambda: "opened wrong.csv" in tab.status and tab.design.layout == uniform)
+    linked = Tab(tab.window, tab.window.current_url)
+    assert linked.design.layout == uniform
     linked.click("Equal gaps")
     linked.wait(lambda: linked.design.layout == FIRST)
     tab.window.close()
     tab.window.switch_to.window(tab.handle)
-    assert tab.design.layout == layout  # tabs do not disturb each other
+    assert tab.design.layout == uniform  # tabs do not disturb each other
+
+
+def test_a_stopped_row_is_mended_and_checked(tab: Tab) -> None:
+    wide = SPRINT.replace(spacing=(0.002, 0.06))
+    design = Design.uniform(wide).with_size("spacing", 20, 0.055)
+    tab.window.get(tab.url + make_link(design))
+    tab.wait(lambda: "stops at domino 21" in tab.result)
+    tab.wait(lambda: tab.of("button", "Mend the gap where it stops", "click"))
+    tab.wait(lambda: "m/s" in tab.result)
+    tab.click("Will it work?")
+    tab.wait(lambda: "Yes. Placed to ±0.5 mm, 100% of 256 rows fall" in tab.status)
+    assert "40 of 40 dominoes fall" in tab.status
+
+
+def test_scenes_of_the_gallery_open(tab: Tab) -> None:
+    href = tab.run("return all(document).find(e => e.matches('a[href*=\"scene=table\"]'))?.href")
+    assert href
+    tab.window.get(href)
+    tab.wait(lambda: re.search(r"0\.80\d m/s as fast as the best equal gaps", tab.result))
 
 
 def test_a_damaged_link_shows_an_error(served: Studio) -> None:
@@ -257,12 +346,17 @@ def test_a_damaged_link_shows_an_error(served: Studio) -> None:
     assert any("copy the whole link" in text for text in texts)
 
 
-def test_sliders_follow_the_keyboard(tab: Tab) -> None:
+def test_sliders_change_the_scene_and_keep_the_best_equal_gaps(tab: Tab) -> None:
     from selenium.webdriver.common.keys import Keys
 
-    tab.send(".noUi-handle", Keys.ARROW_RIGHT)
-    tab.wait(lambda: tab.design.layout.count == 41 and tab.settled)
-    assert tab.design.scene.count == 41
+    tab.wait(lambda: tab.of("h3", "Dominoes", "click"))
+    tab.wait(lambda: tab.run("return find('.noUi-handle')?.getBoundingClientRect().width") or 0)
+    for _ in range(2):
+        tab.send(".noUi-handle", Keys.ARROW_RIGHT)
+    tab.wait(lambda: tab.design.layout.count == 42 and tab.settled)
+    assert "as fast as the best equal gaps" in tab.result
+    tab.click("Undo")
+    tab.wait(lambda: tab.design.layout == FIRST)  # one step of the history
 
 
 def test_the_page_fits_a_phone(tab: Tab) -> None:
