@@ -1,6 +1,6 @@
 """Write studio.gif, a drag, a search and a race on the page: python docs/studio_picture.py.
 
-It needs the extras studio and dev, Chromium and its driver.
+It needs the extra studio, the group dev, Chromium and its driver.
 """
 
 from __future__ import annotations
