@@ -136,9 +136,8 @@ def _summary_table(experiment: Experiment) -> list[str]:
             f"{float(experiment.mean_score(name, s).value):.1%}" if runs[s] else ""
             for s in experiment.problems
         )
-        seconds = float(np.median([r.seconds for r in experiment.runs(name)]))
-        lines.append((f"`{name}`", *cells, _seconds_text(seconds)))
-    return list(markdown_table(("algorithm", *experiment.problems, "processor time"), lines))
+        lines.append((f"`{name}`", *cells))
+    return list(markdown_table(("algorithm", *experiment.problems), lines))
 
 
 def _overview(experiment: Experiment) -> list[str]:
@@ -180,9 +179,9 @@ def table(
     list of str
         Lines of the table.
     """
-    columns = ["algorithm", "runs", "interquartile mean", "median", "optimality gap"]
+    columns = ["algorithm", "runs", "interquartile mean", "processor time"]
     columns += [f"after {time:g} s" for time in TIMES]
-    columns += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
+    columns += ["past uniform", "optimality gap", *["worst, best score"] * (scene is not None)]
     selection = set(experiment.methods if names is None else names)
     lines = []
     for name in experiment.rank([m for m in experiment.methods if is_learner(m)], scene):
@@ -193,10 +192,10 @@ def table(
         early = [experiment.score_after(name, time, scene) for time in TIMES]
         line = [
             f"`{name}`", len(runs), _estimate_text(experiment.mean_score(name, scene)),
-            f"{float(estimates.median_of_problems(scores)):.1%}",
-            _estimate_text(estimates.estimate(estimates.optimality_gap, scores)),
+            _seconds_text(float(np.median([r.seconds for r in runs]))),
             *(f"{score:.1%}" if np.isfinite(score) else "–" for score in early),
-            f"{past} of {len(runs)}", _seconds_text(float(np.median([r.seconds for r in runs]))),
+            f"{past} of {len(runs)}",
+            _estimate_text(estimates.estimate(estimates.optimality_gap, scores)),
         ]  # fmt: skip
         if scene is not None:
             worst, best = (choose(r.score for r in runs) for choose in (min, max))

@@ -213,8 +213,16 @@ def growth_table(lines: list[Line]) -> list[str]:
         best, gap = best_factor(friction)
         others = (f"{best_factor(friction, thickness)[0]:.2f}" for thickness in (0.1, 0.25))
         cells.append((f"{friction:g}", f"{best:.3f}", f"{gap:.2f}", *others, *toppled[3 * k :][:3]))
-    names = "friction", "largest factor", "at gap", "thickness 0.1", "thickness 0.25"
-    return markdown_table((*names, "topple: 5 % less", "5 % more", "5 % less, floor 1"), cells)
+    names = (
+        "friction",
+        "largest factor",
+        "at gap [height]",
+        "largest at thickness 0.1",
+        "at thickness 0.25",
+    )
+    return markdown_table(
+        (*names, "of 8 topple, factor 5 % less", "5 % more", "5 % less, floor 1"), cells
+    )
 
 
 def draw_growth() -> Any:
@@ -265,8 +273,15 @@ def record_table() -> list[str]:
         speeds = speed, *steady_speed(np.array([0.2, 0.4, 0.6]), friction)
         heights = *map(needed_height, speeds), started_height(friction)
         cells.append((f"{friction:g}", f"{gap:.3f}", *(f"{height:.2f}" for height in heights)))
-    names = "friction", "best gap", "height there [m]", "at gap 0.2", "at gap 0.4", "at gap 0.6"
-    return markdown_table((*names, "row of 30 m from a push"), cells)
+    names = (
+        "friction",
+        "best gap [height]",
+        "height there [m]",
+        "at gap 0.2 [m]",
+        "at gap 0.4 [m]",
+        "at gap 0.6 [m]",
+    )
+    return markdown_table((*names, "row of 30 m from a push [m]"), cells)
 
 
 def draw_record() -> Any:

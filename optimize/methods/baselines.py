@@ -1,4 +1,4 @@
-"""Methods for comparison: random layouts, the uniform baseline, and two third-party methods."""
+"""Methods for comparison: random layouts, the uniform baseline, `ngopt` and `tpe`."""
 
 from __future__ import annotations
 
