@@ -55,7 +55,7 @@ def main() -> None:
     take(HOLD)
     tab.click("Make it faster")
     result = tab.result
-    while "layouts in" not in tab.status:
+    while "best of" not in tab.status:
         if tab.result != result:
             result = tab.result
             take()

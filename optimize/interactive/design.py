@@ -242,7 +242,7 @@ class Design:
         """Return the result, and how it compares with the uniform baseline, if that is known."""
         scene, wave = self.scene, self.wave
         if self.stop is not None:
-            return f"stops at domino {self.stop + 1}", f"{wave.hit} of {wave.layout.count} fall"
+            return f"stops at domino {self.stop}", f"{wave.hit} of {wave.layout.count} are hit"
         if not self.is_scored:
             return f"{wave.mean_speed:.3f} m/s", "with fixed pivots; computing it on the floor …"
         if scene.unit != "m/s":
@@ -263,14 +263,16 @@ class Design:
         """Return time, length, normalised score and outcome in one line."""
         wave, best, scene = self.wave, known_best(self.scene), self.scene
         parts = [f"{wave.layout.count} dominoes over {1e3 * wave.layout.length:.0f} mm"]
-        if wave.hit == wave.layout.count:
-            last, error = float(wave.arrival_times[-1]), wave.error_estimate
-            parts.append(f"last hit after {last:.4f} s (numerical error {error * last:.0e} s)")
+        if self.stop is not None:
+            return "; ".join([*parts, wave.explanation.partition(" (smallest_push")[0]])
+        last, error = float(wave.arrival_times[-1]), wave.error_estimate
+        parts.append(f"last hit after {last:.4f} s (computed to {error * last:.0e} s)")
         if best and uniform and self.is_scored and scene.unit == "m/s":
             known = best.score - uniform.score
             share = round((self.score - uniform.score) / known, 2) + 0.0  # no -0 %
-            parts.append(f"{share:.0%} of the gain of the best known layout")
-        return "; ".join([*parts, wave.explanation])
+            if share > 0.0:
+                parts.append(f"{share:.0%} of the gain of the best known row")
+        return "; ".join(parts)
 
 
 def _round(text: str) -> str:

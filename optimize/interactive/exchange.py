@@ -154,8 +154,8 @@ def receive(design: Design, files: Mapping[str, bytes]) -> tuple[Design, str]:
     received = read_files(files, scene)
     is_alone = not any(name.lower().endswith(".toml") for name in files)
     if is_alone and received.scene != scene and (violations := scene.violations(received.layout)):
-        reason = f"it is no layout of scene '{scene.name}': {violations[0]}"
-        return received, f"opened {names}; {reason}"
+        reason = f"with a scene of its own, as it does not fit '{scene.name}': {violations[0]}"
+        return received, f"opened {names} {reason}"
     return received, f"opened {names}"
 
 
@@ -187,7 +187,8 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
             scene.row(layout), path, title=str(scene.title), physics=scene.physics,
             designed=layout.count)),
         "Layout (CSV)": (".csv", layout.to_csv),
-        "Scene (TOML)": (".scene.toml", lambda path: write_text(path, scene.to_toml())),
+        "Scene without gaps (TOML)": (
+            ".scene.toml", lambda path: write_text(path, scene.to_toml())),
         "Report (HTML)": (".html", report),
     }  # fmt: skip
 

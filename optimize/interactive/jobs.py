@@ -127,9 +127,8 @@ def run_search(scene: Scene, stop: threading.Event, show: Show, *, thorough: boo
         )
 
     result = search(scene, progress=False, callback=report)
-    message = (
-        f"{result.evaluations:,} layouts in {result.seconds:.1f} s: {reason or result.stop_reason}"
-    )
+    effort = f"best of {result.evaluations:,} layouts in {result.seconds:.1f} s"
+    message = f"{effort}: {reason or result.stop_reason}"
     return result.layout, result.score, message
 
 

@@ -18,7 +18,7 @@ from bokeh.models import Range1d
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, outlines
-from domino_env.physics.wave import Wave, simulate
+from domino_env.physics.wave import simulate
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.run_out import RunOut
@@ -37,6 +37,7 @@ MAX_LINK_LENGTH = 30_000  # characters that servers and browsers accept in an ad
 FLOOR_SECONDS = 60.0  # [s] for the uniform baseline on a floor
 UNIFORM_DELAY = 0.3  # [s] without a change of the scene before its uniform baseline is computed
 PLACED, FLOOR = 0.0005, 0.5  # [m], friction with which `Will it work?` is answered
+REACTION = 0.7  # [s] after the end of a search in which a click on its button does nothing
 LIKELY = 0.95  # fraction of rows, or of dominoes, that has to fall for "Probably"
 DRAWN = 100  # dominoes in a picture of the gallery
 WIDE = {"sizing_mode": "stretch_width"}
@@ -177,10 +178,11 @@ class Page:
         self._pending: dict[Callable[..., None], Any] = {}  # arguments of scheduled calls
         self._process, self._lock = SearchProcess(), threading.Lock()  # held by a search
         self._search: object | None = None  # identity of the running search
+        self._ended = 0.0  # [s] clock at the end of the last search; 0 before the first
         self._last_control: Control | None = None  # its next change replaces its last one
         self._uniform: UniformBaseline | None = None  # of the scene below; None: not computed yet
         self._uniform_scene: Scene | None = None
-        self._kept: Wave | None = None
+        self._kept: Design | None = None
         self._has_touch = False
         self.row, self._range = Row(margin=0, **WIDE), Range1d(-1.0, 1.0)
         self.curves = {quantity: Curve(self._range, quantity) for quantity in TITLES}
@@ -235,8 +237,8 @@ class Page:
         self.thorough = button(THOROUGH, self._start_search, True)
         self.undo, self.redo = button("Undo", self._move, -1), button("Redo", self._move, 1)
         self.equal = button("Equal gaps", self._equal_gaps)
-        names = [LINK, *exports(self.design)]
-        save = pn.widgets.MenuButton(name="Save", items=names, width=180, margin=0)
+        names = [*exports(self.design), LINK]
+        save = pn.widgets.MenuButton(name="Print and save", items=names, width=180, margin=0)
         save.on_click(lambda event: self._schedule(lambda: self._call(self._save, event.new)))
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
         connect(upload, lambda data: self._receive(upload.filename, data))
@@ -334,8 +336,8 @@ class Page:
             message = str(error)
             for key, words in WORDS.items():
                 message = message.replace(key, words)
-            self.notify(message, "error")
             self._settle()
+            self.notify(message, "error")
 
     def notify(self, text: str, kind: str = "") -> None:
         """Show a message.
@@ -357,9 +359,9 @@ class Page:
         rival = None if self._uniform is None else self._uniform.wave
         if self.compare.value != UNIFORM:
             best = known_best(scene)
-            rival = {BEST: scene.simulate(best.layout) if best else None, KEPT: self._kept}.get(
-                self.compare.value
-            )
+            kept = self._kept.wave if self._kept else None
+            waves_by_name = {BEST: scene.simulate(best.layout) if best else None, KEPT: kept}
+            rival = waves_by_name.get(self.compare.value)
         waves = design.wave, rival
         low, high = self.row.show(design, rival, self.compare.value, moves=moves)
         self._range.update(start=low, end=high)
@@ -375,6 +377,7 @@ class Page:
 
     def _settle(self) -> None:
         """Show the present step of the history; slow computations run in threads."""
+        self.notify("")
         design = self.design = self._steps[self._position]
         scene = design.scene
         self.title.object = f"<h1>{escape(str(scene.title))}</h1>"
@@ -383,7 +386,7 @@ class Page:
             widget.visible = value is not None
             if value is not None:
                 low, high = min(control.low, np.min(value)), max(control.high, np.max(value))
-                widget.param.update(start=low, end=high, value=value)
+                widget.param.update(start=low, fixed_start=low, end=high, value=value)
         scale = MM * (float(design.layout.height.max()) if scene.in_heights else 1.0)
         for quantity, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
             self.curves[quantity].figure.visible = free
@@ -392,10 +395,11 @@ class Page:
         self.row.address = link if len(link) < MAX_LINK_LENGTH else "?"
         self.undo.disabled = self._position == 0
         self.redo.disabled = self._position == len(self._steps) - 1
-        options = [UNIFORM, *([BEST] if known_best(scene) else []), *([KEPT] if self._kept else [])]
-        self.compare.options = [*options, ALONE]
+        is_kept = self._kept is not None and self._kept.scene.ground == scene.ground
+        has = {UNIFORM: True, BEST: known_best(scene) is not None, KEPT: is_kept, ALONE: True}
+        self.compare.options = [name for name in has if has[name]]
         self.faster.name = STOP if self._search else FASTER
-        self.thorough.visible = False
+        self.thorough.visible = self._ended > 0.0 and not self._search
         if scene != self._uniform_scene:
             self._uniform_scene, self._uniform = scene, None
 
@@ -448,7 +452,6 @@ class Page:
     def _edit(self, change: Callable[[], Design]) -> None:
         """Replace the design as a step of the history."""
         self._keep_found()
-        self.notify("")
         self.design = change()
         self._commit()
 
@@ -462,11 +465,12 @@ class Page:
     def _change(self, control: Control, value: Any) -> None:
         """Change the scene; consecutive changes by one control are one step of the history."""
         if value is not None and value != control.read(self.design.scene):
-            if self._last_control is control:
-                self._position -= 1
-                self.design = self._steps[self._position]
-            scene = self.design.scene
-            self._edit(lambda: self.design.with_scene(**control.fields(scene, value)))
+            self._keep_found()
+            is_same = self._last_control is control
+            before = self._steps[self._position - is_same]
+            design = before.with_scene(**control.fields(before.scene, value))
+            self._position -= is_same
+            self._edit(lambda: design)
             self._last_control = control
 
     def _equal_gaps(self) -> None:
@@ -487,7 +491,7 @@ class Page:
 
     def _keep(self) -> None:
         """Keep the layout as a row to race against."""
-        self._kept = self.design.wave
+        self._kept = self.design
         self._settle()
         self.compare.value = KEPT
 
@@ -505,7 +509,7 @@ class Page:
                 raise ValueError("the row is too long for a link: save layout and scene")
             self.message.object = (
                 f'<p role="status" class="message"><a href="{self.row.address}" target="_blank">'
-                "This link, as the address of the page, contains the row</a></p>"
+                "Open the row in another tab</a>: the address contains it, as that of this page</p>"
             )
             return
         ending, write = exports(self.design)[name]
@@ -527,7 +531,7 @@ class Page:
     def _end_search(self) -> None:
         """Stop a running search; its later results are dropped."""
         if self._search is not None:
-            self._search = None
+            self._search, self._ended = None, time.monotonic()
             self._process.stop()
 
     def _keep_found(self) -> None:
@@ -537,11 +541,11 @@ class Page:
 
     def _search_or_stop(self) -> None:
         """Begin a search, or end the running one."""
-        if self._search is None:
-            self._start_search()
-        else:
+        if self._search is not None:
             self._commit()
             self.notify("stopped; this is the best so far")
+        elif time.monotonic() > self._ended + REACTION:  # not a click on Stop that came too late
+            self._start_search()
 
     def _start_search(self, thorough: bool = False) -> None:
         """Search, and show layouts that are better than the present one."""
@@ -563,10 +567,9 @@ class Page:
                 return
             layout, score, text = result
             self.design = Design(first.scene, layout) if layout and score > lowest else first
-            self._search = None
+            self._search, self._ended = None, time.monotonic()
             self._commit()
             self.notify(text if score > lowest else f"no better row was found; {text}")
-            self.thorough.visible = not thorough
 
         def run() -> tuple[Layout | None, float, str]:
             with self._lock:

@@ -83,16 +83,22 @@ export function render({ model, el }) {
       pen.beginPath(); pen.moveTo(finish, pz(row.ground.z.at(-1)) + 6); pen.lineTo(finish, SKY - 8); pen.stroke(); pen.setLineDash([]);
     }
     if (state.stop >= 0) write("▼", px(rows[0].ground.x[state.stop]), pz(rows[0].ground.z[state.stop] + rows[0].height[state.stop]) - 4, COLOURS.leader, "center");
+    if (!now && moves()) write("▶", px(shown[0] - rows[0].thickness[0]) - 6, pz(rows[0].ground.z[0] + 0.7 * rows[0].height[0]), COLOURS.leader, "right");
     caption(); map(); pointer();
   }
   function write(text, x, y, colour, align = "left") { pen.fillStyle = colour; pen.textAlign = align; pen.font = "14px system-ui, sans-serif"; pen.fillText(text, x, y); }
   function caption() { // times of the race: running, and frozen at the finish
-    const time = (row) => { const t = row.arrivals.at(-1); return t != null && now >= t ? `${t.toFixed(3)} s` : `${Math.min(now, row.end).toFixed(2)} s …`; };
-    if (!moves() || now <= 0) write("Click the first domino to push it", 12, 18, COLOURS.soft);
+    const time = (row) => {
+      const t = row.arrivals.at(-1);
+      return t != null && now >= t ? `${t.toFixed(3)} s` : now >= row.end ? "stops" : `${now.toFixed(2)} s …`;
+    };
+    const narrow = el.clientWidth < 700;
+    if (!moves() || now <= 0) write("Click the first domino to push the row. " + (narrow ? "" :
+      "Drag the others (with Shift: and all ahead). Double click: one more; Delete: one less."), 12, 18, COLOURS.ink);
     else {
       write(`yours ${time(rows[0])}`, 12, 18, COLOURS.fallen);
       if (rows[1]) write(`${state.rival} ${time(rows[1])}`, 142, 18, COLOURS.soft);
-      if (now >= end() && el.clientWidth > 700) write(state.verdict, el.clientWidth - 12, 18, COLOURS.ink, "right");
+      if (now >= end()) write(state.verdict, narrow ? 12 : el.clientWidth - 12, narrow ? 38 : 18, COLOURS.ink, narrow ? "left" : "right");
     }
   }
   function map() { // the whole row as a line, the part in view as a box, the wave as a dot
@@ -144,6 +150,7 @@ export function render({ model, el }) {
   // changes by hand
   function find(e) { // index of the domino under the pointer, or -1
     let near = -1, least = Infinity;
+    if (Math.abs(e.offsetX - px(shown[0]) + 18) < 18 && e.offsetY > SKY && e.offsetY < view.height - MAP) return 0; // ▶
     for (let i = 0; i < state.designed; i++) {
       const d = rows[0].thickness[i] * view.k, distance = Math.max(Math.abs(e.offsetX - px(shown[i]) + 0.5 * d) - 0.5 * d, 0);
       const above = pz(rows[0].ground.z[i]) - e.offsetY;

@@ -16,6 +16,7 @@ from domino_env.view.comparison import layout_data, motion_data
 from optimize.interactive.design import Design
 
 BEHIND, AHEAD = 0.6, 1.2  # [heights of a domino] before the first, and ahead of the last pivot
+TIE = 5e-4  # [s] smaller differences are a tie
 PACES = {"real time": 1.0, "4 × slower": 0.25, "10 × slower": 0.1}
 
 
@@ -92,10 +93,12 @@ class Row(JSComponent):  # type: ignore[misc]
 def _verdict(own: Wave, rival: Wave, name: str) -> str:
     """Return the result of the race in words."""
     if own.hit < own.layout.count or rival.hit < rival.layout.count:
-        return ""
+        return "yours stops" if own.hit < own.layout.count else f"{name} stop"
     earlier = float(rival.arrival_times[-1] - own.arrival_times[-1])
     longer = 1e3 * (own.layout.length - rival.layout.length)
     words = f"{abs(earlier):.3f} s {'earlier' if earlier > 0.0 else 'later'} than {name}"
+    if abs(earlier) < TIE:
+        words = f"at the same time as {name}"
     if abs(longer) >= 1.0:
         words += f"; the row is {abs(longer):.0f} mm {'longer' if longer > 0.0 else 'shorter'}"
     return words

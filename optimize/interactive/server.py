@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.checks import require, require_extra, require_type
+from domino_env.core.checks import require, require_choice, require_extra, require_type
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
@@ -124,7 +124,8 @@ class Studio:
         try:
             if link := arguments.get(KEY):
                 design = read_link(link[0].decode())
-            elif (name := arguments.get("scene", [b""])[0].decode()) in scene_names():
+            elif name := arguments.get("scene", [b""])[0].decode():
+                require_choice("scene", name, scene_names())  # never a path
                 design = Design.uniform(load_scene(name))
         except ValueError as error:
             message = str(error)

@@ -126,7 +126,7 @@ def test_the_words_agree_with_the_command(output_of, tmp_path) -> None:
     assert f"last hit after {design.wave.arrival_times[-1]:.4f} s" in design.details(uniform)
     best = Design(SPRINT, best_known()["sprint"].layout)
     assert best.headline(uniform) == ("0.829 m/s", "3.18% faster than the best equal gaps")
-    assert "100% of the gain of the best known layout" in best.details(uniform)
+    assert "100% of the gain of the best known row" in best.details(uniform)
     assert Design.uniform(SPRINT).headline(uniform)[1] == "as fast as the best equal gaps"
     assert "computing" in best.headline(None)[1]
 
@@ -144,7 +144,7 @@ def test_the_words_of_a_wave_that_stops_name_the_place() -> None:
     assert design.stop is None
     design = design.with_size(SPACING, 20, 0.050)  # more than the height
     assert design.stop == 20
-    assert design.headline(None) == ("stops at domino 21", "21 of 40 fall")
+    assert design.headline(None) == ("stops at domino 20", "21 of 40 are hit")
 
 
 def test_a_search_shows_better_layouts_and_is_stopped(monkeypatch) -> None:

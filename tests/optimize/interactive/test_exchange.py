@@ -29,7 +29,10 @@ def sent(design: Design, name: str) -> bytes:
 @pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
 def test_files_and_links_restore_the_same_design(name: str) -> None:
     design, first = Design.uniform(de.load_scene(name)), Design.uniform(SPRINT)
-    files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
+    files = {
+        "row.toml": sent(design, "Scene without gaps (TOML)"),
+        "row.csv": sent(design, "Layout (CSV)"),
+    }
     other, message = exchange.receive(first, files)
     assert message == "opened row.toml, row.csv"
     link = exchange.make_link(design)
@@ -58,7 +61,7 @@ def test_a_layout_is_opened_with_its_scene_or_one_that_fits(design: Design, tmp_
     wide = de.Layout(np.linspace(0.001, 0.045, 11), 0.008)
     file = {"wide.csv": exchange.make_file(wide.to_csv, "a.csv").read()}
     received, words = exchange.receive(design, file)
-    assert "it is no layout of scene 'sprint': the layout has 12 dominoes" in words
+    assert "as it does not fit 'sprint': the layout has 12 dominoes" in words
     assert received.scene.spacing == (0.001, 0.045)
     assert received.layout == wide
     scene, words = exchange.receive(
