@@ -155,11 +155,11 @@ class Design:
         ValueError
             If gaps are not free, if there is no such domino, or if the shift is not finite.
         """
+        require("index", index, 1, self.scene.count - 1, whole=True)
+        require("shift", shift, unit="m")
         if following or index == self.scene.count - 1 or not self.scene.free_spacing:
             gap = float(self.layout.spacing[index - 1]) + shift
             return self.with_size(SPACING, index - 1, gap)
-        require("index", index, 1, self.scene.count - 1, whole=True)
-        require("shift", shift, unit="m")
         curves, space, pair = self._curves, _problem(self.scene), [index - 1, index]
         low, high, gaps = (
             values.reshape(curves.shape)[0, pair] * self._units[pair]

@@ -1,4 +1,4 @@
-"""Searches in a process of their own, so that the page answers meanwhile.
+"""Searches in a process of their own, so that the page stays responsive.
 
 ``python -m optimize.interactive.jobs`` is that process: it reads pickled tasks from standard input,
 and writes pickled layouts and messages to standard output.
@@ -6,14 +6,14 @@ and writes pickled layouts and messages to standard output.
 
 from __future__ import annotations
 
+import os
 import pickle
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from domino_env.physics.layout import Layout
@@ -26,23 +26,29 @@ PATIENCE, LEAST_GAIN = 2.0, 1e-4  # a search ends after this time [s] with less 
 
 Show = Callable[[Layout, float, str], None]
 """Function that shows the best layout of a search so far, its score and a message."""
-
-
 Result = tuple[Layout | None, float, str]
 """Best layout of a search, its score and a message; see `SearchProcess.run`."""
 
 
 class SearchProcess:
-    """Process that searches, started at once so that the first search begins without delay."""
+    """Process that searches; it is started before the first search, which then has no delay."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "optimize.interactive.jobs"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        )  # fmt: skip
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> subprocess.Popen[bytes]:
+        """Return the process, a new one if there is none or if the last one has ended."""
+        if self._process is None or self._process.poll() is not None:
+            self._process = subprocess.Popen(
+                # not from the working directory, which may contain modules of these names
+                [sys.executable, "-P", "-m", "optimize.interactive.jobs"],
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            )  # fmt: skip
+        return self._process
 
     def run(self, scene: Scene, *, thorough: bool, show: Show) -> Result:
-        """Search until the method ends, until it gains no more, or until `stop`.
+        """Search until the method ends, until it gains no more, or until the process ends.
 
         Parameters
         ----------
@@ -63,68 +69,48 @@ class SearchProcess:
         message : str
             Number of layouts, time, and the reason why the search ended.
         """
-        self._send((scene, thorough))
-        while True:
-            layout, score, message, is_done = self._receive()
-            if is_done:
-                return layout, score, message
-            show(layout, score, message)
-
-    def stop(self) -> None:
-        """End the search with its best layout so far."""
-        self._send(None)
+        process = self.start()
+        assert process.stdin
+        assert process.stdout
+        try:
+            pickle.dump((scene, thorough), process.stdin)
+            process.stdin.flush()
+            while True:
+                layout, score, message, is_done = pickle.load(process.stdout)
+                if is_done:
+                    return layout, score, message
+                show(layout, score, message)
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            return None, 0.0, "the process of the search ended: try again"
 
     def close(self) -> None:
-        """End the process."""
-        with self._process:  # which also closes its pipes
-            self._process.kill()
-
-    def _send(self, message: Any) -> None:
-        assert self._process.stdin
-        with _errors_of_the_process():
-            pickle.dump(message, self._process.stdin)
-            self._process.stdin.flush()
-
-    def _receive(self) -> tuple[Layout, float, str, bool]:
-        assert self._process.stdout
-        with _errors_of_the_process():
-            received: tuple[Layout, float, str, bool] = pickle.load(self._process.stdout)
-        return received
+        """End the process, and with it a search."""
+        if self._process is not None:
+            process, self._process = self._process, None
+            with suppress(OSError), process:  # which also closes its pipes
+                process.kill()
 
 
-@contextmanager
-def _errors_of_the_process() -> Iterator[None]:
-    try:
-        yield
-    except (EOFError, OSError, ValueError):
-        raise ValueError("the process of the search ended: reload the page") from None
-
-
-def run_search(scene: Scene, stop: threading.Event, show: Show, *, thorough: bool) -> Result:
+def run_search(scene: Scene, show: Show, *, thorough: bool) -> Result:
     """Search in this process; see `SearchProcess.run`."""
-    last_shown, first, reason = 0.0, time.perf_counter(), ""
+    last_shown, reason = 0.0, ""
     scores: list[tuple[float, float]] = []  # time [s], best score
 
     def report(evaluator: Evaluator) -> None:
         nonlocal last_shown, reason
         now = time.perf_counter()
-        if stop.is_set():
-            raise BudgetSpent("stopped; this is the best so far")
         if not evaluator.finalists or now < last_shown + SHOW_INTERVAL:
             return
         last_shown, best = now, evaluator.finalists[-1][0]
         scores.append((now, best))
-        while scores[0][0] < now - PATIENCE and len(scores) > 1:
+        while len(scores) > 1 and scores[1][0] <= now - PATIENCE:
             del scores[0]
-        is_late = now > first + PATIENCE and scores[0][0] < now - 0.9 * PATIENCE
-        if not thorough and is_late and best > 0.0 and best - scores[0][1] < LEAST_GAIN * best:
+        time_before, before = scores[0]
+        is_late = time_before <= now - PATIENCE
+        if not thorough and is_late and best > 0.0 and best - before < LEAST_GAIN * best:
             reason = f"the last {PATIENCE:g} s gained less than {LEAST_GAIN:.2%}"
             raise BudgetSpent(reason)
-        show(
-            evaluator.problem.layout(evaluator.best),
-            best,
-            f"{evaluator.evaluations:,} layouts tried",
-        )
+        show(evaluator.problem.layout(evaluator.best), best, f"{evaluator.evaluations:,} layouts")
 
     result = search(scene, progress=False, callback=report)
     effort = f"best of {result.evaluations:,} layouts in {result.seconds:.1f} s"
@@ -136,27 +122,19 @@ def main() -> None:
     """Run the tasks from standard input, and write their results to standard output."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this process
     output, sys.stdout = sys.stdout.buffer, sys.stderr
-    stop = threading.Event()
 
     def write(*values: Any, is_done: bool = False) -> None:
         pickle.dump((*values, is_done), output)
         output.flush()
 
-    def run(scene: Scene, thorough: bool) -> None:
-        try:
-            result = run_search(scene, stop, write, thorough=thorough)
-        except (ValueError, ArithmeticError) as error:
-            result = None, 0.0, str(error)
-        write(*result, is_done=True)
-
     with suppress(EOFError):
         while True:
-            task = pickle.load(sys.stdin.buffer)
-            if task is None:
-                stop.set()
-            else:
-                stop.clear()
-                threading.Thread(target=run, args=task, daemon=True).start()
+            scene, thorough = pickle.load(sys.stdin.buffer)
+            try:
+                result: Result = run_search(scene, write, thorough=thorough)
+            except Exception as error:  # the page waits for an answer
+                result = None, 0.0, str(error) or type(error).__name__
+            write(*result, is_done=True)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from optimize.experiments.best_known import best_known
 from optimize.interactive.design import NAME, SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
 from optimize.interactive.figures import MM, SPEED, TITLES, Curve
-from optimize.interactive.jobs import SearchProcess
+from optimize.interactive.jobs import Result, SearchProcess
 from optimize.interactive.row import Row
 from optimize.searching import with_baseline
 
@@ -176,12 +176,13 @@ class Page:
         self.design, self._schedule = design, schedule
         self._steps, self._position = [design], 0  # the history, and the step that is shown
         self._pending: dict[Callable[..., None], Any] = {}  # arguments of scheduled calls
-        self._process, self._lock = SearchProcess(), threading.Lock()  # held by a search
+        self.process = SearchProcess()
         self._search: object | None = None  # identity of the running search
         self._ended = 0.0  # [s] clock at the end of the last search; 0 before the first
         self._last_control: Control | None = None  # its next change replaces its last one
         self._uniform: UniformBaseline | None = None  # of the scene below; None: not computed yet
         self._uniform_scene: Scene | None = None
+        self._uniform_lock = threading.Lock()  # one baseline is computed at a time
         self._kept: Design | None = None
         self._has_touch = False
         self.row, self._range = Row(margin=0, **WIDE), Range1d(-1.0, 1.0)
@@ -213,13 +214,16 @@ class Page:
 
         def do(message: Any) -> None:
             actions: dict[str, Callable[..., None]] = {
-                "drag": self.drag_domino, "drop": self._commit, "stop": self._commit,
+                "drop": self._commit, "stop": self._commit,
                 "insert": lambda gap: self._edit(lambda: self.design.with_domino(gap)),
                 "remove": lambda index: self._edit(lambda: self.design.without_domino(index)),
                 "undo": self._move, "touch": self._use_touch,
             }  # fmt: skip
             name, *values = message.data
-            self._call_newest(actions[name], *values)
+            if name == "drag":
+                self._call_newest(self.drag_domino, *values)
+            else:
+                self._schedule(lambda: self._call(actions[name], *values))
 
         self.row.on_msg(do)
         self.title, self.result, self.message = (
@@ -227,7 +231,7 @@ class Page:
         )
         self.compare = connect(
             pn.widgets.Select(name="", options=[UNIFORM, ALONE], width=150, margin=0),
-            lambda _: self._settle(),
+            lambda _: self._draw(moves=self._search is None),
         )
         pace = pn.widgets.Select.from_param(self.row.param.pace, name="", width=110, margin=0)
         sound = pn.widgets.Checkbox.from_param(self.row.param.sound, name="sound", margin=0)
@@ -273,19 +277,22 @@ class Page:
 
         def begin(event: Any) -> None:
             nonlocal offset
+            if self._has_touch:
+                return
             designed = points.data["x"][: self.design.scene.count - 1]  # without the run-out
             nearest = int(np.argmin(np.abs(designed - event.x)))
             offset = points.data["y"][nearest] - event.y
             points.selected.indices = [nearest]
 
         def move(event: Any) -> None:
-            if points.selected.indices and not self._has_touch:
+            if points.selected.indices:
                 index = int(points.data["index"][points.selected.indices[0]])
                 self._call_newest(self.drag, quantity, index, max(event.y + offset, 0.0) / MM)
 
         def end(_: Any) -> None:
-            points.selected.indices = []
-            self._call_newest(self._commit)  # after a drag that is scheduled
+            if points.selected.indices:
+                points.selected.indices = []
+                self._schedule(self._commit)  # after a drag that is scheduled
 
         self.curves[quantity].enable_drag(begin, move, end)
 
@@ -302,10 +309,13 @@ class Page:
 
         Scheduled calls have the lock of the document, which Panel's watchers may lack.
         """
-        is_pending = function in self._pending
         self._pending[function] = values
-        if not is_pending:
-            self._schedule(lambda: self._call(function, *self._pending.pop(function)))
+
+        def call() -> None:
+            if function in self._pending:
+                self._call(function, *self._pending.pop(function))
+
+        self._schedule(call)
 
     def _in_thread(
         self,
@@ -336,6 +346,7 @@ class Page:
             message = str(error)
             for key, words in WORDS.items():
                 message = message.replace(key, words)
+            self._keep_found()
             self._settle()
             self.notify(message, "error")
 
@@ -403,8 +414,8 @@ class Page:
         if scene != self._uniform_scene:
             self._uniform_scene, self._uniform = scene, None
 
-            def set_uniform(uniform: UniformBaseline) -> None:
-                self._uniform = uniform
+            def set_uniform(based: Scene) -> None:
+                self._uniform_scene, self._uniform = based, based.uniform()
                 self._draw(moves=self._search is None)
 
             self._in_thread(
@@ -418,12 +429,11 @@ class Page:
             )  # fmt: skip
         self._draw(moves=True)
 
-    def _compute_uniform(self, scene: Scene) -> UniformBaseline | None:
-        """Return the uniform baseline after `UNIFORM_DELAY`; None if the scene has then changed."""
+    def _compute_uniform(self, scene: Scene) -> Scene:
+        """Return the scene with its uniform baseline, unless it changes within `UNIFORM_DELAY`."""
         time.sleep(UNIFORM_DELAY)
-        if scene != self._uniform_scene:
-            return None
-        return with_baseline(scene, FLOOR_SECONDS).uniform()
+        with self._uniform_lock:
+            return with_baseline(scene, FLOOR_SECONDS) if scene == self._uniform_scene else scene
 
     # from the page to the design ----------------------------------------------------------------
 
@@ -464,14 +474,16 @@ class Page:
 
     def _change(self, control: Control, value: Any) -> None:
         """Change the scene; consecutive changes by one control are one step of the history."""
-        if value is not None and value != control.read(self.design.scene):
+        present = control.read(self.design.scene)
+        if value is not None and present is not None and value != present:
             self._keep_found()
             is_same = self._last_control is control
             before = self._steps[self._position - is_same]
             design = before.with_scene(**control.fields(before.scene, value))
             self._position -= is_same
+            del self._steps[self._position + 1 :]
             self._edit(lambda: design)
-            self._last_control = control
+            self._last_control = control if self._steps[self._position] is design else None
 
     def _equal_gaps(self) -> None:
         """Change the layout to the uniform baseline."""
@@ -491,6 +503,7 @@ class Page:
 
     def _keep(self) -> None:
         """Keep the layout as a row to race against."""
+        self._keep_found()
         self._kept = self.design
         self._settle()
         self.compare.value = KEPT
@@ -526,13 +539,14 @@ class Page:
 
     def close(self) -> None:
         """End the process of searches."""
-        self._process.close()
+        self.process.close()
 
     def _end_search(self) -> None:
         """Stop a running search; its later results are dropped."""
         if self._search is not None:
             self._search, self._ended = None, time.monotonic()
-            self._process.stop()
+            self.process.close()
+            self.process.start()  # for the next search
 
     def _keep_found(self) -> None:
         """End a running search, and add what it has found to the history."""
@@ -549,34 +563,36 @@ class Page:
 
     def _start_search(self, thorough: bool = False) -> None:
         """Search, and show layouts that are better than the present one."""
+        if self._search is not None:
+            return
         first, search = self.design, object()
         self._search = search
-        lowest = first.score if first.is_scored else -np.inf
+        scene = self._uniform_scene if self._uniform and self._uniform_scene else first.scene
         self.faster.name, self.thorough.visible = STOP, False
         self.notify("searching …")
 
         def show(layout: Layout, score: float, text: str) -> None:
             if self._search is search:
                 self.notify(f"searching: {text} …")
-                if score > lowest:
+                if score > first.score:
                     self.design = Design(first.scene, layout)
                     self._draw()
 
-        def update(result: tuple[Layout | None, float, str]) -> None:
-            if self._search is not search:
-                return
+        def update(result: Result) -> None:
             layout, score, text = result
-            self.design = Design(first.scene, layout) if layout and score > lowest else first
+            is_better = layout is not None and score > first.score
+            if layout is not None:
+                self.design = Design(first.scene, layout) if is_better else first
             self._search, self._ended = None, time.monotonic()
             self._commit()
-            self.notify(text if score > lowest else f"no better row was found; {text}")
+            self.notify(text if is_better or not layout else f"no better row was found; {text}")
 
-        def run() -> tuple[Layout | None, float, str]:
-            with self._lock:
-                newest = partial(self._call_newest, show)
-                return self._process.run(first.scene, thorough=thorough, show=newest)
+        def run() -> Result:
+            assert first.score is not None  # computed here, as it takes a second on a floor
+            newest = partial(self._call_newest, show)
+            return self.process.run(scene, thorough=thorough, show=newest)
 
-        self._in_thread(run, update)
+        self._in_thread(run, update, lambda: self._search is search)
 
     def _check(self) -> None:
         """Simulate placement noise and a floor in a thread, and show the verdict."""

@@ -15,7 +15,7 @@ export function render({ model, el }) {
   el.append(canvas);
   let rows = [], state = {}, shown = [], view = {}, shift = 0; // shown: x of own dominoes, on their way to new places
   let now = 0, playing = false, wanted = false, last = null, clicked = 0; // `wanted`: push when motion arrives
-  let grip = null, chosen = -1, audio = null, click = null;
+  let grip = null, chosen = -1, frame = 0, audio = null, click = null;
   const send = (name, ...values) => model.send_msg([name, ...values]);
   const moves = () => rows.length && rows.every((row) => row.falls);
   const end = () => Math.max(...rows.map((row) => row.end));
@@ -121,16 +121,17 @@ export function render({ model, el }) {
   function play(on) {
     playing = on; last = null;
     if (on && model.sound && window.AudioContext) { audio ??= new AudioContext(); audio.resume(); }
-    if (on) requestAnimationFrame(tick);
+    cancelAnimationFrame(frame);
+    if (on) frame = requestAnimationFrame(tick);
   }
   function tick(stamp) {
     if (!playing || !canvas.isConnected) return;
-    if (last !== null) now += (stamp - last) / 1000 * model.pace;
+    if (last !== null) now += Math.min(stamp - last, 100) / 1000 * model.pace; // a stall is no leap
     last = stamp;
     sound();
     if (now >= end()) { now = end(); playing = false; }
     draw();
-    if (playing) requestAnimationFrame(tick);
+    if (playing) frame = requestAnimationFrame(tick);
   }
   function sound() { // one node for each hit, at its time
     if (!audio || !model.sound) return;
@@ -159,13 +160,14 @@ export function render({ model, el }) {
     return least <= REACH ? near : -1;
   }
   canvas.addEventListener("pointerdown", (e) => {
-    if (!rows.length) return;
+    if (grip || !e.isPrimary || e.button || !rows.length) return;
     const i = find(e), onMap = view.follows && e.offsetY > view.height - MAP;
     grip = { i: onMap ? -1 : i, onMap, x: e.clientX, shift, moved: false };
     canvas.setPointerCapture(e.pointerId);
     if (onMap) { playing = false; pan((e.offsetX - LEFT) / view.fit - 0.5 * view.width / view.k); draw(); }
   });
   canvas.addEventListener("pointermove", (e) => {
+    if (grip && !e.buttons) release(); // its end was not seen
     if (!grip) { canvas.style.cursor = rows.length ? ["grab", "pointer", "ew-resize"][Math.sign(find(e)) + 1] : ""; return; }
     const by = e.clientX - grip.x;
     if (Math.abs(by) < STILL && !grip.moved) return;
@@ -175,14 +177,15 @@ export function render({ model, el }) {
     else if (grip.i > 0) send("drag", grip.i, by / view.k, e.shiftKey);
     else { pan(grip.shift - by / view.k); draw(); }
   });
+  function release() { if (grip?.moved && grip.i > 0) send("drop"); grip = null; }
   canvas.addEventListener("pointerup", () => {
-    if (grip?.moved && grip.i > 0) send("drop");
-    else if (grip?.i === 0 && !grip.moved) push();
+    if (grip?.i === 0 && !grip.moved) push();
     else if (grip && !grip.moved && !grip.onMap) { chosen = grip.i; draw(); }
-    grip = null;
+    release();
   });
-  canvas.addEventListener("pointercancel", () => { if (grip?.moved && grip.i > 0) send("drop"); grip = null; });
+  canvas.addEventListener("pointercancel", release);
   canvas.addEventListener("dblclick", (e) => {
+    if (e.offsetY < SKY || e.offsetY > view.height - (view.follows ? MAP : 0)) return;
     const gap = shown.findIndex((x, i) => i + 1 < state.designed && px(x) <= e.offsetX && e.offsetX < px(shown[i + 1]));
     if (gap >= 0) send("insert", gap);
   });

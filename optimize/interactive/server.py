@@ -47,6 +47,7 @@ class Studio:
         require_type("design", design, Design, "a Design; studio(scene) makes one")
         self.url, self._port, self._first = "", port, design
         self._page: Any = None  # of the tab that was opened last
+        self._pages = set[Any]()  # of all tabs
 
     @property
     def design(self) -> Design:
@@ -111,6 +112,8 @@ class Studio:
         finally:
             server.stop()
             server.io_loop.close()
+            for page in list(self._pages):
+                page.close()
             self.url = ""
 
     def _new_tab(self) -> Any:
@@ -131,7 +134,14 @@ class Studio:
             message = str(error)
         page = self._page = Page(design, document.add_next_tick_callback)
         page.notify(message, "error")
-        pn.state.on_session_destroyed(lambda _: page.close())
+        self._pages.add(page)
+        pn.state.onload(page.process.start)  # not for each request without a tab
+
+        def end(_: object) -> None:
+            page.close()
+            self._pages.discard(page)
+
+        pn.state.on_session_destroyed(end)
         template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
         return template

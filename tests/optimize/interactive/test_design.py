@@ -1,6 +1,5 @@
 """Designs without a page: changes within the rules, words, searches."""
 
-import threading
 from typing import Any
 
 import numpy as np
@@ -147,34 +146,40 @@ def test_the_words_of_a_wave_that_stops_name_the_place() -> None:
     assert design.headline(None) == ("stops at domino 20", "21 of 40 are hit")
 
 
-def test_a_search_shows_better_layouts_and_is_stopped(monkeypatch) -> None:
+def test_a_search_shows_better_layouts(monkeypatch) -> None:
     monkeypatch.setattr("optimize.interactive.jobs.SHOW_INTERVAL", 0.0)
-    stopped, shown = threading.Event(), list[float]()
+    monkeypatch.setattr("optimize.interactive.jobs.PATIENCE", 0.2)
+    shown = list[float]()
 
     def show(layout: de.Layout, score: float, _: str) -> None:
         assert SPRINT.score(layout) == pytest.approx(score, rel=1e-6)
         shown.append(score)
-        if len(shown) == 5:
-            stopped.set()
 
-    layout, score, words = run_search(SPRINT, stopped, show, thorough=True)
+    layout, score, words = run_search(SPRINT, show, thorough=False)
     assert shown == sorted(shown)
+    assert layout is not None
     assert SPRINT.score(layout) == pytest.approx(score)
     assert score >= shown[-1] * (1.0 - 1e-6)
-    assert "stopped" in words
+    assert "the last 0.2 s gained less than 0.01%" in words
 
 
-def test_a_process_searches_and_continues_after_an_error() -> None:
-    process = SearchProcess()
+def test_a_process_searches_again_after_it_was_ended() -> None:
+    process, shown = SearchProcess(), list[float]()
+
+    def stop(_: de.Layout, score: float, __: str) -> None:
+        shown.append(score)
+        process.close()
+
     try:
-        _, score, words = process.run(SPRINT, thorough=False, show=lambda *_: None)
-        assert score > 1.03 * SPRINT.uniform().score
-        assert "gained less than 0.01%" in words
+        ended = process.run(SPRINT, thorough=True, show=stop)
+        assert ended == (None, 0.0, "the process of the search ended: try again")
+        assert len(shown) >= 1
         weak = SPRINT.replace(physics=SPRINT.physics.replace(push=0.1, friction=1.0))
         assert process.run(weak, thorough=False, show=lambda *_: None)[1] <= 0.0
-        again = process.run(SPRINT, thorough=False, show=lambda *_: process.stop())
-        assert "stopped" in again[2]
+        layout, score, words = process.run(SPRINT, thorough=False, show=lambda *_: None)
+        assert layout is not None
+        assert score > 1.03 * SPRINT.uniform().score
+        assert "gained less than 0.01%" in words
     finally:
         process.close()
-    with pytest.raises(ValueError, match="the process of the search ended"):
-        process.run(SPRINT, thorough=False, show=lambda *_: None)
+        process.close()  # again

@@ -411,5 +411,14 @@ def test_a_rejected_value_keeps_the_last_accepted_one() -> None:
         assert made.message.object.endswith("></p>")
         made._move(-1)
         assert made.design.scene == SPRINT
+        height, count = (
+            next(c for c in page.CONTROLS if c.label.startswith(label))
+            for label in ("Height", "Number")
+        )
+        for control, value in ((height, 50.0), (count, 41), (count, 40), (count, 42)):
+            made._call(made._change, control, value)
+        assert (made.design.scene.height, made.design.scene.count) == (0.05, 42)
+        made._move(-1)
+        assert (made.design.scene.height, made.design.scene.count) == (0.05, 40)
     finally:
         made.close()
