@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -189,6 +190,7 @@ def largest_factor(gap: float, physics: de.Physics, *sizes: Any) -> float:
     return low
 
 
+@cache
 def best_factor(friction: float, thickness: float = STANDARD) -> tuple[float, float]:
     """Return the largest factor over all gaps, and its gap in heights of the domino before."""
     return largest(lambda gap: largest_factor(gap, units(friction), thickness), 0.4, 0.99)
@@ -245,6 +247,7 @@ def draw_growth() -> Any:
 # 4. the record of 2008 ---------------------------------------------------------------------------
 
 
+@cache
 def fastest(friction: float) -> tuple[float, float]:
     """Return speed and gap of the fastest steady wave, in √(gravity · height) and heights."""
     return largest(lambda gap: steady_speed(gap, friction), 0.002, 0.5)
@@ -318,9 +321,10 @@ def quoted(lines: list[Line]) -> list[Line]:
     values |= {"measured": f"{slope:.2f}", "measured.error": f"{slope_error:.2f}"}
     values |= {"most": f"{np.nanmax(ratio):.1f}", "least": f"{-np.nanmin(ratio):.1f}"}
     values |= {"error": f"{np.nanmedian(error):.2f}", "floors": f"{floors.min():.1f}"}
+    row = MAP[0].index(CHAINS["engine"][0][0])
     for gap, engine in zip(CHAINS["engine"][1], ratios(lines, "engine")[0][0], strict=True):
         values[f"engine.{gap}"] = f"{engine:+.1f}"
-        values[f"reference.{gap}"] = f"{ratio[1, MAP[1].index(gap)]:+.1f}"
+        values[f"reference.{gap}"] = f"{ratio[row, MAP[1].index(gap)]:+.1f}"
     for friction in FRICTIONS[::2]:
         values[f"factor.{friction:g}"] = f"{best_factor(friction)[0]:.2f}"
         values[f"height.{friction:g}"] = f"{needed_height(fastest(friction)[0]):.2f}"

@@ -17,7 +17,7 @@ from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
 from domino_env.view.animation import require_drawable
-from optimize.experiments.best_known import BestKnown, best_known
+from optimize.experiments.best_known import best_known
 from optimize.problem import Problem
 
 SPACING, THICKNESS = "spacing", "thickness"
@@ -26,7 +26,7 @@ SAME_GAIN = 5e-5  # smaller relative differences count as equal
 EQUAL = 1e-6  # relative range of values that count as equal
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Design:
     """A scene and a layout that satisfies its rules.
 
@@ -81,10 +81,6 @@ class Design:
     def is_scored(self) -> bool:
         """True if the score is known or takes no time; on a floor it takes a second."""
         return not self.scene.simulator.is_slow or "score" in vars(self)
-
-    def is_same(self, other: Design) -> bool:
-        """Return True for a design of an equal scene and layout."""
-        return (self.scene, self.layout) == (other.scene, other.layout)
 
     @property
     def stop(self) -> int | None:
@@ -287,9 +283,11 @@ def _problem(scene: Scene) -> Problem:
 
 
 @lru_cache(8)
-def known_best(scene: Scene) -> BestKnown | None:
-    """Return the best known layout of a shipped scene; None for other scenes."""
+def known_best(scene: Scene) -> Design | None:
+    """Return the best known layout of a shipped scene, with its score; None for other scenes."""
     best = best_known().get(scene.name)
     if best is None or scene.name not in scene_names() or load_scene(scene.name) != scene:
         return None
-    return best
+    design = Design(scene, best.layout)
+    vars(design)["score"] = best.score
+    return design

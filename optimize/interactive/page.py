@@ -18,7 +18,6 @@ from bokeh.models import Range1d
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, outlines
-from domino_env.physics.wave import simulate
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.run_out import RunOut
@@ -367,12 +366,9 @@ class Page:
     def _draw(self, *, moves: bool = False) -> None:
         """Draw the design: row, result and curves; with `moves`, the row can be pushed."""
         design, scene = self.design, self.design.scene
-        rival = None if self._uniform is None else self._uniform.wave
-        if self.compare.value != UNIFORM:
-            best = known_best(scene)
-            kept = self._kept.wave if self._kept else None
-            waves_by_name = {BEST: scene.simulate(best.layout) if best else None, KEPT: kept}
-            rival = waves_by_name.get(self.compare.value)
+        rivals = {UNIFORM: self._uniform, BEST: known_best(scene), KEPT: self._kept}
+        chosen = rivals.get(self.compare.value)
+        rival = chosen.wave if chosen else None
         waves = design.wave, rival
         low, high = self.row.show(design, rival, self.compare.value, moves=moves)
         self._range.update(start=low, end=high)
@@ -454,7 +450,7 @@ class Page:
         """Add the design to the history, unless nothing has changed, and end a search."""
         self._end_search()
         self._last_control = None
-        if not self.design.is_same(self._steps[self._position]):
+        if self.design != self._steps[self._position]:
             self._position += 1
             self._steps[self._position :] = [self.design]
         self._settle()
@@ -567,7 +563,7 @@ class Page:
             return
         first, search = self.design, object()
         self._search = search
-        scene = self._uniform_scene if self._uniform and self._uniform_scene else first.scene
+        scene = self._uniform_scene or first.scene  # with its baseline, once that is computed
         self.faster.name, self.thorough.visible = STOP, False
         self.notify("searching …")
 
@@ -623,8 +619,8 @@ def gallery() -> str:
     entries = []
     for name in scene_names():
         scene, best = load_scene(name), best_known().get(name)
-        layout = scene.row(best.layout) if best else scene.uniform().wave.layout
-        wave = simulate(layout, scene.physics)
+        wave = scene.simulate(best.layout) if best else scene.uniform().wave
+        layout = wave.layout
         shown = slice(0, min(DRAWN, layout.count))
         time = wave.arrival_times[min(wave.hit, shown.stop) // 2]
         corners = MM * outlines(layout, Motion(layout, scene.physics).angles([time])[0])[shown]

@@ -13,7 +13,7 @@ export function render({ model, el }) {
   canvas.setAttribute("role", "application");
   canvas.setAttribute("aria-label", "Row of dominoes. Space pushes the first one. Drag a domino to move it.");
   el.append(canvas);
-  let rows = [], state = {}, shown = [], view = {}, shift = 0; // shown: x of own dominoes, on their way to new places
+  let rows = [], state = {}, shown = [], view = {}, shift = 0, base = 0; // base: y of the lowest pivot; shown: x of own dominoes, on their way to new places
   let now = 0, playing = false, wanted = false, last = null, clicked = 0; // `wanted`: push when motion arrives
   let grip = null, chosen = -1, frame = 0, audio = null, click = null;
   const send = (name, ...values) => model.send_msg([name, ...values]);
@@ -31,7 +31,7 @@ export function render({ model, el }) {
     if (k * middle < SMALLEST && edge(rows[0]) > 12 * middle) k = Math.min(SMALLEST / middle, 160 / heights.at(-1));
     const follows = k > 1.02 * fit, room = Math.min(k * (top - bottom), most);
     const height = Math.max(0.2 * innerHeight, SKY + room + (follows ? MAP : 0) + 12), ratio = devicePixelRatio || 1;
-    view = { k, fit, follows, room, height, width, low, high, bottom, ratio };
+    view = { k, fit, follows, room, height, width, low, high, ratio };
     canvas.style.height = height + "px";
     canvas.width = Math.round(el.clientWidth * ratio);
     canvas.height = Math.round(height * ratio);
@@ -39,19 +39,14 @@ export function render({ model, el }) {
   }
   function pan(to) { shift = view.follows ? Math.min(Math.max(to, 0), view.high - view.low - view.width / view.k) : 0; }
   const px = (x) => LEFT + (x - view.low - shift) * view.k;
-  const pz = (z) => floor() - (z - view.bottom) * view.k;
+  const pz = (z) => base - (z - state.extent.bottom) * view.k;
   function floor() { // a high relief is followed as well
-    const base = view.height - 10 - (view.follows ? MAP : 0);
+    const foot = view.height - 10 - (view.follows ? MAP : 0);
     const { bottom, top } = state.extent, excess = view.k * (top - bottom) - view.room;
-    return excess <= 0 ? base : base + Math.min(Math.max((height(place()) - bottom) * view.k - 0.4 * view.room, 0), excess);
+    return excess <= 0 ? foot : foot + Math.min(Math.max((height(place()) - bottom) * view.k - 0.4 * view.room, 0), excess);
   }
   const height = (x) => { const g = rows[0].ground, i = g.x.findIndex((p) => p >= x); return g.z[i < 0 ? g.z.length - 1 : i]; };
-  const place = () => (moves() && now > 0 ? front(rows[0]) : view.low + shift + 0.5 * view.width / view.k);
-  function front(row) { // x of the wave, between the pivots of two hits
-    const [n] = leader(row, now), { x } = row.ground, a = row.arrivals;
-    if (a[n + 1] == null) return x[n];
-    return x[n] + (x[n + 1] - x[n]) * Math.min(Math.max((now - a[n]) / (a[n + 1] - a[n]), 0), 1);
-  }
+  const place = () => (moves() && now > 0 ? wavePosition(rows[0], now) : view.low + shift + 0.5 * view.width / view.k);
 
   function domino(row, i, x, lean, up) {
     const h = row.height[i] * view.k, d = row.thickness[i] * view.k, s = Math.sin(lean), c = Math.cos(lean);
@@ -66,7 +61,8 @@ export function render({ model, el }) {
     if (!rows.length || !view.k) return;
     pen.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
     pen.clearRect(0, 0, el.clientWidth, view.height);
-    if (view.follows && playing) pan(front(rows[0]) - view.low - 0.6 * view.width / view.k);
+    if (view.follows && playing) pan(wavePosition(rows[0], now) - view.low - 0.6 * view.width / view.k);
+    base = floor();
     pen.lineWidth = 1;
     pen.strokeStyle = COLOURS.soft;
     pen.beginPath(); rows[0].ground.line.forEach(([x, z]) => pen.lineTo(px(x), pz(z))); pen.stroke();
@@ -106,11 +102,11 @@ export function render({ model, el }) {
     const y = view.height - 12, x = (p) => LEFT + (p - view.low) * view.fit;
     pen.fillStyle = COLOURS.line; pen.fillRect(x(0), y, edge(rows[0]) * view.fit, 6);
     pen.strokeStyle = COLOURS.ink; pen.strokeRect(x(view.low + shift), y - 4, view.width / view.k * view.fit, 14);
-    if (moves() && now > 0) { pen.fillStyle = COLOURS.leader; pen.fillRect(x(front(rows[0])) - 2, y - 4, 4, 14); }
+    if (moves() && now > 0) { pen.fillStyle = COLOURS.leader; pen.fillRect(x(wavePosition(rows[0], now)) - 2, y - 4, 4, 14); }
   }
   function pointer() { // on the curve of the local speed
     const span = window.Bokeh?.documents.map((d) => d.get_model_by_name("pointer")).find(Boolean);
-    if (span) Object.assign(span, { location: moves() && now > 0 ? front(rows[0]) : view.low - 1, visible: moves() && now > 0 });
+    if (span) Object.assign(span, { location: moves() && now > 0 ? wavePosition(rows[0], now) : view.low - 1, visible: moves() && now > 0 });
   }
 
   // play

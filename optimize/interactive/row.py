@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
@@ -73,7 +74,7 @@ class Row(JSComponent):  # type: ignore[misc]
                 float(layout.pivots[-1, 0] + AHEAD * layout.height[-1]) for layout in layouts
             )
             self._limits = low, high
-            rows = [motion_data(wave, Motion(wave.layout, wave.physics)) for wave in waves]
+            rows = [_motion_data(wave) for wave in waves]
         else:
             rows = [layout_data(layout) for layout in layouts]
         bottom, top = float(z.min()), float(z.max()) + tallest
@@ -88,6 +89,12 @@ class Row(JSComponent):  # type: ignore[misc]
             "verdict": _verdict(design.wave, rival, name) if rival else "",
         }
         return self._limits
+
+
+@lru_cache(8)
+def _motion_data(wave: Wave) -> dict[str, Any]:
+    """Return the data of a motion, kept as one of the two rows seldom changes."""
+    return motion_data(wave, Motion(wave.layout, wave.physics))
 
 
 def _verdict(own: Wave, rival: Wave, name: str) -> str:

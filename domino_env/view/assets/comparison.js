@@ -46,14 +46,6 @@
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // x or z of the wave [m] at time t [s], interpolated between the pivots of two hits
-  function wavePosition(entry, t, coordinates = entry.ground.x) {
-    const [n] = leader(entry, t), next = entry.arrivals[n + 1];
-    if (next == null) return coordinates[n];
-    const fraction = Math.min(Math.max((t - entry.arrivals[n]) / (next - entry.arrivals[n]), 0), 1);
-    return coordinates[n] + fraction * (coordinates[n + 1] - coordinates[n]);
-  }
-
   // y of the first pivot of layout k on the canvas [px]
   function floorOf(k) {
     const entry = compared[k], room = view.room / view.k, z = wavePosition(entry, now, entry.ground.z);

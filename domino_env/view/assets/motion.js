@@ -30,3 +30,11 @@ function leans(entry, t) {
   }
   return all;
 }
+
+// x or z of the wave [m] at time t [s], interpolated between the pivots of two hits
+function wavePosition(entry, t, coordinates = entry.ground.x) {
+  const [n] = leader(entry, t), next = entry.arrivals[n + 1];
+  if (next == null) return coordinates[n];
+  const fraction = Math.min(Math.max((t - entry.arrivals[n]) / (next - entry.arrivals[n]), 0), 1);
+  return coordinates[n] + fraction * (coordinates[n + 1] - coordinates[n]);
+}
