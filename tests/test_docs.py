@@ -50,7 +50,7 @@ ADDED = {
     "domino optimize": "--budget 20",
     "domino sweep": "--budget 1",
     "domino compare .* --budget": "--budget 20 --seeds 1",
-    "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,ars,agent:sprint",
+    "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,agent:sprint",
     "domino compare sprint --seconds": "--seconds 0.05 --seeds 1 --methods auto,cma,slsqp",
     "domino compare": "--seconds 0.05 --seeds 1",
     "domino benchmark [a-z]": "--algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",

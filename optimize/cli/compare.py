@@ -9,9 +9,8 @@ Every run is stored in the study at once; --resume continues a comparison that w
 independent: --workers or --dask distribute them. With --budget the results are bitwise
 reproducible; equal --seconds are fair only on cores without other work.
 
-Learned methods (apg, ppo, ars), trained agents (agent:RUN, whose time includes the training) and
-your own methods (package.module:function, in this folder or installed) run only if --methods names
-them.
+Trained agents (agent:RUN, whose time includes the training) and your own methods
+(package.module:function, in this folder or installed) run only if --methods names them.
 """
 
 from __future__ import annotations
