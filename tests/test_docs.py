@@ -63,7 +63,6 @@ ADDED = {
 """First pattern that fits the beginning of a command, and the options that it gets."""
 PARSED = {
     "accuracy --stability": "minutes",
-    "best-known --verify": "minutes, see tests/domino_env/rigid/test_known.py",
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
