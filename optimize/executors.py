@@ -16,9 +16,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent import futures
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from multiprocessing import connection, get_context, parent_process
 from typing import Any
 
@@ -26,7 +24,7 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # runs of a task whose worker process dies, which may happen by chance
+ATTEMPTS = 3  # runs by Dask of a task whose worker process dies, which may happen by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
@@ -39,10 +37,6 @@ DASK_SETTINGS = {
 
 class ExecutorLost(ConnectionError):  # noqa: N818 - a state, not a mistake
     """Error of an executor that has ended; its unfinished tasks have no result."""
-
-
-class WorkerLost(RuntimeError):  # noqa: N818
-    """Error of a task that has ended its worker process in every attempt."""
 
 
 def require_executor(executor: object) -> None:
@@ -59,15 +53,14 @@ def loss_as_error(errors: Any = (futures.BrokenExecutor, futures.CancelledError)
     try:
         yield
     except errors as error:
-        raise ExecutorLost(f"the executor ended before its tasks ({error}): open another") from None
+        raise ExecutorLost(
+            f"the executor ended before its tasks ({error}): check the memory, and that a script "
+            "opens its executor after `if __name__ == '__main__':`"
+        ) from None
 
 
-class ProcessExecutor(futures.ThreadPoolExecutor):
-    """Worker processes that are replaced when one of them dies.
-
-    A `ProcessPoolExecutor` breaks as a whole when one process dies, and does not report which task
-    caused it. Here each of several threads has a pool of one process and gives it one task at a
-    time. A task whose worker dies runs again in a new process, and fails after three attempts.
+class ProcessExecutor(futures.ProcessPoolExecutor):
+    """Worker processes of one thread each, which Ctrl-C does not reach and an exception ends.
 
     Parameters
     ----------
@@ -76,62 +69,23 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int) -> None:
-        super().__init__(workers)
-        self._pools: dict[int, futures.ProcessPoolExecutor] = {}  # by identifier of the thread
-        self._lock = threading.Lock()
-        self._killed = False
+        spawn = get_context("spawn")  # a fork would inherit locks that threads hold
+        super().__init__(workers, spawn, begin_worker)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> futures.Future[Any]:
-        """Call `fn(*args, **kwargs)` in a worker.
-
-        Returns
-        -------
-        concurrent.futures.Future
-            Future result. It raises the error of the call, WorkerLost if the call ends its worker,
-            or ExecutorLost if the executor ends first.
-        """
-        return super().submit(self._run, partial(fn, *args, **kwargs))
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Accept no more tasks; if `wait`, return when the submitted ones are finished."""
-        super().shutdown(wait, cancel_futures=cancel_futures)
-        for pool in self._pools.values() if wait else ():
-            pool.shutdown()
+        """Call `fn(*args, **kwargs)` in a worker, which may start here; return the future."""
+        with without_ctrl_c():
+            return super().submit(fn, *args, **kwargs)
 
     def kill(self) -> None:
-        """End the workers at once; unfinished tasks fail with ExecutorLost."""
-        with self._lock:
-            self._killed = True
-            for pool in self._pools.values():
-                for process in list((pool._processes or {}).values()):
-                    process.kill()
+        """End the workers at once; unfinished tasks fail with BrokenProcessPool."""
+        for process in list((self._processes or {}).values()):
+            process.kill()
         self.shutdown()
 
     def __exit__(self, kind: object, *_: object) -> None:
         end = self.shutdown if kind is None else self.kill
         end()
-
-    def _run(self, call: Callable[[], Any]) -> Any:
-        """Return the result of a call in the process of this thread."""
-        thread = threading.get_ident()
-        for _ in range(ATTEMPTS):
-            with self._lock, without_ctrl_c():
-                if self._killed:
-                    raise ExecutorLost("the executor was ended")
-                if thread not in self._pools:
-                    spawn = get_context("spawn")  # a fork would inherit locks that threads hold
-                    self._pools[thread] = futures.ProcessPoolExecutor(1, spawn, begin_worker)
-                future = self._pools[thread].submit(call)
-            try:
-                return future.result()
-            except BrokenProcessPool:
-                with self._lock:
-                    pool = self._pools.pop(thread)
-                pool.shutdown()
-        raise WorkerLost(
-            f"the worker process of this task died in each of {ATTEMPTS} attempts: check the "
-            "memory, and that a script opens its executor after `if __name__ == '__main__':`"
-        )
 
 
 def begin_worker() -> None:
