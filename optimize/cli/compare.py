@@ -48,6 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
     methods = arguments.methods or [*registry.METHODS, *registry.installed_third_party()]
     if arguments.seconds is None and arguments.budget is None:
         arguments.seconds = DEFAULT_SECONDS
-    tasks = plan_tasks(scenes, methods, range(arguments.seeds), arguments.budget, arguments.seconds)
+    tasks = plan_tasks(
+        [(scene, {}) for scene in scenes], methods, range(arguments.seeds), arguments.budget,
+        arguments.seconds,
+    )  # fmt: skip
     default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
     return options.run_study(arguments, "comparison", default, tasks, known_score=known_score)

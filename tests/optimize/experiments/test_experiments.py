@@ -86,7 +86,6 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
     (["sprint"], ["cma"], 3, 1, r"seeds = 3: give several, such as range\(5\)"),
     (["sprint"], ["cma"], ["a"], 1, "seed = 'a': give a whole number, at least 0"),
-    (["sprint"], ["cma"], range(10**8), 1, "searches = 100000000: give a"),
     ("sprnt", "cma", [0], 1, "there is no scene 'sprnt': did you mean 'sprint'"),
     ("sprint", "cmaes", [0], 1, "method = 'cmaes': did you mean 'cma'"),
     (3, "cma", [0], 1, "name = 3: give the name of a shipped scene"),
@@ -152,8 +151,8 @@ def test_only_a_better_layout_replaces_the_best_known(scenes, tmp_path):
 
 
 @pytest.mark.parametrize(("text", "values"), [
-    ("physics.friction=0:0.5:6", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]),
-    ("physics.push = 4, 8,12", [4.0, 8.0, 12.0]),
+    ("physics.friction=0:0.5:6", [0, 0.1, 0.2, 0.3, 0.4, 0.5]),
+    ("physics.push = 4, 8.5,12", [4, 8.5, 12]),
     ("row.count=10:30:3", [10, 20, 30]),
     ("placement.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
     ("objective=mean_speed,toppled", ["mean_speed", "toppled"]),
@@ -170,7 +169,7 @@ def test_an_axis_has_the_values_of_its_text(text, values):
     ("physics.friction", "a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("row.count=3:4", "give two numbers and the number of values; write"),
     ("row.count=3:x:4", "could not convert string to float: 'x'; write KEY="),
-    ("row.count=3:4:0", "NUMBER = 0: give a whole number from 1 to"),
+    ("row.count=3:4:0", "NUMBER = 0: give a whole number, at least 1"),
     (r"physics.push=0:inf:3", r"FROM, TO\[1\] = inf: give a finite number"),
     ("physics.push=0:1:3:log", r"FROM, TO\[0\] = 0.0: give a finite number, more than 0"),
     ("physics.push=4,8,4", "and each value once"),
@@ -198,18 +197,16 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
 
 
 @pytest.mark.parametrize(("axis", "more", "message"), [
-    ("physics.friction=0.1,-1", {}, r"physics.friction = -1.0: give a finite number from 0 to"),
+    ("physics.friction=0.1,-1", {}, r"physics.friction = -1: give a finite number from 0 to"),
     ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
-    ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100 m cannot be met"),
-    ("row.count.more=1", {}, "row.count.more = 1.0: unknown key 'row.count'"),
+    ("row.length=0.1,100", {}, r"row.length = 100: row.length = 100 m cannot be met"),
+    ("row.count.more=1", {}, "row.count.more = 1: unknown key 'row.count'"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": "cmaes"}, "method = 'cmaes': did you"),
-    (["row.count=2:9:1000", "physics.push=4:8:1000"], {}, "points = 1000000: give a whole"),
     ("row.count=1e300", {}, r"row.count = 1e\+300: give a whole"),
     (3, {}, "--set 3: a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("physics.push=4,8", {"seeds": 0.5}, "seeds = 0.5: give a whole number, at least 1"),
-    ("physics.push=4,8", {"seeds": 10**7}, "searches = 20000000: give a"),
 ])  # fmt: skip
 def test_impossible_sweeps_are_rejected(scenes, axis, more, message):
     with pytest.raises(ValueError, match=f"^{message}"):
