@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 from optimize import Evaluator, search
-from optimize.run_folder import DERIVED_FILES, FILES, JOURNAL
+from optimize.run_folder import FILES, JOURNAL
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -63,22 +63,6 @@ def test_no_file_is_replaced_by_a_new_run(scenes, monkeypatch, tmp_path, name):
     with pytest.raises(ValueError, match=f"holds {name} already: resume the same"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     assert files(tmp_path) == {name: b"text"}
-
-
-@pytest.mark.usefixtures("no_pictures")
-def test_derived_files_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
-    caplog.set_level("INFO")
-    for name in ("notes.txt", *DERIVED_FILES):
-        (tmp_path / name).write_text("text")
-    first = search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    again = search(scenes["spacing"], "random", budget=10, folder=tmp_path, resume=True)
-    assert again.layout == first.layout
-    assert all((tmp_path / name).read_text() == "text" for name in DERIVED_FILES)
-    assert "removed" not in caplog.text
-    better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
-    assert better.layout != first.layout
-    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))
-    assert f"removed {', '.join(DERIVED_FILES)}, made from an earlier layout" in caplog.text
 
 
 @pytest.mark.usefixtures("no_pictures")
