@@ -109,7 +109,9 @@ def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys, error
 
     monkeypatch.setattr("optimize.experiments.task.search", interrupt_the_third)
     assert main(words) == 130
-    assert "2 of 4 runs are complete; " in capsys.readouterr().err
+    output = capsys.readouterr()
+    assert "2 results; written to " in output.out
+    assert "interrupted: results are in study 'compare-spacing'; the same command" in output.err
     first = read_csv(folder / "runs/compare-spacing/runs.csv")
     assert len(first) == 2
     error = error_of(*words, "--out", "runs/compare-spacing")  # which holds results
