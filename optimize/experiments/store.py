@@ -26,7 +26,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.checks import as_path, require_extra, require_type
+from domino_env.core.checks import as_path, require_extra
 from domino_env.core.files import as_text, one_line, require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
@@ -91,10 +91,7 @@ class Study:
         ValueError
             If the result cannot be stored: the disk is full, the store is locked for more than a
             minute, or a number is not finite. All earlier results are intact.
-        TypeError
-            If `result` is no `TaskResult`.
         """
-        require_type("result", result, TaskResult, "a TaskResult, as task.run() returns")
         data = json.dumps(msgspec.to_builtins(result), allow_nan=False)
         task = result.key, result.scene_name, result.method, result.seed
         with self._store.transaction() as connection:
@@ -133,15 +130,10 @@ class Store:
         ValueError
             If the study of that name has another kind or other settings, if the name is invalid or
             a number in the settings is not finite, or if the store cannot be written.
-        TypeError
-            If an argument is of another type.
         """
-        expected = "1 to 200 printable characters without / and \\"
-        require_type("study name", name, str, expected)
         if not name.isprintable() or not STUDY_NAME.fullmatch(name):
+            expected = "1 to 200 printable characters without / and \\"
             raise ValueError(f"study name = {as_text(name)}: give {expected}")
-        require_type("kind", kind, str, 'a word, such as "sweep"')
-        require_type("settings", settings, Mapping, "a dictionary of settings")
         text = json.dumps(dict(settings), allow_nan=False)
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with self.transaction() as connection:
