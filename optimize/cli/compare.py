@@ -2,8 +2,8 @@
 
 SCENE is the name of a shipped scene, a .toml file, or `all`. The folder receives a page of
 Markdown (one table per scene: score, gain over uniform, shortfall from the best known, time to 1 %
-and 0.1 % of it), the runs and their traces as CSV, and a picture of the shortfall against run time.
-Ctrl-C ends it with the runs that are complete.
+and 0.1 % of it), the runs as CSV, and a picture of the shortfall against run time. Ctrl-C ends it
+with the runs that are complete. `domino studies export` writes their layouts and traces too.
 
 Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
 independent: --workers or --dask distribute them. With --budget the results are bitwise
