@@ -103,7 +103,7 @@ def plan_tasks(
         require(name, limit, above=0.0, whole=name == "budget", optional=True)
     require_type("seeds", seeds, Iterable, "several, such as range(5)")
     seeds = list(seeds)
-    names = [registry.method_name(method, importable=True) for method in as_list(methods)]
+    names = [registry.method_name(method) for method in as_list(methods)]
     require_distinct(methods=names, seeds=seeds)
     for name in names:
         registry.load(name)

@@ -21,7 +21,6 @@ from typing import cast
 import numpy as np
 
 from domino_env.core.checks import require_choice, require_extra, require_type
-from domino_env.core.files import as_text
 from optimize.evaluator import Evaluator
 
 Method = Callable[[Evaluator, np.random.Generator], None]
@@ -106,24 +105,19 @@ def load(name: str | Method) -> Method:
     return cast("Method", resolve_name(f"optimize.methods.{function}"))
 
 
-def method_name(method: str | Method, *, importable: bool = False) -> str:
+def method_name(method: str | Method) -> str:
     """Return the name of a method that is given by name or as the function itself.
 
     Raises
     ------
     TypeError
         If the method is neither a name nor a function.
-    ValueError
-        If it must be `importable` and its name does not stand for it.
     """
     require_type("method", method, str | Callable, "a name, or a function run(evaluator, rng)")
     if isinstance(method, str):
         return method
     function = method if hasattr(method, "__qualname__") else type(method)
-    name = f"{function.__module__}:{function.__qualname__}"
-    if importable and import_function(name) != method:
-        raise ValueError(f"method = {as_text(method)}: name a function at the top of a module")
-    return name
+    return f"{function.__module__}:{function.__qualname__}"
 
 
 def import_function(name: str) -> object:
