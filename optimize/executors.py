@@ -152,15 +152,11 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
             parse_host_port(address.rpartition("/")[2])  # an invalid address would block the client
             client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
-        except (OSError, ValueError) as error:
-            reason = f"{error}; start it with `dask scheduler`"
-            raise ExecutorLost(f"no Dask scheduler answers at {address}: {reason}") from None
-        try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
-        except OSError:
+        except (OSError, ValueError) as error:
             raise ExecutorLost(
-                f"the Dask scheduler at {address} has no workers: start one with "
-                f"`dask worker {address} --nthreads 1`"
+                f"no Dask scheduler with a worker answers at {address}: {error}; start "
+                f"`dask scheduler`, and `dask worker {address} --nthreads 1`"
             ) from None
         require_same_versions(client, address)
         yield client.get_executor(pure=False)

@@ -178,7 +178,7 @@ def test_a_lost_scheduler_loses_no_result(tasks, expected, tmp_path, monkeypatch
 @pytest.mark.parametrize(("workers", "dask", "message"), [
     (0, None, "workers = 0: give a whole number, at least 1"),
     (2, "tcp://127.0.0.1:9", "has its own; leave it out"),
-    (None, "nothing", "no Dask scheduler answers at nothing: missing port number"),
+    (None, "nothing", "no Dask scheduler with a worker answers at nothing: missing port"),
 ])  # fmt: skip
 def test_impossible_executors_are_rejected(workers, dask, message):
     if dask is not None:
