@@ -122,17 +122,6 @@ def test_a_resumed_search_continues_its_seconds(problems, tmp_path):
     assert [s[::3] for s in second.trace[:shared]] == [s[::3] for s in first.trace[:-1]]
 
 
-def test_answers_of_another_scene_are_not_used(bits, problems, tmp_path):
-    """A journal without the other files of its run, beside another scene."""
-    words = ("random", 30)
-    search(problems["both"], *words, folder=tmp_path / "one")
-    (tmp_path / "two").mkdir()
-    (tmp_path / "one" / JOURNAL).rename(tmp_path / "two" / JOURNAL)
-    scene = replace(problems["both"], physics=de.Physics(0.3))
-    again = search(scene, *words, folder=tmp_path / "two", resume=True)
-    assert bits(again) == bits(search(scene, *words))
-
-
 def test_a_damaged_journal_is_rejected(problems, tmp_path):
     words = (problems["both"], "random", 30)
     search(*words, folder=tmp_path)

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
-from optimize.experiments import best_known, pictures, report, runner
+from optimize.experiments import best_known, pictures, report
 from optimize.experiments.experiment import Experiment
-from optimize.experiments.runner import run_experiment
 from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
 
@@ -302,17 +300,3 @@ def test_studies_are_named_and_resumed(folder, output_of, error_of, monkeypatch)
     assert "was begun as sweep with" in error_of(*named, *other_tasks)
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
     assert "2 of them done before" in output_of(*WORDS, "--resume").splitlines()[-2]
-
-
-# progress ---------------------------------------------------------------------------------------
-
-
-def test_the_progress_line_shows_the_tasks(scenes, capsys, monkeypatch):
-    every_update = partial(runner.progress_bar, mininterval=0.0, miniters=1)
-    monkeypatch.setattr(runner, "progress_bar", every_update)
-    tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
-    run_experiment(tasks)
-    assert capsys.readouterr() == ("", "")
-    run_experiment(tasks, name="pushes", progress=True)
-    shown = capsys.readouterr().err
-    assert all(f"pushes, {number} of 2" in shown for number in range(3))
