@@ -24,13 +24,12 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # runs by Dask of a task whose worker process dies, which may happen by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
     # Dask counts the loss of a worker as a failure of every task that it holds: each holds one.
     "distributed.scheduler.worker-saturation": 1.0,
-    "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+    "distributed.scheduler.allowed-failures": 2,  # of a task, whose worker may die by chance
     "distributed.worker.profile.enabled": False,  # it would slow the tasks down
 }
 
