@@ -129,8 +129,8 @@ class Design:
         require_choice("quantity", quantity, free)
         require("index", index, 0, pairs - 1, whole=True)
         require("value", value, unit="m")
-        units, entry = self._units, free.index(quantity) * pairs + index
-        low, high, values = (units * sizes for sizes in (space.low, space.high, self._values))
+        units, entry = self._units.ravel(), free.index(quantity) * pairs + index
+        low, high, values = units * (space.low, space.high, self._curves.ravel())
         if others is None and scene.length is not None:
             distance = np.abs(np.arange(space.dimension) % pairs - index)
             nearest = np.argsort(distance, kind="stable")
@@ -172,7 +172,7 @@ class Design:
         curves = np.insert(self._curves, gap, self._curves[:, gap], axis=1)
         if self.scene.free_spacing:
             rest = self.layout.spacing[gap] - self.layout.thickness[gap + 1]
-            curves[0, gap : gap + 2] = 0.5 * rest / self._units[gap]
+            curves[0, gap : gap + 2] = 0.5 * rest / self._units[0, gap]
         return Design.nearest(self.scene.replace(count=self.scene.count + 1, **NAMED), curves)
 
     def without_domino(self, index: int) -> Design:
@@ -181,12 +181,12 @@ class Design:
         require("index", index, 1, last, whole=True)
         curves = self._curves
         if self.scene.free_spacing and index < last:
-            rest = self.layout.thickness[index] / self._units[index - 1]
+            rest = self.layout.thickness[index] / self._units[0, index - 1]
             curves[0, index] += curves[0, index - 1] + rest
         scene = self.scene.replace(count=last, **NAMED)
         return Design.nearest(scene, np.delete(curves, index - 1, axis=1))
 
-    def mended(self) -> Design:
+    def repaired(self) -> Design:
         """Return the design with the best equal gap where the wave stops."""
         assert self.stop is not None
         gap = min(self.stop, self.scene.count - 2)
@@ -205,25 +205,21 @@ class Design:
         return Design.nearest(scene, np.array([np.interp(after, before, c) for c in curves]))
 
     @property
-    def _values(self) -> Floats:
-        """Free gaps, thicknesses, growths (n,) of the layout, in the units of the problem."""
-        space = _problem(self.scene)
-        return np.asarray(space.low + space.design(self.layout) * (space.high - space.low))
-
-    @property
     def _curves(self) -> Floats:
-        """Free values as curves (K, N-1) along the layout."""
-        return self._values.reshape(-1, self.scene.count - 1)
+        """Free gaps, thicknesses, growths (K, N-1) of the layout, in the units of the problem."""
+        space = _problem(self.scene)
+        values = space.low + space.design(self.layout) * (space.high - space.low)
+        return np.asarray(values.reshape(-1, self.scene.count - 1))
 
     @property
     def _units(self) -> Floats:
-        """Lengths of one unit of the free values (n,) [m]."""
+        """Lengths of one unit of these values (K, N-1) [m]."""
         curves, height = np.ones_like(self._curves), self.layout.height
         if self.scene.in_heights:
             shorter = np.minimum(height[:-1], height[1:])
             curves[:] = shorter if self.scene.free_spacing else height[1:]
             curves[1:] = height[1:]
-        return curves.ravel()
+        return curves
 
     # words --------------------------------------------------------------------------------------
 

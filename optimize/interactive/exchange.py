@@ -102,15 +102,14 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
     ValueError
         For another combination of files, and for the reasons of `open_design`.
     """
-    names = {name: NAMES.get(Path(name).suffix.lower()) for name in files}
-    scenes = [*names.values()].count(SCENE)
-    if not files or None in names.values() or scenes > 1 or len(files) - scenes > 1:
+    kinds = {name: NAMES.get(Path(name).suffix.lower(), "") for name in files}
+    if not files or "" in kinds.values() or len(set(kinds.values())) < len(files):
         raise ValueError(
             f"{one_line(', '.join(files), 200)}: give a layout (.csv or .json), a scene (.toml), "
             "or one of each"
         )
     with TemporaryDirectory() as folder:
-        paths = {name: Path(folder) / str(file) for name, file in names.items()}
+        paths = {name: Path(folder) / kind for name, kind in kinds.items()}
         for name, path in paths.items():
             path.write_bytes(files[name])
         try:
@@ -124,9 +123,8 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
 
 
 def _write_template(design: Design, path: Path) -> None:
-    scene, layout = design.scene, design.layout
-    row, title = scene.row(layout), str(scene.title)
-    write_template(row, path, title=title, physics=scene.physics, designed=layout.count)
+    scene, row, title = design.scene, design.wave.layout, str(design.scene.title)
+    write_template(row, path, title=title, physics=scene.physics, designed=scene.count)
 
 
 def _write_report(design: Design, path: Path) -> None:

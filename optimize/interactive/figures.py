@@ -91,7 +91,7 @@ class Curve:
         Parameters
         ----------
         drag
-            Function that is called with the index of the dragged point and its new value.
+            Function that is called with the index of the dragged point and its new value [m].
         drop
             Function that is called at the end of a drag.
         """
@@ -115,7 +115,7 @@ class Curve:
 
         def move(event: Any) -> None:
             for index in source.selected.indices:
-                drag(index, event.y + offset)
+                drag(index, (event.y + offset) / MM)
 
         def end(_: Any) -> None:
             if source.selected.indices:

@@ -138,14 +138,10 @@ class Page:
         self.row, self._range = Row(margin=0, **WIDE), Range1d(-1.0, 1.0)
         self.curves = {quantity: Curve(self._range, quantity) for quantity in TITLES}
         for quantity in (SPACING, THICKNESS):
-            self.curves[quantity].enable_drag(
-                partial(self._drag_point, quantity), partial(self._do, self._commit)
-            )
+            drag = partial(self._do_newest, self.preview, Design.with_size, quantity)
+            self.curves[quantity].enable_drag(drag, partial(self._do, self._commit))
         self.view = self._make_view()
         self._settle()
-
-    def _drag_point(self, quantity: str, index: int, value: float) -> None:
-        self._do_newest(self.preview, Design.with_size, quantity, index, value / MM)
 
     def _make_view(self) -> Any:
         """Return the page: scenes, row, result and actions, curves, settings."""
@@ -199,9 +195,7 @@ class Page:
             stylesheets=["button { font-size: 18px !important }"],
         )  # fmt: skip
         self.faster.on_click(toggle)
-        self.mend = button(
-            "Mend the gap where it stops", self._edit, Design.mended, button_type="warning"
-        )
+        self.repair = button("Repair the gap where it stops", self._edit, Design.repaired)
         self.undo, self.redo = button("Undo", self._move, -1), button("Redo", self._move, 1)
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
         upload.param.watch(lambda e: self._do(self._open, upload.filename, e.new), "value")
@@ -224,7 +218,7 @@ class Page:
             card("Scenes and files", html(gallery()), hint, upload),
             self.title, self.row, self.result,
             line(self.faster, self.undo, self.redo,
-                 button("Equal gaps", self._edit, lambda d: Design.uniform(d.scene)), self.mend,
+                 button("Equal gaps", self._edit, lambda d: Design.uniform(d.scene)), self.repair,
                  button("Will it work?", self._check),
                  button("Search thoroughly", self._search, True)),
             line("Race against", self.compare, button("Keep this row", self._keep), pace, sound),
@@ -310,7 +304,7 @@ class Page:
             f'<p class="number"><b>{escape(number)}</b> {escape(sentence)}</p>'
             f'<p class="details">{escape(design.details(uniform))}</p>'
         )
-        self.mend.visible = design.stop is not None
+        self.repair.visible = design.stop is not None
 
     def _settle(self) -> None:
         """Show the present step of the history; slow computations run in threads."""

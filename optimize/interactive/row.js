@@ -1,6 +1,6 @@
 // Row of dominoes on a canvas: it is dragged, pushed and heard here, without the server.
 // motion.js, which is loaded before it, computes the leans. Times in s, lengths in m, screen in pixels.
-const LEFT = 48, RIGHT = 12, SKY = 34, FOOT = 12, MAP = 26; // margins; those at the sides are the plots'
+const LEFT = 48, RIGHT = 12, SKY = 52, FOOT = 12, MAP = 26; // margins; those at the sides are the plots'
 const SMALLEST = 26, REACH = 9, STILL = 4; // height of a domino in view; distances of the pointer
 const AHEAD = 0.1; // [s] in which clicks are scheduled
 const COLOURS = { ink: "#1d2126", soft: "#5c636d", line: "#c9ced4", fallen: "#0b6e99", leader: "#d55e00",
@@ -72,18 +72,18 @@ export function render({ model, el }) {
     caption(); map(); pointer();
   }
   function write(text, x, y, colour, align = "left") {
-    pen.fillStyle = colour; pen.textAlign = align; pen.font = "14px system-ui, sans-serif"; pen.fillText(text, x, y);
+    pen.fillStyle = colour; pen.textAlign = align; pen.font = "14px system-ui, sans-serif";
+    pen.fillText(text, x, y, el.clientWidth - 24);
   }
   function caption() { // times of the race: running, and frozen at the finish
-    const narrow = el.clientWidth < 700, time = (row) => {
+    const time = (row) => {
       const t = row.arrivals.at(-1);
       return t != null && now >= t ? `${t.toFixed(3)} s` : now >= row.end ? "stops" : `${now.toFixed(2)} s …`;
     };
-    if (!runs()) return write("Click the first domino to push the row. " + (narrow ? "" :
-      "Drag the others (with Shift: and all ahead). Double click: one more; Delete: one less."), 12, 18, COLOURS.ink);
-    write(`yours ${time(own)}`, 12, 18, COLOURS.fallen);
-    if (rows[1]) write(`${state.other} ${time(rows[1])}`, 142, 18, COLOURS.soft);
-    if (now >= end()) write(state.verdict, narrow ? 12 : el.clientWidth - 12, narrow ? 38 : 18, COLOURS.ink, narrow ? "left" : "right");
+    write(runs() ? `yours ${time(own)}` : "Click the first domino to push the row.", 12, 18, COLOURS.ink);
+    if (runs() && rows[1]) write(`${state.other} ${time(rows[1])}`, 142, 18, COLOURS.soft);
+    const hint = "Drag the others (with Shift: and all ahead). Double click: one more; Delete: one less.";
+    write(!runs() ? hint : now >= end() ? state.verdict : "", 12, 38, runs() ? COLOURS.ink : COLOURS.soft);
   }
   function map() { // the whole row as a line, the part in view as a box, the wave as a dot
     if (!view.follows) return;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
@@ -79,8 +80,9 @@ class Row(JSComponent):  # type: ignore[misc]
         }
 
 
+@lru_cache(8)
 def _row_data(wave: Wave, moves: bool) -> dict[str, Any]:
-    """Return the data of a layout, with its motion if it moves."""
+    """Return the data of a layout, with its motion if it moves; one of two rows seldom changes."""
     if moves:
         return motion_data(wave, Motion(wave.layout, wave.physics))
     return layout_data(wave.layout)

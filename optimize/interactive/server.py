@@ -44,7 +44,6 @@ class Studio:
         require("port", port, 0, 65535, whole=True)
         self.url, self._port, self._first = "", port, design
         self._pages: list[Any] = []  # of all tabs
-        self._server: Any = None
 
     @property
     def layout(self) -> Layout:

@@ -146,7 +146,7 @@ def test_the_words_of_a_wave_that_stops_name_the_place() -> None:
     design = design.with_size(SPACING, 20, 0.050)  # more than the height
     assert design.stop == 20
     assert design.headline(None) == ("stops at domino 20", "21 of 40 are hit")
-    assert design.mended().stop is None
+    assert design.repaired().stop is None
 
 
 def test_a_search_shows_better_layouts(monkeypatch) -> None:

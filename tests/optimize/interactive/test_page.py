@@ -293,12 +293,12 @@ def test_settings_change_the_scene_and_keep_the_best_equal_gaps(tab: Tab, served
     tab.undo()
 
 
-def test_a_stopped_row_is_mended_and_checked(tab: Tab, served: Studio) -> None:
+def test_a_stopped_row_is_repaired_and_checked(tab: Tab, served: Studio) -> None:
     wide = SPRINT.replace(spacing=(0.002, 0.06), count=20)
     design = Design.uniform(wide).with_size("spacing", 10, 0.055)
     tab.window.get(served.url + make_link(design))
     tab.wait(lambda: "stops at domino 10" in tab.result)
-    tab.click("Mend the gap where it stops")
+    tab.click("Repair the gap where it stops")
     tab.wait(lambda: "m/s" in tab.result)
     tab.click("Will it work?")
     tab.wait(lambda: "Yes. Placed to ±0.5 mm, 100% of 256 rows fall" in tab.status)
