@@ -19,7 +19,7 @@ SPEED = "speed"
 TITLES = {
     SPACING: "Gap [mm]: drag the points",
     THICKNESS: "Thickness [mm]: drag the points",
-    SPEED: "Local speed [m/s] along the row [m] – grey: the other row",
+    SPEED: "Local speed [m/s] – grey: the other row",
 }
 # title of the curve of speeds with a schedule
 LATENESS = "Lateness of each hit [ms] – grey: the other row"
@@ -47,7 +47,9 @@ class Curve:
         self.sources = [ColumnDataSource({"x": [], "y": []}) for _ in range(2)]
         for source, colour in zip(self.sources, (RESULT, UNIFORM), strict=True):
             self.figure.line("x", "y", source=source, color=colour, nonselection_alpha=1.0)
-        if quantity == SPEED:  # the place of the wave, which row.js moves
+        if quantity == SPEED:
+            self.figure.xaxis.axis_label = "position [m]"
+            # the place of the wave, which row.js moves
             pointer = Span(dimension="height", line_color=BEST_KNOWN, visible=False)
             pointer.name = "pointer"
             self.figure.add_layout(pointer)

@@ -83,7 +83,7 @@ export function render({ model, el }) {
     write(runs() ? `yours ${time(own)}` : "Click the first domino to push the row.", 12, 18, COLOURS.ink);
     if (runs() && rows[1]) write(`${state.other} ${time(rows[1])}`, 142, 18, COLOURS.soft);
     const hint = "Drag the others (with Shift: and all ahead). Double click: one more; Delete: one less.";
-    write(!runs() ? hint : now >= end() ? state.verdict : "", 12, 38, runs() ? COLOURS.ink : COLOURS.soft);
+    write(!runs() ? (el.clientWidth < 700 ? "" : hint) : now >= end() ? state.verdict : "", 12, 38, runs() ? COLOURS.ink : COLOURS.soft);
   }
   function map() { // the whole row as a line, the part in view as a box, the wave as a dot
     if (!view.follows) return;
