@@ -284,16 +284,10 @@ class Page:
 
     def _draw(self, *, moves: bool = False) -> None:
         """Draw the design: row, result and curves; with `moves`, the row can fall."""
-        design, scene, name, uniform = (
-            self.design,
-            self.design.scene,
-            self.compare.value,
-            self._uniform,
-        )
+        design, uniform, name = self.design, self._uniform, self.compare.value
+        scene, is_step = design.scene, design is self._steps[self._position]
         other = {UNIFORM: uniform, BEST: known_best(scene), KEPT: self._kept}[name]
-        keep_scale = design is not self._steps[self._position]
-        other_wave = other.wave if other else None
-        self.row.show(design, other_wave, name, moves=moves, keep_scale=keep_scale)
+        self.row.show(design, other, name, moves=moves, keep_scale=not is_step)
         extent = self.row.state["extent"]
         self._range.update(start=extent["low"], end=extent["high"])
         schedule = scene.tempo.schedule(scene.count) if scene.tempo else None

@@ -45,9 +45,7 @@ class Row(JSComponent):  # type: ignore[misc]
         __file__
     ).with_name("row.js").read_text("utf-8")
 
-    def show(
-        self, design: Design, other: Wave | None, name: str, *, moves: bool, keep_scale: bool
-    ) -> None:
+    def show(self, design: Design, other: Any, name: str, *, moves: bool, keep_scale: bool) -> None:
         """Show a design and the row that it races.
 
         Parameters
@@ -55,7 +53,7 @@ class Row(JSComponent):  # type: ignore[misc]
         design
             The design.
         other
-            Wave of the other row; None for none.
+            Object with the `wave` of the other row; None for none.
         name
             Name of the other row.
         moves
@@ -63,7 +61,7 @@ class Row(JSComponent):  # type: ignore[misc]
         keep_scale
             True to keep the range of x, as during a drag; otherwise it is fitted to the rows.
         """
-        waves = [design.wave, other] if other else [design.wave]
+        waves = [row.wave for row in (design, other) if row]
         pivots = np.concatenate([wave.layout.pivots for wave in waves])
         tallest = max(float(wave.layout.height.max()) for wave in waves)
         (_, bottom), (end, top) = pivots.min(axis=0).tolist(), pivots.max(axis=0).tolist()
@@ -76,7 +74,7 @@ class Row(JSComponent):  # type: ignore[misc]
             "designed": design.scene.count,
             "stop": -1 if design.stop is None else design.stop,
             "other": name,
-            "verdict": _verdict(design.wave, other, name) if other else "",
+            "verdict": _verdict(design.wave, other.wave, name) if other else "",
         }
 
 

@@ -17,7 +17,7 @@ from optimize.interactive.exchange import KEY, open_design, read_link
 from optimize.searching import compile_simulations
 
 HOST = "localhost"
-LIFETIME = 15_000  # [ms] of a tab without a connection, also of one that is not connected yet
+LIFETIME = 30_000  # [ms] of a tab without a connection, also of one that is not connected yet
 HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = Path(__file__).with_name("template.html")  # of the document that contains the page
 
@@ -73,7 +73,7 @@ class Studio:
                 lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
                 port=self._port, address="127.0.0.1", title="Domino studio", location=False,
                 unused_session_lifetime_milliseconds=LIFETIME,
-                check_unused_sessions_milliseconds=LIFETIME // 10,
+                check_unused_sessions_milliseconds=LIFETIME // 20,
             )  # fmt: skip
         except OSError as error:
             hint = "give another port, or 0 for any free one (--port)"

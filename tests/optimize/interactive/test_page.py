@@ -176,7 +176,7 @@ def served() -> Iterator[Studio]:
     """A studio that is served as the command serves it."""
     made, ready = studio(SPRINT), threading.Event()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(server, "LIFETIME", 5_000)
+        patch.setattr(server, "LIFETIME", 10_000)
         thread = threading.Thread(target=made.serve, args=(lambda _: ready.set(),), daemon=True)
         thread.start()
         assert ready.wait(LONGEST)
