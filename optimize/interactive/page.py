@@ -45,8 +45,8 @@ class Control(NamedTuple):
     ----------
     label
         Label on the page, with the unit.
-    place
-        Table and key of the number. The control is hidden in scenes that do not have it.
+    table, key
+        Place of the number. The control is hidden in scenes that do not have it.
     unit
         Value on the page over that in the table.
     step
@@ -56,54 +56,55 @@ class Control(NamedTuple):
     """
 
     label: str
-    place: str
+    table: str
+    key: str
     unit: float = MM
     step: float = 0.1
     is_optional: bool = False
 
     def read(self, scene: Scene) -> float | None:
         """Return the value on the page; None for a scene that does not have the number."""
-        table, _, key = self.place.partition(".")
-        values = scene.document().get(table, {})
-        value = values.get(key, 0.0 if self.is_optional else None)
-        # lengths in heights of a domino are not in millimetres
-        return None if value is None or "of" in values else round(self.unit * value, 9)
+        values = scene.document().get(self.table, {})
+        value = values.get(self.key, 0.0 if self.is_optional else None)
+        # not a length in heights of a domino, nor the slope of a curve
+        is_other = bool(values.keys() & {"of", "profile"})
+        return None if value is None or is_other else round(self.unit * value, 9)
 
     def change(self, design: Design, value: float) -> Design:
         """Return the design with the scene that has this value on the page."""
-        table, _, key = self.place.partition(".")
         document = design.scene.document()
-        values = document.get(table, {}) | {key: value / self.unit if self.unit != 1 else value}
+        values = document.get(self.table, {})
+        values[self.key] = value / self.unit if self.unit != 1 else value
         if self.is_optional and not value:
-            del values[key]
-        if self.place == "thickness.fixed":  # also of the first domino
+            del values[self.key]
+        if self.key == "fixed":  # thickness, also of the first domino
             del document["row"]["first_thickness"]
-        document |= {table: values or None} | NAMED
+        document |= {self.table: values or None} | NAMED
         return design.with_scene(Scene.from_document(document))
 
 
 CONTROLS = {
     "Dominoes": (
-        Control("Number of dominoes", "row.count", 1, 1),
-        Control("Height [mm]", "row.height"),
-        Control("Width [mm]", "row.width"),
-        Control("Thickness [mm]", "thickness.fixed"),
+        Control("Number of dominoes", "row", "count", 1, 1),
+        Control("Height [mm]", "row", "height"),
+        Control("Width [mm]", "row", "width"),
+        Control("Thickness [mm]", "thickness", "fixed"),
     ),
     "Ground, floor and friction": (
-        Control("Push of the first domino [rad/s]", "physics.push", 1),
-        Control("Friction between dominoes", "physics.friction", 1, 0.01),
-        Control("Slope [°], positive downhill", "ground.slope", 1, is_optional=True),
-        Control("Floor friction (0: fixed pivots)", "physics.floor_friction", 1, 0.05, True),
+        Control("Push of the first domino [rad/s]", "physics", "push", 1),
+        Control("Friction between dominoes", "physics", "friction", 1, 0.01),
+        Control("Slope [°], positive downhill", "ground", "slope", 1, is_optional=True),
+        Control("Floor friction (0: fixed pivots)", "physics", "floor_friction", 1, 0.05, True),
     ),
     "Rules": (
-        Control("Smallest gap [mm]", "spacing.min"),
-        Control("Largest gap [mm]", "spacing.max"),
-        Control("Smallest thickness [mm]", "thickness.min"),
-        Control("Largest thickness [mm]", "thickness.max"),
-        Control("Length [mm] (0: any)", "row.length", is_optional=True),
-        Control("Dominoes of the run-out", "run_out.count", 1, 1),
-        Control("Gaps of the run-out [mm]", "run_out.spacing"),
-        Control("Placement noise [mm]", "placement.deviation", step=0.01),
+        Control("Smallest gap [mm]", "spacing", "min"),
+        Control("Largest gap [mm]", "spacing", "max"),
+        Control("Smallest thickness [mm]", "thickness", "min"),
+        Control("Largest thickness [mm]", "thickness", "max"),
+        Control("Length [mm] (0: any)", "row", "length", is_optional=True),
+        Control("Dominoes of the run-out", "run_out", "count", 1, 1),
+        Control("Gaps of the run-out [mm]", "run_out", "spacing"),
+        Control("Placement noise [mm]", "placement", "deviation", step=0.01),
     ),
 }
 """Controls of the scene, by the title of their group."""

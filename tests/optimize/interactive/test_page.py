@@ -59,13 +59,16 @@ AudioContext.prototype.createBufferSource = function() { nodes++; return make.ca
 """
 
 
-@pytest.mark.parametrize("name", ["sprint", "relay", "table", "downhill", "jitter", "magnify"])
+@pytest.mark.parametrize(
+    "name", ["sprint", "relay", "table", "downhill", "jitter", "magnify", "hills"]
+)
 def test_the_value_of_a_control_gives_the_same_scene(name: str) -> None:
     scene = de.load_scene(name)
     design = Design(scene, best_known()[name].layout)
     shown = {label: c for label, c in CONTROLS.items() if c.read(scene) is not None}
     assert ("Placement noise [mm]" in shown) == (name == "jitter")
     assert ("Gaps of the run-out [mm]" in shown) == (name == "relay")
+    assert ("Slope [°], positive downhill" in shown) == (name != "hills")
     assert ("Smallest gap [mm]" in shown) == (name != "magnify")  # in heights of a domino
     for control in shown.values():
         changed = control.change(design, control.read(scene)).scene
