@@ -10,7 +10,7 @@ import platform
 import re
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -128,6 +128,7 @@ class BenchmarkTask(Task):
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
         compile_simulations(scenes[0], gradients=True, episodes=True)  # before time is measured
         trace: Trace
+        work: dict[str, int]
         if is_learner(self.method):
             policy, trace, work = self._train()
             rollouts = [policy.build(scene) for scene in scenes]
@@ -140,18 +141,21 @@ class BenchmarkTask(Task):
         elif isinstance(target, Scene):
             result = super().run(clock)
             steps = [(target.count - 1) * number for number in result.trace["evaluations"]]
-            trace, work = result.trace | {"steps": steps}, result.work | {"steps": steps[-1]}
+            trace, work = result.trace | {"steps": steps}, {**result.work, "steps": int(steps[-1])}
             return msgspec.structs.replace(result, trace=trace, work=work)
         else:
             return self._search_all(scenes)
-        first, uniform, wave = rollouts[0], 0.0, None
-        score = gain = float(np.median([_gain(rollout.gain) for rollout in rollouts]))
+        first = rollouts[0]
         if isinstance(target, Scene):
-            score, uniform, gain, wave = first.score, first.uniform.score, first.gain, first.wave
-        trace["score"][-1] = score
-        return self.make_result(trace, score, uniform, gain, wave, **work)
+            trace["score"][-1] = first.score
+            return self.make_result(
+                trace, first.score, first.uniform.score, first.gain, first.wave, **work
+            )
+        gain = float(np.median([_gain(rollout.gain) for rollout in rollouts]))
+        trace["score"][-1] = gain
+        return self.make_result(trace, gain, 0.0, gain, None, **work)
 
-    def _train(self) -> tuple[ScenePolicy, Trace, Mapping[str, int]]:
+    def _train(self) -> tuple[ScenePolicy, Trace, dict[str, int]]:
         """Train; return the policy, its learning curve, and counts such as "simulations"."""
         if self.method not in ALGORITHMS:
             return train_third_party(self.method, self.target, self.steps, self.seed)

@@ -95,19 +95,13 @@ class Network:
         ValueError
             If the shapes differ, or if weights are not finite float32 numbers.
         """
-        size = inputs
-        for i, (weight, bias) in enumerate(self.layers):
-            shapes = f"layer {i} has shapes {weight.shape} and {bias.shape}"
-            if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
-                raise ValueError(f"{shapes}: expected (n, {size}) and (n,)")
-            for array in (weight, bias):
-                if array.dtype != np.float32 or not np.isfinite(array).all():
-                    raise ValueError(f"layer {i} has values that are not finite float32 numbers")
-            size = weight.shape[0]
-        if not self.layers:
-            raise ValueError("there are no weights of layers")
-        if size != outputs:
-            raise ValueError(f"the last layer has {size} outputs: expected {outputs}")
+        try:
+            result = self(np.zeros(inputs, np.float32))
+        except (TypeError, ValueError, IndexError) as error:
+            raise ValueError(f"layers do not fit together, or {inputs} inputs: {error}") from None
+        is_valid = result.shape == (outputs,) and result.dtype == np.float32
+        if not (is_valid and np.isfinite(result).all()):
+            raise ValueError(f"the outputs are {result}: expected {outputs} finite float32 numbers")
         return self
 
 

@@ -42,7 +42,7 @@ DESIGNER = "designer"  # name of the shipped scene-conditioned policy
 
 
 class ConfigDocument(Document):
-    """Arguments of a training, read from config.json; see `agents.train`."""
+    """Arguments of a training, as in config.json; see `agents.train`."""
 
     algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]

@@ -100,14 +100,13 @@ def test_frames_show_the_hand():
 def test_training_seeds_differ_from_selection_and_evaluation_seeds():
     pytest.importorskip("stable_baselines3")
     from agents.algorithms import default_hyperparameters
-    from agents.sb3 import Learner
+    from agents.sb3 import make_model
 
     chosen = default_hyperparameters("ppo", SMALL).replace(num_envs=4, options={"n_steps": 7})
     used = set()
     for seed in range(2):
-        learner = Learner(SMALL, "ppo", chosen, seed)
-        learner.learn(28, lambda: None, lambda _: None)
-        seeds = learner.env.vector.np_random_seed
+        model = make_model(SMALL, "ppo", chosen, seed).learn(28)
+        seeds = model.env.vector.np_random_seed
         assert min(seeds) >= SEEDS_PER_TRAINING > max(*SELECTION_SEEDS, *EVALUATION_SEEDS)
         assert not used & {*seeds}
         used |= {*seeds}
