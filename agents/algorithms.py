@@ -147,20 +147,19 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     if algorithm == "ppo":
         # steps of a rollout in each environment: two episodes, or one if they are long
         length = 2 * episode if episode <= 120 else episode
-        num_envs, minibatches = (64, 8) if is_random else (256, 4)
-        options = {
-            "n_steps": length, "n_epochs": 8, "gamma": discount,
-            "batch_size": max(num_envs * length // minibatches, num_envs),
-        }  # fmt: skip
-        defaults = Hyperparameters(
-            num_envs=num_envs, steps=15_000_000, last_rate=0.1, middle=0.25,
-            middle_deviation=0.1, last_deviation=0.015, options=options,
+        options = {"n_steps": length, "n_epochs": 8, "gamma": discount}
+        if is_random:
+            return Hyperparameters(
+                num_envs=64, steps=5_000_000, last_rate=0.1, middle=0.4,
+                middle_deviation=0.3, last_deviation=0.05,
+                options={"batch_size": max(64 * length // 8, 64)} | options,
+            )  # fmt: skip
+        return Hyperparameters(
+            num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
+            middle_deviation=0.1, last_deviation=0.015,
+            # four minibatches of a rollout, none of fewer than 256 transitions
+            options={"batch_size": max(256 * length // 4, 256)} | options,
         )  # fmt: skip
-        if not is_random:
-            return defaults
-        return defaults.replace(
-            steps=5_000_000, middle=0.4, middle_deviation=0.3, last_deviation=0.05
-        )
     if algorithm == "apg":
         # steps: number of updates, times environments, times steps of an episode
         defaults = Hyperparameters(
