@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,8 @@ from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.scene_base import SCORE_RTOL
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
-from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
 from optimize.methods import registry
@@ -261,7 +260,7 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
     design = problem.design(uniform.layout)
     layout = problem.layout(design)
     if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):  # [m] rounding
-        falls = Waves.from_waves([uniform.wave], problem.scene.row_count).falls
+        falls = uniform.wave.as_batch().falls
         score = np.array([uniform.score])
         # a wave that stops scores its reach minus 1
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
@@ -342,10 +341,11 @@ def _best_finalist(
             return uniform.layout, uniform.wave, score
         layout = evaluator.problem.layout(design)
         return layout, scene.simulate(layout), score
-    layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
-    waves = [scene.simulate(layout) for layout in layouts]
-    scores = scene.evaluate_waves(waves).score.tolist()
-    return max(zip(layouts, waves, scores, strict=True), key=itemgetter(2))
+    designs = np.array([design for _, design in reversed(evaluator.finalists)])
+    scores = evaluator.problem.evaluate(designs, rtol=SCORE_RTOL).score
+    best = int(np.argmax(scores))
+    layout = evaluator.problem.layout(designs[best])
+    return layout, scene.simulate(layout), float(scores[best])
 
 
 def _announce_duration(evaluator: Evaluator) -> None:

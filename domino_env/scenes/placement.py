@@ -17,8 +17,8 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import ScoreGradient, Scores
-from domino_env.scenes.waves import LayoutBatch
 
 LARGEST_DRAWS = 100_000  # largest number of draws of one layout
 MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
