@@ -280,9 +280,8 @@ class Evaluator:
         ValueError
             If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
-        designs = numbers("designs", designs, None)
-        single = designs.ndim < 2
-        designs = designs[None] if single else designs
+        single = np.ndim(designs) < 2
+        designs = np.atleast_2d(numbers("designs", designs, None))
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
