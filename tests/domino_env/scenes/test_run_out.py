@@ -82,13 +82,6 @@ def test_a_wave_that_ends_in_the_run_out_is_a_failure():
     assert info["score"][0] == pytest.approx(wave.reach - 1.0, abs=1e-6)
 
 
-def test_a_scene_with_a_run_out_keeps_it_in_its_file():
-    assert "[run_out]\ncount = 5\nspacing = 0.004\n" in FREE.to_toml()
-    scene = de.Scene.from_document(FREE.document())
-    assert scene == FREE
-    assert (scene.count, scene.row_count) == (9, 14)
-
-
 @pytest.mark.parametrize(("changes", "words"), [
     ({"run_out": de.RunOut(5, 0.05)}, r"run_out\.spacing = 0\.05 m is out of reach of a domino"),
     ({"run_out": de.RunOut(99_999, 0.004)}, r"row\.count and run_out\.count add up to 100008"),
