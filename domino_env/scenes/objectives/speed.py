@@ -16,9 +16,10 @@ from domino_env.scenes.objectives.base import Objective, ScoreGradient
 
 
 @dataclass(frozen=True)
-class Speed(Objective):
-    """Objective in which a success scores the mean speed of its wave [m/s]."""
+class MeanSpeed(Objective):
+    """Mean speed of the wave [m/s], over a free length unless the scene has one."""
 
+    name: ClassVar[str] = "mean_speed"
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
@@ -50,13 +51,7 @@ class Speed(Objective):
         return f"{score:.{digits}f} m/s"
 
 
-class MeanSpeed(Speed):
-    """Mean speed, over a free length unless the scene has one."""
-
-    name: ClassVar[str] = "mean_speed"
-
-
-class Time(Speed):
+class Time(MeanSpeed):
     """Mean speed over the length of the scene, so that the shortest time scores most."""
 
     name: ClassVar[str] = "time"
