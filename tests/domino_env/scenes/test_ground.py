@@ -4,18 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from uneven_layouts import POINTS, UNEVEN_SCENE
 
 import domino_env as de
 from domino_env.physics import footing
 from domino_env.scenes.io.reading import read_layout
 from domino_env.scenes.placement import draw_layouts
 
-POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
-UNEVEN = de.Ground(profile=POINTS)
-FREE = de.load_scene("sprint-thickness").replace(
-    name="small", count=9, spacing=(0.008, 0.03), thickness=(0.007, 0.012), first_thickness=0.008,
-    physics=de.Physics(0.25, push=14.0), ground=UNEVEN,
-)  # fmt: skip
+FREE, UNEVEN = UNEVEN_SCENE, UNEVEN_SCENE.ground
 
 
 def random_sizes(batch: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

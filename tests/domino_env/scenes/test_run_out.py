@@ -11,11 +11,6 @@ FREE = de.Scene(
     count=9, spacing=(0.002, 0.04), thickness=(0.004, 0.012), first_thickness=0.0075,
     physics=de.Physics(push=8.0), run_out=de.RunOut(5, 0.004),
 )  # fmt: skip
-KINDS = {
-    "plain": FREE,
-    "slope": FREE.replace(ground=de.Ground(slope=3.0)),
-    "length": FREE.replace(length=0.2),
-}
 RNG = np.random.default_rng(3)
 GAPS, THICKNESSES = RNG.uniform(0.005, 0.02, (2, 8)), RNG.uniform(0.005, 0.01, (2, 8))
 
@@ -92,12 +87,3 @@ def test_a_wave_that_ends_in_the_run_out_is_a_failure():
 def test_run_outs_that_contradict_the_scene_are_rejected(changes, words):
     with pytest.raises(ValueError, match=words):
         FREE.replace(**changes)
-
-
-@pytest.mark.parametrize("scene", KINDS.values(), ids=KINDS)
-def test_every_reward_of_the_uniform_baseline_is_zero(scene):
-    envs = DominoChainVector(1, scene, rtol=1e-10)
-    envs.reset(seed=0)
-    actions = np.zeros((1, *envs.single_action_space.shape))
-    rewards = [envs.step(actions)[1][0] for _ in range(scene.count - 1)]
-    assert np.abs(rewards).max() < 1e-6

@@ -2,21 +2,15 @@
 
 import numpy as np
 import pytest
+from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
 
 STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
-FLAT = de.Scene(
-    count=9, spacing=(0.002, 0.04), thickness=(0.004, 0.012), first_thickness=0.0075,
-    physics=de.Physics(push=14.0),
-)  # fmt: skip
-POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
-UNEVEN = FLAT.replace(
-    spacing=(0.008, 0.03), thickness=(0.007, 0.012), ground=de.Ground(profile=POINTS)
-)
+UNEVEN = UNEVEN_SCENE
 SLOPE = UNEVEN.replace(ground=de.Ground(slope=-3.0))
-ROW = FLAT.replace(run_out=de.RunOut(5, 0.004))
+ROW = UNEVEN.replace(ground=None, spacing=(0.002, 0.04), run_out=de.RunOut(5, 0.004))
 SCENES = {
     "uneven ground": UNEVEN,
     "slope": SLOPE,
