@@ -95,7 +95,7 @@ class Results:
     impact_velocity = property(lambda self: self.arrivals["impact"][..., :-1])
     stall_margin = property(lambda self: self.arrivals["margin"])
     converged = property(lambda self: self.error_estimate <= self.rtol)
-    propagated = property(lambda self: self.outcome == Outcome.PROPAGATED)
+    propagated = property(lambda self: self.summary.outcome == kernel_arrays.PROPAGATED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +270,7 @@ class Wave(Results):
 
     def as_batch(self) -> WaveBatch:
         """Return the wave as a batch of one, without gradient."""
-        summary = kernel_arrays.Summary._make(map(np.atleast_1d, self.summary))
+        summary = kernel_arrays.Summary._make(np.array([number]) for number in self.summary)
         results = summary, self.arrivals[None], np.array([self.mean_speed]), self.run_time
         return WaveBatch(_batch_of_one(self.layout), self.physics, self.rtol, *results)
 
