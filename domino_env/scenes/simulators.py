@@ -121,18 +121,17 @@ class FreeStanding:
         arrivals = np.zeros((len(waves), layouts.count), ARRIVAL)
         for b, wave in enumerate(waves):
             arrivals["time"][b] = wave.arrival_times
+        density = np.broadcast_to(layouts.density, layouts.thickness.shape)
+        sizes = layouts.spacing, layouts.thickness, layouts.height, density
         return WaveBatch(
-            arrays=Arrays(
-                layouts.spacing, layouts.thickness, layouts.height, np.atleast_2d(layouts.density),
-                layouts.rise, layouts.tilt,
-            ),
+            arrays=Arrays(*sizes, layouts.rise, layouts.tilt),
             physics=layouts.physics,
             rtol=self.rtol,
             summary=columns_of(np.array([_summary(wave) for wave in waves], SUMMARY)),
             arrivals=arrivals,
             mean_speed=np.array([wave.mean_speed for wave in waves]),
             run_time=sum(wave.run_time for wave in waves),
-        )  # fmt: skip
+        )
 
 
 Simulator: TypeAlias = FixedPivots | FreeStanding
