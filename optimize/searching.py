@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.scene_base import SCORE_RTOL
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
@@ -320,11 +320,9 @@ def _best_finalist(
             return uniform.layout, uniform.wave, score
         layout = evaluator.problem.layout(design)
         return layout, scene.simulate(layout), score
-    designs = np.array([design for _, design in reversed(evaluator.finalists)])
-    scores = evaluator.problem.evaluate(designs, rtol=SCORE_RTOL).score
-    best = int(np.argmax(scores))
-    layout = evaluator.problem.layout(designs[best])
-    return layout, scene.simulate(layout), float(scores[best])
+    layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
+    waves = [scene.simulate(layout) for layout in layouts]
+    return max(zip(layouts, waves, map(scene.score, waves), strict=True), key=itemgetter(2))
 
 
 def _announce_duration(evaluator: Evaluator) -> None:
