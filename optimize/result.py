@@ -35,7 +35,7 @@ class SearchResult(SceneResult):
     method
         Name of the method.
     seed
-        Seed of all randomness.
+        Seed of all randomness; None if the search was given a generator.
     uniform
         The uniform baseline: the best layout with equal gaps, its wave and score.
     trace
@@ -54,7 +54,7 @@ class SearchResult(SceneResult):
     """
 
     method: str
-    seed: int
+    seed: int | None
     uniform: UniformBaseline
     trace: Trace
     evaluations: int

@@ -34,12 +34,14 @@ class SummaryDocument(Document):
     """Part of the summary that identifies the search of a folder, and its evaluations."""
 
     method: str
-    seed: int
+    seed: int | None
     versions: dict[str, str]
     evaluations: Annotated[int, Meta(ge=0)] = 0
 
 
-def begin_run(folder: Path, scene: Scene, method: str, seed: int, *, resume: bool = False) -> int:
+def begin_run(
+    folder: Path, scene: Scene, method: str, seed: int | None, *, resume: bool = False
+) -> int:
     """Prepare the folder of a run, which may hold other files.
 
     Parameters

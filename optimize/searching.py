@@ -49,8 +49,9 @@ def search(
     scene: Scene | str | Path,
     method: str | Method = "auto",
     budget: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     *,
+    rng: int | np.random.Generator | None = None,
     seconds: float | None = None,
     tolerance: float | None = None,
     progress: bool | None = None,
@@ -79,8 +80,12 @@ def search(
         few are simulated again at a tighter tolerance, which is not counted. On a floor only the
         free-standing simulations count, not the analytic ones that select their layouts.
     seed
-        Seed of all randomness. Without a limit of seconds, the same seed gives bitwise the same
-        result for any number of threads.
+        Seed of all randomness; None for 0. Without a limit of seconds, the same seed gives bitwise
+        the same result for any number of threads.
+    rng
+        Random numbers, in place of `seed`: a whole number, which is a seed, or a generator, which
+        the search uses and advances. None for `seed`, so that a search without both is
+        reproducible. A search with a generator has no seed, and cannot be resumed.
     seconds
         Time that may be spent [s], including that of the uniform baseline if the scene object does
         not have it yet; None for no limit. If it is given on a floor, the uniform baseline counts
@@ -119,6 +124,7 @@ def search(
     ------
     ValueError
         If method or scene are unknown, the method evaluates nothing, a number is out of its range,
+        `seed` and `rng` are both given,
         the scene has no free values, the folder holds a run or, with `resume`, another search or
         more evaluations of this one, or the result cannot be written.
     TypeError
@@ -139,13 +145,15 @@ def search(
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     run, method = registry.load(method), registry.method_name(method)
-    require("seed", seed, 0, whole=True)
+    seed, rng = _generator(seed, rng)
     require("budget", budget, 1, whole=True, optional=True)
     require("seconds", seconds, above=0.0, unit="s", optional=True)
     require_options(tolerance, callback, executor, clock)
     require("seconds_before", seconds_before, 0.0, unit="s")
     if resume and folder is None:
         raise ValueError("resume = True without a folder: give the folder of the search")
+    if resume and seed is None:
+        raise ValueError("resume = True with a generator: a search resumes from its seed, give one")
     if tolerance is None and budget is None and seconds is None:
         tolerance = TOLERANCE
     problem = Problem(scene)
@@ -179,7 +187,7 @@ def search(
         try:
             # The matrices are small: threads of the linear algebra would only wait for each other.
             with threadpool_limits(1, user_api="blas"):
-                run(evaluator, np.random.default_rng(seed))
+                run(evaluator, rng)
             stop_reason = f"done: {evaluator.status or 'the method has nothing left to try'}"
         except BudgetSpent as end_of_budget:
             reason = str(end_of_budget) or evaluator.stop_reason or "too few evaluations remain"
@@ -204,7 +212,7 @@ def search(
     layout, wave, score = _best_finalist(scene, evaluator, uniform)
     end = (evaluator.evaluations, evaluator.falls, duration, evaluator.best_score)
     result = SearchResult(
-        scene=scene, method=method, seed=int(seed), layout=layout, wave=wave, score=score,
+        scene=scene, method=method, seed=seed, layout=layout, wave=wave, score=score,
         uniform=uniform, trace=(*evaluator.trace, end), evaluations=evaluator.evaluations,
         falls=evaluator.falls, seconds=duration, interrupted=interrupted, stop_reason=stop_reason,
     )  # fmt: skip
@@ -215,6 +223,19 @@ def search(
         if failure is not None:
             raise failure
     return result
+
+
+def _generator(
+    seed: int | None, rng: int | np.random.Generator | None
+) -> tuple[int | None, np.random.Generator]:
+    """Return the seed, if there is one, and the generator of a search."""
+    if seed is not None and rng is not None:
+        raise ValueError("seed and rng are both given: give one of them")
+    if isinstance(rng, np.random.Generator):
+        return None, rng
+    name, number = ("rng", rng) if rng is not None else ("seed", 0 if seed is None else seed)
+    require(name, number, 0, whole=True)
+    return int(number), np.random.default_rng(number)
 
 
 def with_baseline(scene: Scene, seconds: float | None) -> Scene:

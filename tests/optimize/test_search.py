@@ -24,6 +24,10 @@ from optimize.experiments.task import Task
     ({"seconds": 0.0}, "seconds = 0.0 s: give a finite number, more than 0"),
     ({"tolerance": 0.0}, "tolerance = 0.0: give a finite number, more than 0, less than 1"),
     ({"seed": -1}, "seed = -1: give a whole number, at least 0"),
+    ({"rng": "one"}, "rng = 'one': give a whole number, at least 0"),
+    ({"seed": 0, "rng": 0}, "seed and rng are both given: give one of them"),
+    ({"rng": np.random.default_rng(0), "resume": True, "folder": "runs"},
+     "resume = True with a generator: a search resumes from its seed, give one"),
     ({"executor": 3}, "executor = 3: give a concurrent.futures.Executor"),
     ({"callback": 3}, "callback = 3: give a function of the Evaluator"),
     ({"clock": 3}, "clock = 3: give a function that returns seconds"),
@@ -151,6 +155,21 @@ def test_auto_ends_when_independent_searches_agree(bits, scenes, tmp_path):
     assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
     resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
     assert (resumed.stop_reason, bits(resumed)) == (alone.stop_reason, bits(alone))
+
+
+@pytest.mark.parametrize("method", ["random", "cma"])
+def test_random_numbers_come_from_a_seed_or_a_generator(bits, scenes, tmp_path, method):
+    generator = np.random.default_rng(3)
+    seeded = search(scenes["spacing"], method, 100, 3)
+    given = [{"rng": 3}, {"rng": np.int64(3)}, {"rng": generator, "folder": tmp_path}]
+    results = [search(scenes["spacing"], method, 100, **words) for words in given]
+    assert [bits(result) for result in results] == [bits(seeded)] * 3
+    assert [result.seed for result in (seeded, *results)] == [3, 3, 3, None]
+    assert bits(search(scenes["spacing"], method, 100, rng=generator)) != bits(seeded)
+    unseeded = search(scenes["spacing"], method, 100)
+    assert bits(unseeded) == bits(search(scenes["spacing"], method, 100, seed=0))
+    with pytest.raises(ValueError, match=r"holds another search, by .* with seed None"):
+        search(scenes["spacing"], method, 100, folder=tmp_path, resume=True)
 
 
 def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch):
