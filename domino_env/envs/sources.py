@@ -15,7 +15,7 @@ from domino_env.core.types import Floats, Ints
 from domino_env.envs.spaces import FEATURE_LIMIT, ObservationLayout, action_entries, closeness
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
 from domino_env.kernels.step import environment as kernels
-from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, UNIFORM, Batch
+from domino_env.kernels.step.batch import BEGINNING, EPISODE, RULES, RUNNING, UNIFORM, Batch
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL, Outcome
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
@@ -232,14 +232,15 @@ class SceneSource:
 
     def _simulate_baselines(self, indices: list[int]) -> None:
         """Simulate the baselines of scenes by actions of 0, and store their arrival times."""
-        number, everything = len(indices), np.ones(len(indices), np.bool_)
+        number = len(indices)
         batch = self.new_batch(number)._replace(rules=self.rules.copy())
         batch.rules["rtol"], batch.scene[:] = POOL_RTOL, indices
         self.begin_layouts(batch, np.arange(number))
         observations = np.zeros((number, *(self.observation_layout.space.shape or ())), np.float32)
         actions, times = np.zeros((number, action_entries(self.first))), [np.zeros(number)]
         answer = observations, np.zeros(number), np.zeros(number, np.bool_)
-        kernels.reset_batch(0, number, batch, everything, np.zeros(number, np.int64), observations)
+        batch.episodes["phase"] = BEGINNING
+        kernels.step_batch(0, number, batch, actions, *answer)
         while (batch.episodes["phase"] == RUNNING).any():
             kernels.step_batch(0, number, batch, actions, *answer)
             times.append(batch.states["time"].copy())

@@ -22,6 +22,7 @@ from domino_env.envs.episodes import EpisodeResults, placed_layout
 from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import action_entries, check_actions
 from domino_env.kernels.step import environment as kernels
+from domino_env.kernels.step.batch import BEGINNING
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
 from domino_env.scenes.distribution import SceneDistribution
@@ -271,7 +272,10 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             batch.thickness[b, : start.count] = start.thickness
             if self._scene(b).growth is not None:
                 batch.height[b, : start.count] = start.height
-        kernels.reset_batch(0, self.num_envs, batch, mask, placed, observations)
+        self._episodes["phase"][mask], self._episodes["placed"][mask] = BEGINNING, placed[mask]
+        no_actions, rewards = np.empty((self.num_envs, 0)), np.empty(self.num_envs)
+        ended = np.empty(self.num_envs, np.bool_)
+        kernels.step_batch(0, self.num_envs, batch, no_actions, observations, rewards, ended)
         self._waves[mask] = None
         if self.distribution is None:
             return {}

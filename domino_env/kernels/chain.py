@@ -200,12 +200,13 @@ def chain(layout, lanes, ring, state, arrivals, tape):
     return remaining_falls(layout, lanes, ring, state, first, arrivals, tape)
 
 
-@jit.internal
+@jit.noinline
 def solve(layout, lanes, ring, state, arrivals, tape):
     """Simulate a chain, again with a smaller tolerance while its error exceeds state.rtol.
 
     Where rounding makes half of that error, a smaller tolerance does not help.
     """
+    layout, lanes, ring, arrivals, tape = jit.borrow((layout, lanes, ring, arrivals, tape))
     rtol = state.rtol
     result = arrays.PROPAGATED, 0, 0, 0
     for _ in range(MOST_TRIES):
@@ -235,16 +236,14 @@ def solve_batch(first, last, layouts, setting, exact_minimum, summaries, arrival
     """Simulate chains first … last - 1 of a batch.
 
     layouts: `Arrays` of (B, N-1), (B, N) and twice (B, N) or (1, N). summaries: (B,).
-    arrivals: (B, N), or (0, 0). tape: for a single chain, or empty.
+    arrivals: (B, N), or (B, 0). tape: for a single chain, or empty.
     """
     count = layouts.thickness.shape[1]
     own = new_arrays(layouts, ring_length(count), setting, exact_minimum)
-    unrecorded = np.empty(0, arrays.ARRIVAL)
     layouts, states, lanes, ring = jit.borrow((layouts, *own))
     state = states[0]
     for b in range(first, last):
-        arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
-        result = solve(layout_of(layouts, b), lanes, ring, state, arrivals_b, tape)
+        result = solve(layout_of(layouts, b), lanes, ring, state, arrivals[b], tape)
         records.summarise(summaries[b], count, result, state)
     jit.keep_alive(own)
 

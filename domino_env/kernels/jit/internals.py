@@ -11,7 +11,7 @@ functions and tables of other files, so kernels are cached with a stamp of all f
 import contextlib
 import warnings
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -263,9 +263,10 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
     )(function)
     if library is not Internal:
         dispatcher._cache = _Cache(dispatcher.py_func)
-    template = dispatcher.get_call_template  # one compilation serves all literals of a type
-    dispatcher.get_call_template = lambda arguments, names: template(
-        tuple(types.unliteral(argument) for argument in arguments), names
+    template = cache(partial(dispatcher.get_call_template, kws={}))
+    # one compilation serves all literals of a type; type inference asks for each call many times
+    dispatcher.get_call_template = lambda arguments, _: template(
+        tuple(types.unliteral(argument) for argument in arguments)
     )
     if library is not EntryPoint:
         _forbid_python(dispatcher)

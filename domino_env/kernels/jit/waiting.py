@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import sys
 import threading
@@ -33,11 +34,13 @@ def announce(dispatcher: Any) -> None:
     def announced(signature: Any) -> Any:
         if getattr(_thread, "call", None) is not None:
             return compile_signature(signature)
-        _thread.call = _FirstCall(dispatcher)
+        _thread.call, thresholds = _FirstCall(dispatcher), gc.get_threshold()
+        gc.set_threshold(100_000, 50, 1_000)  # collections take a tenth of the time otherwise
         try:
             with event.install_listener("numba:compile", _thread.call):
                 return compile_signature(signature)
         finally:
+            gc.set_threshold(*thresholds)
             _thread.call.close()
             _thread.call = None
 

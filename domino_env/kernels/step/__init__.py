@@ -3,5 +3,5 @@
 batch        rules, episodes and arrays of B environments
 action       decoding of actions, its inverse and its reverse mode
 observation  entries of an observation
-environment  reset and step of a batch in one call
+environment  beginning and step of a batch of episodes in one call
 """

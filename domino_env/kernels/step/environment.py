@@ -1,4 +1,4 @@
-"""Reset and step of a batch of environments in one call; placement without simulation."""
+"""Beginning and step of a batch of episodes in one call; placement without simulation."""
 
 import math
 
@@ -12,6 +12,7 @@ from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 from domino_env.kernels.step import action
 from domino_env.kernels.step.batch import (
+    BEGINNING,
     OVER,
     RUNNING,
     layout_in,
@@ -177,60 +178,50 @@ def load_scenes(batch, first, last):
     return total
 
 
-@entry_point
-def reset_batch(first, last, batch, chosen, given, observations):
-    """Begin episodes in the chosen environments, with the first `given` gaps of their arrays.
-
-    chosen, given: (B,). Writes observations (B, O). An episode whose wave stops among the given
-    dominoes is OVER afterwards.
-    """
-    batch, lanes, tape = borrow(batch), np.zeros(LANES), no_tape()
-    for b in range(first, last):
-        if not chosen[b]:
-            continue
-        rules, uniform, layout = rules_of(batch, b), uniform_of(batch, b), layout_in(batch, b)
-        episode, ring, state = batch.episodes[b], batch.rings[b], batch.states[b]
-        configure(state, ring, setting_of(rules), False)
-        start_chain(layout, ring, state)
-        episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
-        episode.squared_errors = 0.0
-        episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
-        action.restock(batch, b, given[b])
-        for i in range(given[b]):
-            stand_on_ground(batch, batch.curve, b, layout, i)
-            fall_onto_next(rules, uniform, batch, b, lanes, row_in(batch, b), tape)
-            if episode.phase == OVER:
-                break
-            episode.reward_sum += step_reward(rules, uniform, batch, b)
-        observe(batch, b, layout, observations[b])
+@internal
+def begin_episode(rules, batch, b, layout):
+    """Begin an episode; return the number of dominoes that are given with it."""
+    episode, state, given = batch.episodes[b], batch.states[b], batch.episodes[b].placed
+    configure(state, batch.rings[b], setting_of(rules), False)
+    start_chain(layout, batch.rings[b], state)
+    episode.distance = episode.reward_sum = episode.reach = episode.score = 0.0
+    episode.squared_errors = 0.0
+    episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
+    action.restock(batch, b, given)
+    return given
 
 
 @entry_point
 def step_batch(first, last, batch, actions, observations, rewards, ended):
-    """Take one step in environments first … last - 1.
+    """Begin the episodes that are BEGINNING, and take a step in those that are RUNNING.
 
-    actions: (B, A). Writes observations (B, O), rewards (B,) and ended (B,); where no episode is
-    running, only rewards (0) and ended (False). The last reward of an episode is 0 here: the
-    caller computes it from the score.
+    For environments first … last - 1; actions: (B, A), or (B, 0) to take no step. Writes
+    observations (B, O), rewards (B,) and ended (B,); where nothing is done, only rewards (0) and
+    ended (False). The last reward of an episode is 0 here: the caller computes it from the score.
+    An episode begins with the first `placed` gaps of its arrays; it may be OVER afterwards.
     """
     own_lanes, own_tape = np.zeros(LANES), no_tape()
     lanes, tape = borrow(own_lanes), borrow(own_tape)
     view, actions, observations = borrow(batch), borrow(actions), borrow(observations)
     for b in range(first, last):
-        if (b - first) % BLOCK == 0 and len(view.rules) > 1:
+        if (b - first) % BLOCK == 0 and len(view.rules) > 1 and actions.shape[1] > 0:
             own_lanes[0] = load_scenes(view, b, min(b + BLOCK, last))
         rules, episode = rules_of(view, b), view.episodes[b]
-        rewards[b], ended[b] = 0.0, False
-        if episode.phase != RUNNING:
+        rewards[b], ended[b], begins = 0.0, False, episode.phase == BEGINNING
+        if not begins and (episode.phase != RUNNING or actions.shape[1] == 0):
             continue
-        layout, uniform = layout_in(view, b), uniform_of(view, b)
-        action.decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
-        action.add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
-        stand_on_ground(view, view.curve, b, layout, episode.placed)
-        fall_onto_next(rules, uniform, view, b, lanes, row_in(view, b), tape)
-        if episode.phase == OVER:
-            ended[b] = True
+        layout, uniform, dominoes = layout_in(view, b), uniform_of(view, b), 1
+        if begins:
+            dominoes = begin_episode(rules, view, b, layout)
         else:
+            action.decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
+            action.add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
+        for _ in range(dominoes):
+            stand_on_ground(view, view.curve, b, layout, episode.placed)
+            fall_onto_next(rules, uniform, view, b, lanes, row_in(view, b), tape)
+            if episode.phase == OVER:
+                ended[b] = True
+                break
             rewards[b] = step_reward(rules, uniform, view, b)
             episode.reward_sum += rewards[b]
         observe(view, b, layout, observations[b])
