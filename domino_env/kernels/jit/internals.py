@@ -11,7 +11,7 @@ functions and tables of other files, so kernels are cached with a stamp of all f
 import contextlib
 import warnings
 from collections.abc import Callable
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -263,10 +263,11 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
     )(function)
     if library is not Internal:
         dispatcher._cache = _Cache(dispatcher.py_func)
-    template = cache(partial(dispatcher.get_call_template, kws={}))
+    resolve = dispatcher.get_call_template
+    template = cache(lambda arguments, names: resolve(arguments, dict(names)))
     # one compilation serves all literals of a type; type inference asks for each call many times
-    dispatcher.get_call_template = lambda arguments, _: template(
-        tuple(types.unliteral(argument) for argument in arguments)
+    dispatcher.get_call_template = lambda arguments, names: template(
+        tuple(types.unliteral(argument) for argument in arguments), tuple(names.items())
     )
     if library is not EntryPoint:
         _forbid_python(dispatcher)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from domino_env.kernels.arrays import Arrays, Curve, Setting, record_type
 from domino_env.kernels.jit import always_inline, select
 
-IDLE, RUNNING, OVER, BEGINNING = 0, 1, 2, 3  # phases of an episode: RUNNING between two steps
+# phases of an episode: not begun, between two steps, ended, to begin in the next call
+IDLE, RUNNING, OVER, BEGINNING = 0, 1, 2, 3
 
 RULES = record_type(  # of a scene
     count=int,  # number of dominoes that are placed by actions, with the first
@@ -50,7 +51,7 @@ EPISODE = record_type(  # besides its ring and state
     squared_errors=float,  # sum of those of the arrival times [s²], with a schedule
     reach=float,  # of the wave; this, score and outcome are valid if the phase is OVER
     score=float,
-    placed=int,  # number of dominoes after the first; if it is BEGINNING, of those to begin with
+    placed=int,  # number of dominoes after the first; if BEGINNING, of those given with it
     phase=int,
     outcome=int,
     uncertain=np.bool_,  # the score must be computed from the whole layout
