@@ -1,8 +1,8 @@
 """Check published claims about domino waves: python docs/claims.py.
 
 It writes the tables of claims.md, its pictures and claims.csv in half a minute; then
-``python docs/quoted_numbers.py`` writes the numbers in the text. Rigid-body simulations are read
-from claims.csv; ``--simulate`` makes them anew in 20 minutes.
+``python docs/pages.py`` writes the numbers in the text. Rigid-body simulations are read from
+claims.csv; ``--simulate`` makes them anew in 20 minutes.
 """
 
 from __future__ import annotations
