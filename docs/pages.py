@@ -31,7 +31,7 @@ from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.types import Floats
 from domino_env.rigid.known import known_table, known_verification, not_toppled, read_verified
-from domino_env.scenes.shipping import scene_schema
+from domino_env.scenes.shipping import schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
 from domino_env.view.comparison import ComparedLayout
@@ -348,17 +348,12 @@ def floor_cell(floor: float, scene: de.Scene, record: BestKnown) -> str:
 
 def key_table() -> list[str]:
     """Return the table of the keys of a scene file, from its schema."""
-    schema = scene_schema()
     lines = []
-    for table, entry in schema["properties"].items():
-        inside = schema["$defs"].get(entry.get("$ref", "").rpartition("/")[2])
-        fields = inside["properties"] if inside else {table: entry}
-        for key, field in fields.items():
-            default = field.get("default")
-            place = f"[{table}]" if inside else ""
-            choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
-            value = "" if default is None else f"`{default}`"
-            lines.append((place, f"`{key}`", field["description"] + choice, value))
+    for table, key, field in schema_fields():
+        default = field.get("default")
+        choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
+        value = "" if default is None else f"`{default}`"
+        lines.append((f"[{table}]" * bool(table), f"`{key}`", field["description"] + choice, value))
     return markdown_table(("table", "key", "meaning", "default"), lines)
 
 

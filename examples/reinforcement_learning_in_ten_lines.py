@@ -21,7 +21,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
 from domino_env.core.colours import BEST_KNOWN, RESULT, SOFT
-from domino_env.core.plot_style import new_figure, style, write_png
+from domino_env.core.plot_style import new_axes, write_png
 from domino_env.view.animation import placements, write_gif
 from optimize.experiments.best_known import best_known
 
@@ -61,9 +61,11 @@ def draw_curve(steps, returns):
     """Draw the return of the policy over the steps of the training."""
     scene = de.load_scene(SCENE)
     best = 100.0 * (best_known()[SCENE].score / scene.uniform().score - 1.0)
-    figure = new_figure(7.5, 3.2)
-    axes = figure.add_subplot()
-    style(axes, f"PPO with default hyperparameters on {SCENE}, one seed")
+    figure, axes = new_axes(
+        7.5, 3.2, f"PPO with default hyperparameters on {SCENE}, one seed",
+        xlabel="steps: dominoes placed in training", ylabel="return: gain over equal gaps [%]",
+        ylim=(max(min(returns), -20.0) - 1.0, best + 1.0),
+    )  # fmt: skip
     axes.plot(steps, returns, ".-", color=RESULT)
     for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", BEST_KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
@@ -71,9 +73,6 @@ def draw_curve(steps, returns):
             words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
             xycoords=("axes fraction", "data"), textcoords="offset points",
         )  # fmt: skip
-    axes.set_ylim(max(min(returns), -20.0) - 1.0, best + 1.0)
-    axes.set_xlabel("steps: dominoes placed in training")
-    axes.set_ylabel("return: gain over equal gaps [%]")
     return figure
 
 

@@ -62,10 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
         options.require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
     wave = simulate(chosen.row(layout), chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(layout, wave, scene) if scene else {}
-    rigid = None
+    rigid = noise = None
     if arguments.floor is not None:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
-    noise = None
     if arguments.deviation is not None:
         noise = placement_noise(wave, scene, 1e-3 * arguments.deviation)
     if arguments.json:
