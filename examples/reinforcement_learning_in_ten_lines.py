@@ -1,9 +1,9 @@
-"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, its curve and an episode.
+"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, and its curve.
 
     python examples/reinforcement_learning_in_ten_lines.py
 
-It takes a minute and a half of processor time, and writes the two pictures of docs/ten-lines.md and
-the model, ppo-sprint.zip.
+It takes a minute and a half of processor time, and writes docs/ten-lines.png and the model,
+ppo-sprint.zip; `python docs/films.py ppo-sprint.zip` writes an episode of it, docs/ten-lines.gif.
 `examples/ppo_of_stable_baselines3.py` learns in less time, on sampled scenes.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
@@ -22,7 +21,6 @@ from stable_baselines3.common.evaluation import evaluate_policy
 import domino_env as de
 from domino_env.core.colours import BEST_KNOWN, RESULT, SOFT
 from domino_env.core.plot_style import new_axes, write_png
-from domino_env.view.animation import placements, write_gif
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -76,19 +74,6 @@ def draw_curve(steps, returns):
     return figure
 
 
-def episode(model):
-    """Return the frames of one episode of the policy, one for each domino that is placed."""
-    env = gymnasium.make(ENVIRONMENT, scene=SCENE)
-    observation, over = env.reset()[0], False
-    while not over:
-        action, _ = model.predict(observation, deterministic=True)
-        observation, _, over, _, info = env.step(action)
-    text = f"score {info['score']:.4f} m/s, gain {info['gain']:+.2%}"
-    print(text)
-    equal = de.load_scene(SCENE).uniform().layout.spacing[0]
-    return placements(info["layout"], equal, text)
-
-
 if __name__ == "__main__":
     model, steps, returns = train()
     model.save("ppo-sprint")
@@ -96,4 +81,3 @@ if __name__ == "__main__":
         *(f"{step:.0f}: {one:+.2f} %" for step, one in zip(steps, returns, strict=True)), sep="\n"
     )
     write_png(draw_curve(steps, returns), DOCS / "ten-lines.png")
-    write_gif(episode(model), DOCS / "ten-lines.gif", 4.0)

@@ -101,4 +101,5 @@ def test_ten_lines_train_draw_and_show_an_episode(monkeypatch, script):
     assert list(steps) == [0, 256, 512]
     assert np.all(returns < 3.2)
     assert len(example.draw_curve(steps, returns).axes[0].lines) == 3
-    assert len({image.size for image in example.episode(model)}) == 1
+    act = script("docs/films.py").act_of(model)
+    assert len({image.size for image in script("docs/films.py").episode("sprint", act)}) == 1

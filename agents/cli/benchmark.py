@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options, add_out_option
 from optimize.cli.options import add_study_options, exit_code, split_names
@@ -58,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, algorithms, arguments.seeds, arguments.steps, arguments.seconds
     )
-    folder, experiment = Path(arguments.out), None
+    folder, experiment = arguments.out, None
     if {*algorithms} & {*ALGORITHMS} and not arguments.page:
         require_learning()
     with open_executor(arguments.workers, arguments.dask) as executor:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import LAYOUT_FILE, NATURAL, WHOLE, add_flags, add_options, output
@@ -102,7 +101,7 @@ def _evaluate_scenes(
     evaluation = evaluate_scenes(scenes, policy, search_scores, progress=None)
     print(evaluation.table())
     if arguments.csv:
-        evaluation.save(Path(arguments.csv))
+        evaluation.save(arguments.csv)
         print(f"scenes written to {arguments.csv}")
     return 0
 

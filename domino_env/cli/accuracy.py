@@ -24,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure errors, print and write them; return 1 if an edge case has a fault, else 0."""
-    from pathlib import Path
     from typing import Any
 
     from tqdm import tqdm
@@ -33,9 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.validation import accuracy, edge_cases
 
     name = "stability" if arguments.stability else "accuracy"
-    folder = Path(arguments.out)
-    folder.mkdir(parents=True, exist_ok=True)
-    table, picture = folder / f"{name}.csv", folder / f"{name}.png"
+    table, picture = arguments.out / f"{name}.csv", arguments.out / f"{name}.png"
     faulty, records = list[Any](), list[Any]()
     # a status line, which is cleared at the end; disable=None shows it only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:

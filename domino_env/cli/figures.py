@@ -19,15 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw the figures, and write and print the tables."""
-    from pathlib import Path
-
     from domino_env.core.files import write_text
     from domino_env.validation.chapman import FIGURES, draw, markdown
 
-    folder = Path(arguments.out)
     for name in FIGURES:
-        draw(name, folder / f"{name}.png")
+        draw(name, arguments.out / f"{name}.png")
     tables = markdown()
-    write_text(folder / "tables.md", tables)
-    print(tables + f"\n{len(FIGURES)} figures and tables.md in {folder}")
+    write_text(arguments.out / "tables.md", tables)
+    print(tables + f"\n{len(FIGURES)} figures and tables.md in {arguments.out}")
     return 0

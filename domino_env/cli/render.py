@@ -15,7 +15,7 @@ SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    options.add_layout(parser, "layouts", nargs="+")
     options.add_physics_options(parser, uniform=True)
     slow = "slow motion: seconds of the animation for each second of the wave"
     options.add_options(
@@ -32,8 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the animations and the picture."""
-    from pathlib import Path
-
     from domino_env.core.files import layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
@@ -43,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not (arguments.gif or arguments.mp4 or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
     chosen = options.chosen_physics(arguments, *arguments.layouts)
-    layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
+    layouts = [(layout_name(name), chosen.read(name)) for name in arguments.layouts]
     heading = f"friction {chosen.physics.friction:g}, push {chosen.physics.push:g} rad/s"
     if chosen.scene:
         layouts.append(("uniform baseline", chosen.scene.uniform().layout))
@@ -56,9 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
     for name, write in writers:
         if name:
             images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
-            print(f"{name}: {write(images, Path(name), arguments.rate):.1f} s")
+            print(f"{name}: {write(images, name, arguments.rate):.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
-        write_png(picture, Path(arguments.png))
+        write_png(picture, arguments.png)
         print(f"{arguments.png}: {picture.width} by {picture.height} px")
     return 0

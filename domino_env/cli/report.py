@@ -7,6 +7,7 @@ page is one HTML file and needs no network.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from domino_env.cli import options
 
@@ -15,7 +16,8 @@ SUMMARY = "write a page that compares layouts in an animation"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino report`."""
-    parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help="run folder, or layout file")
+    text = "run folder, or layout file"
+    parser.add_argument("paths", metavar="RUN|LAYOUT", type=Path, nargs="+", help=text)
     options.add_physics_options(parser, uniform=True)
     page = "output file (report.html, in RUN if that comes first)"
     options.add_options(parser, ("html", options.output(".html"), "FILE", None, page))
@@ -23,15 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the page."""
-    from pathlib import Path
-
     from domino_env.view.comparison import headline
     from domino_env.view.report import read_compared, write_report
 
-    paths = [Path(name) for name in arguments.paths]
+    paths = arguments.paths
     chosen = options.chosen_physics(arguments, *paths)
     folder = paths[0] if paths[0].is_dir() else Path()
-    target = Path(arguments.html) if arguments.html else folder / "report.html"
+    target = arguments.html or folder / "report.html"
     options.require_output(target, ".html")
     # None: physics of the scene; with others the page has no scores
     physics = chosen.physics if chosen.changed else None

@@ -50,8 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the scene as TOML, or write it to the file of `--out`."""
-    from pathlib import Path
-
     from domino_env.core.checks import require
     from domino_env.core.files import write_text
     from domino_env.physics.ground import Ground
@@ -70,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     slope = "" if arguments.slope is None else f" on a slope of {arguments.slope:g}°"
     sizes = f"{arguments.thickness:g} x {arguments.width:g} x {arguments.height:g}"
     scene = Scene(
-        name=Path(arguments.out).stem if arguments.out else "mine",
+        name=arguments.out.stem if arguments.out else "mine",
         title=f"{arguments.count} dominoes of {sizes} mm{slope}",
         placement=placement,
         count=arguments.count,
@@ -85,8 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print(text, end="")
         return 0
-    verb = "replaced" if Path(arguments.out).exists() else "written to"
-    write_text(Path(arguments.out), text)
+    verb = "replaced" if arguments.out.exists() else "written to"
+    write_text(arguments.out, text)
     print(f"{verb} {arguments.out}: search for a layout with domino optimize {arguments.out}")
     return 0
 

@@ -33,7 +33,7 @@ ENDS = 10  # lines of a longer table that are printed at each of its ends
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
+    options.add_layout(parser)
     options.add_physics_options(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON in SI units")
     tolerance = "relative tolerance of the arrival times"

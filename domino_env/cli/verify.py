@@ -26,7 +26,7 @@ SUMMARY = "simulate layouts with the reference simulator and a third-party engin
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    options.add_layout(parser, "layouts", nargs="+")
     options.add_physics_options(parser)
     add_simulator_options(parser, engine=None, note="default: if pymunk is installed")
     options.add_json_option(parser)

@@ -291,7 +291,8 @@ def fit_friction(
     >>> round(de.fit_friction([0.016, 0.024, 0.032], [64.4, 42.3, 28.1]).friction, 2)
     0.18
     """
-    source = Source.from_frequencies(pitches, frequencies, thickness, height, gravity)
+    setting = {"thickness": thickness, "height": height, "gravity": gravity}
+    source = Source.from_frequencies(pitches, frequencies, **setting)
     return compare(source, source.setting)
 
 

@@ -179,13 +179,7 @@ class Source(Table):
 
     @classmethod
     def from_frequencies(
-        cls,
-        pitches: Sequence[float],
-        frequencies: Sequence[float],
-        thickness: float = 0.0075,
-        height: float = HEIGHT,
-        gravity: float = 9.81,
-        pitch_uncertainty: float = 0.0,
+        cls, pitches: Sequence[float], frequencies: Sequence[float], **setting: float
     ) -> Source:
         """Make a source of hit frequencies, each with a standard uncertainty of 2 %.
 
@@ -193,10 +187,8 @@ class Source(Table):
         ----------
         pitches, frequencies
             (K,) pitch [m] and hits per second [1/s] of each chain.
-        thickness, height, gravity
-            Sizes of all dominoes [m], and acceleration of gravity [m/s²].
-        pitch_uncertainty
-            Standard uncertainty of each pitch [m].
+        **setting
+            Other fields of the `Setting`.
 
         Returns
         -------
@@ -217,13 +209,9 @@ class Source(Table):
             {"x": pitch, "value": value, "uncertainty": FREQUENCY_UNCERTAINTY * value}
             for pitch, value in zip(x, values, strict=True)
         ]
-        setting = {
-            "thickness": thickness, "height": height, "gravity": gravity, "x_is": "pitch",
-            "x_uncertainty": pitch_uncertainty,
-        }  # fmt: skip
         return read_model(cls, {
             "name": "given", "title": "chains that were given", "quantity": "frequency",
-            "unit": "1/s", "setting": setting, "rows": chains,
+            "unit": "1/s", "setting": setting | {"x_is": "pitch"}, "rows": chains,
         })  # fmt: skip
 
     @property

@@ -14,15 +14,11 @@ from PIL import Image
 
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
-from domino_env.core.types import Floats
-from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, stack_leans
+from domino_env.physics.motion import Motion
 from domino_env.view.comparison import ComparedLayout, require_compared
 from domino_env.view.drawing import (
     MAX_PLACE,
     Scale,
-    draw_gaps,
-    draw_hand,
     draw_strip,
     draw_title,
     palette,
@@ -38,49 +34,6 @@ MAX_POSE_PLACE = 0.97  # largest place of the leader in poses, as a fraction of 
 MAX_GIF_RATE = 50.0  # [Hz] viewers slow down images that are shown for less than 20 ms
 LAST_DURATION = 2000.0  # [ms] duration of the last image of a GIF
 REST = 0.08  # [s] shown before the push and after the end, in the time of the wave
-
-
-def placements(
-    layout: Layout, equal: float, ending: str, width: int = 840, hands: Sequence[Floats] = ()
-) -> Iterator[Image.Image]:
-    """Draw a chain on flat ground as an environment places it, an image for each domino.
-
-    The latest domino placed stands ahead of the leading one, which has just been hit. Its gap is
-    marked in the panel below.
-
-    Parameters
-    ----------
-    layout
-        The layout.
-    equal
-        Gap of the uniform baseline [m], drawn as a line.
-    ending
-        Text of the last image.
-    width
-        Width of an image [px].
-    hands
-        Thicknesses of the pieces in hand before each step [m]; empty for none.
-
-    Yields
-    ------
-    Image
-        Next image.
-    """
-    highest, tall = max(equal, float(layout.spacing.max())), float(layout.height.max())
-    scale = Scale.fitting(float(layout.length), tall, width, STRIP_HEIGHT)
-    for n in range(layout.count):
-        last = min(n + 1, layout.count - 1)
-        placed = Layout(
-            layout.spacing[:last], layout.thickness[: last + 1], layout.height[: last + 1]
-        )
-        leans = stack_leans(placed, np.array([n]), np.zeros(1))[0]
-        text = f"domino {last + 1} of {layout.count}: gap {1e3 * layout.spacing[last - 1]:.1f} mm"
-        strip = draw_strip(placed, leans, n, scale, text if last > n else ending, 1.0)
-        if len(hands) and last > n:
-            draw_hand(strip, hands[n], tall, scale, float(layout.thickness[last]))
-        latest = last - 1 if last > n else -1
-        gaps = draw_gaps(placed, equal, scale, "gaps", highest, latest)
-        yield stack_strips([strip, gaps])
 
 
 def frames(
