@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import (
-    add_layout,
-    add_options,
-    add_physics_options,
-    chosen_physics,
-    output,
-)
+from domino_env.cli import options
 
 SUMMARY = "write the sound of a layout as a WAV file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino click`."""
-    add_layout(parser)
-    add_physics_options(parser)
+    options.add_layout(parser)
+    options.add_physics_options(parser)
     sound = "output file (LAYOUT with the ending .wav)"
-    add_options(parser, ("wav", output(".wav"), "FILE", None, sound))
+    options.add_options(parser, ("wav", options.output(".wav"), "FILE", None, sound))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -30,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.sound import clicks, write_wav
 
     source = arguments.layout
-    chosen = chosen_physics(arguments, source)
+    chosen = options.chosen_physics(arguments, source)
     wave = simulate(chosen.row(chosen.read(source)), chosen.physics)
     if wave.hit < 2:
         reason = wave.explanation if wave.layout.count > 1 else "a chain needs two dominoes or more"

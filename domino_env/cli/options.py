@@ -181,15 +181,16 @@ class ChosenPhysics:
         Scene that is named by --scene or lies beside the layout; None without either.
     physics
         Physics of the scene, or the defaults, with the values of the options.
-    changed
-        Names of those of the options friction, gravity and push that were given.
+    other_physics
+        The physics if one of the options friction, gravity and push was given, else None; a scene
+        gives no score to waves under other physics than its own.
     origin
         Source of the physics, as text.
     """
 
     scene: Scene | None
     physics: Physics
-    changed: tuple[str, ...]
+    other_physics: Physics | None
     origin: str
 
     @property
@@ -244,4 +245,4 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
         origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"
     if given:
         origin += f", but for {', '.join(f'--{name}' for name in given)}"
-    return ChosenPhysics(scene, physics, tuple(given), origin)
+    return ChosenPhysics(scene, physics, physics if given else None, origin)

@@ -32,25 +32,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the animations and the picture."""
-    from domino_env.core.files import layout_name, one_line
-    from domino_env.physics.wave import simulate
+    from domino_env.core.files import one_line
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
-    from domino_env.view.comparison import ComparedLayout
+    from domino_env.view.report import read_compared
 
     writers = ((arguments.gif, write_gif), (arguments.mp4, write_mp4))
     if not (arguments.gif or arguments.mp4 or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
     chosen = options.chosen_physics(arguments, *arguments.layouts)
-    layouts = [(layout_name(name), chosen.read(name)) for name in arguments.layouts]
     heading = f"friction {chosen.physics.friction:g}, push {chosen.physics.push:g} rad/s"
     if chosen.scene:
-        layouts.append(("uniform baseline", chosen.scene.uniform().layout))
         heading = f"{one_line(chosen.scene.name, 40)}: {one_line(chosen.scene.title, 100)}"
+    compared, _ = read_compared(arguments.layouts, chosen.scene, chosen.other_physics)
     print(chosen.line)
-    compared = [
-        ComparedLayout(name, simulate(chosen.row(layout), chosen.physics))
-        for name, layout in layouts
-    ]
     for name, write in writers:
         if name:
             images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)

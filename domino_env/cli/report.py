@@ -33,9 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = paths[0] if paths[0].is_dir() else Path()
     target = arguments.html or folder / "report.html"
     options.require_output(target, ".html")
-    # None: physics of the scene; with others the page has no scores
-    physics = chosen.physics if chosen.changed else None
-    compared, title = read_compared(paths, chosen.scene, physics)
+    compared, title = read_compared(paths, chosen.scene, chosen.other_physics)
     size = write_report(compared, title, target)
     result = headline(compared)
     print(f"{chosen.line}\n{result['winner']}: {result['results']}\n{target}: {size / 1e3:.0f} kB")

@@ -15,15 +15,8 @@ from PIL import Image
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
+from domino_env.view import drawing
 from domino_env.view.comparison import ComparedLayout, require_compared
-from domino_env.view.drawing import (
-    MAX_PLACE,
-    Scale,
-    draw_strip,
-    draw_title,
-    palette,
-    stack_strips,
-)
 from domino_env.view.ground import relief
 
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
@@ -81,9 +74,10 @@ def frames(
     _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
-    title = [draw_title(heading, pace, width)] if heading else []
+    title = [drawing.draw_title(heading, pace, width)] if heading else []
     for t in times:
-        yield stack_strips([*title, *_strips(compared, motions, float(t), scale, MAX_PLACE)])
+        strips = _strips(compared, motions, float(t), scale, drawing.MAX_PLACE)
+        yield drawing.stack_strips([*title, *strips])
 
 
 def poses(
@@ -120,11 +114,11 @@ def poses(
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
     end = max(map(_end, compared))
-    strips = [draw_title(heading, "", width)] if heading else []
+    strips = [drawing.draw_title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
         strips += _strips(compared, motions, t, scale, MAX_POSE_PLACE)
-    return stack_strips(strips)
+    return drawing.stack_strips(strips)
 
 
 def require_drawable(name: str, count: int) -> None:
@@ -225,12 +219,12 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> float:
 
 def _with_palette(image: Image.Image) -> Image.Image:
     """Return an image with the colours of `palette`, one byte per pixel."""
-    return image.quantize(palette=palette(), dither=Image.Dither.NONE)
+    return image.quantize(palette=drawing.palette(), dither=Image.Dither.NONE)
 
 
 def _motions_and_scale(
     compared: Sequence[ComparedLayout], width: int, height: int
-) -> tuple[list[Motion], Scale]:
+) -> tuple[list[Motion], drawing.Scale]:
     """Return the motions of chains, and their common scale in strips of a width and height [px]."""
     require("width", width, 200, MAX_WIDTH, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
@@ -242,10 +236,11 @@ def _motions_and_scale(
     layouts = [entry.wave.layout for entry in compared]
     longest = max(float(layout.length) for layout in layouts)
     tallest = max(float(layout.height.max()) for layout in layouts)
-    return motions, Scale.fitting(longest, tallest, width, height, max(map(relief, layouts)))
+    sizes = longest, tallest, width, height
+    return motions, drawing.Scale.fitting(*sizes, max(map(relief, layouts)))
 
 
-def _require_pixels(strips: int, scale: Scale, options: str) -> None:
+def _require_pixels(strips: int, scale: drawing.Scale, options: str) -> None:
     """Raise ValueError for images that take too much memory; options: those to lower, as a text."""
     pixels = strips * scale.width * scale.height
     if pixels > MAX_PIXELS:
@@ -259,7 +254,7 @@ def _strips(
     compared: Sequence[ComparedLayout],
     motions: Sequence[Motion],
     t: float,
-    scale: Scale,
+    scale: drawing.Scale,
     max_place: float,
 ) -> list[Image.Image]:
     """Draw all chains at an instant [s]; max_place: of the camera, which they share."""
@@ -274,12 +269,11 @@ def _strips(
         camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in leading)
     strips = []
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
-        finish = float(motion.layout.pivots[-1, 0])
-        leans, text = motion.angles([t])[0], _status_line(entry, t)
-        drawing = motion.layout, leans, leader, scale
         result = f"{_end(entry):.3f} s" if t >= _end(entry) and entry.wave.mean_speed else ""
-        places: dict[str, Any] = {"camera": camera, "finish": finish, "result": result}
-        strips.append(draw_strip(*drawing, text, max_place, **places))
+        strips.append(drawing.draw_strip(
+            motion.layout, motion.angles([t])[0], leader, scale, _status_line(entry, t), max_place,
+            camera=camera, finish=float(motion.layout.pivots[-1, 0]), result=result,
+        ))  # fmt: skip
     return strips
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import errors_with_path, one_line, read_text, write_text
+from domino_env.core.files import errors_with_path, layout_name, one_line, read_text, write_text
 from domino_env.core.models import Document, Number, read_document
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
@@ -31,7 +31,6 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.comparison import ComparedLayout, comparison_data
 
-UNIFORM_NAME = "uniform baseline"
 MAX_NAME, MAX_TEXT = 100, 1_000  # characters of a layout's name, of a text in a verification.json
 
 
@@ -136,7 +135,7 @@ def read_compared(
         layout = read_layout(path, scene)
         require_drawable(one_line(str(path)), layout.count)
         entry = ComparedLayout(
-            one_line(path.resolve().name if folder else path.stem, MAX_NAME),
+            one_line(path.resolve().name, MAX_NAME) if folder else layout_name(path),
             simulate(scene.row(layout) if scene else layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),
@@ -151,7 +150,7 @@ def read_compared(
     if scene and has_baseline:
         baseline = scene.uniform()
         wave = baseline.wave if scoring_scene else simulate(scene.row(baseline.layout), physics)
-        entry = ComparedLayout(UNIFORM_NAME, wave)
+        entry = ComparedLayout("uniform baseline", wave)
         compared.append(_with_score(entry, scene, baseline.score) if scoring_scene else entry)
     return compared, scene.title if scene else "layouts without a scene"
 
