@@ -20,10 +20,10 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, outlines
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene, scene_names
+from domino_env.scenes.placement import placement_noise
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
-from domino_env.view.summaries import placement_noise
 from optimize.experiments.best_known import best_known
 from optimize.interactive.design import NAME, SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import exports, make_file, make_link, receive
@@ -597,7 +597,7 @@ class Page:
         self.notify("placing the row 256 times, and letting it fall on a floor …")
 
         def work() -> str:
-            noise = placement_noise(design.wave, design.scene, PLACED)
+            noise = placement_noise(design.wave, design.scene.ground, PLACED)
             rigid = simulate_standing(design.wave.layout, design.wave.physics, floor)
             fallen, share = rigid.toppled / rigid.layout.count, noise["completes"]
             least, speed = min(share, fallen), ""
