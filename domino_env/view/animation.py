@@ -16,7 +16,7 @@ from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
 from domino_env.view import drawing
-from domino_env.view.comparison import ComparedLayout, require_compared
+from domino_env.view.comparison import ComparedLayout
 from domino_env.view.ground import relief
 
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
@@ -60,14 +60,10 @@ def frames(
 
     Raises
     ------
-    TypeError
-        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, a rate, time factor or width out of range, an odd width, a chain of more than
-        5 000 dominoes, and more than 500 million pixels.
+        For a width that is odd or out of range, a chain of more than 5 000 dominoes, and more than
+        500 million pixels.
     """
-    require("rate", rate, above=0.0, unit="1/s", hint="films have 25")
-    require("slow", slow, above=0.0, hint="5 is five times slower than real time")
     motions, scale = _motions_and_scale(compared, width, STRIP_HEIGHT)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
@@ -104,13 +100,10 @@ def poses(
 
     Raises
     ------
-    TypeError
-        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, less than one moment, a width that is odd or out of range, a chain of more
-        than 5 000 dominoes, and more than 500 million pixels.
+        For a width that is odd or out of range, a chain of more than 5 000 dominoes, and more than
+        500 million pixels.
     """
-    require("moments", moments, 1, whole=True)
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
     end = max(map(_end, compared))
@@ -229,7 +222,6 @@ def _motions_and_scale(
     require("width", width, 200, MAX_WIDTH, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, which films need")
-    require_compared(compared)
     for entry in compared:
         require_drawable(entry.name, entry.wave.layout.count)
     motions = [Motion(entry.wave.layout, entry.wave.physics) for entry in compared]

@@ -69,7 +69,7 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
     Raises
     ------
     ValueError
-        Without a layout, and for a layout of one domino.
+        For a layout of one domino.
     """
     assets = files("domino_env.view") / "assets"
 
