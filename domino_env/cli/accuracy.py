@@ -1,8 +1,8 @@
-"""Measure the error of the simulator and of general ODE solvers against their run time.
+"""Measure errors against run times, or simulate edge cases.
 
-Four standard layouts are simulated. With --stability, the edge cases are simulated instead, and
-outcome, true error and error estimate are compared. The output folder receives a table (CSV) and a
-picture (PNG).
+Four standard layouts are simulated, and solved by general ODE solvers. With --stability, the edge
+cases are simulated instead, and outcome, true error and error estimate are compared. The output
+folder receives a table (CSV) and a picture (PNG).
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import SECONDS, add_flags, add_options, add_out_option
-
-SUMMARY = "measure errors against run times, or simulate edge cases"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

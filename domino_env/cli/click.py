@@ -1,12 +1,10 @@
-"""Write the sound of a wave as a WAV file: one click per hit, in real time."""
+"""Write the sound of a layout as a WAV file, one click per hit."""
 
 from __future__ import annotations
 
 import argparse
 
 from domino_env.cli import options
-
-SUMMARY = "write the sound of a layout as a WAV file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

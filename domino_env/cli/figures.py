@@ -1,4 +1,4 @@
-"""Reproduce the figures and tables of Chapman, The physics of toppling dominoes.
+"""Reproduce Chapman's figures and tables.
 
 They are computed with this simulator, and misprints of the article are marked.
 """
@@ -8,8 +8,6 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import add_out_option
-
-SUMMARY = "reproduce Chapman's figures and tables"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Estimate the hit frequency of recorded chains by autocorrelation, with its uncertainty."""
+"""Estimate the hit frequency of a recording, by autocorrelation."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 
 from domino_env.cli.options import SIZE, add_options
-
-SUMMARY = "estimate the hit frequency of a recording"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

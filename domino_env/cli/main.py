@@ -1,8 +1,8 @@
 """The `domino` command, to which each package adds its subcommands.
 
-A subcommand is a module in the entry-point group `domino.commands` with `SUMMARY`,
-`add_arguments(parser)` and `run(arguments) -> int`, which returns the exit status. It imports heavy
-modules inside `run`, so that `domino --help` is fast.
+A subcommand is a module in the entry-point group `domino.commands` with a docstring, whose first
+line `domino --help` shows, `add_arguments(parser)` and `run(arguments) -> int`, which returns the
+exit status. It imports heavy modules inside `run`, so that `domino --help` is fast.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
     for purpose, names in (PURPOSES | others).items():
         known = [name for name in names.split() if name in modules]
         lines += [f"\n{purpose}:"] * bool(known)
-        lines += [f"  {name:<11} {modules[name].SUMMARY}" for name in known]
+        lines += [f"  {name:<11} {modules[name].__doc__.splitlines()[0]}" for name in known]
     lines += ["\ndomino COMMAND --help explains a command and its options."]
     parser = _Parser(
         prog="domino", usage="domino COMMAND [OPTIONS]", description="\n".join(lines),

@@ -10,8 +10,6 @@ import argparse
 
 from domino_env.cli import options
 
-SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""

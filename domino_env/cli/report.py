@@ -1,7 +1,7 @@
-"""Write a page that compares layouts in an animation and explains why one is faster.
+"""Write a page that compares layouts in an animation.
 
-RUN is a folder written by `domino optimize` or `domino train`, LAYOUT is a .csv or .json file. The
-page is one HTML file and needs no network.
+It explains why one is faster. RUN is a folder written by `domino optimize` or `domino train`,
+LAYOUT is a .csv or .json file. The page is one HTML file and needs no network.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ import argparse
 from pathlib import Path
 
 from domino_env.cli import options
-
-SUMMARY = "write a page that compares layouts in an animation"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,7 +15,6 @@ from typing import Any
 from domino_env.cli import options
 
 HEADER = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
-SUMMARY = "write a scene file for your own dominoes"
 MIN_GAP, MAX_GAP = 2.0, 0.8  # [mm], [heights of a domino] bounds of the gaps without --gaps
 DRAWS, FLOOR_DRAWS = 256, 8  # draws for each score, with fixed pivots and on a floor
 QUANTILE = 0.05  # share of the draws that may be slower than the score

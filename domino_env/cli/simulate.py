@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from domino_env.rigid.simulation import RigidWave
     from domino_env.scenes.scene import Scene
 
-SUMMARY = "simulate one layout: arrival times, speed and outcome"
 # fields of `Wave` and `RigidWave` in the JSON document
 WAVE_FIELDS = (
     "outcome explanation mean_speed hit toppled reach error_estimate converged flushes releases "

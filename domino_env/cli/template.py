@@ -1,12 +1,13 @@
-"""Write a paper template as PDF: numbered footprints of all dominoes at 1:1, on sheets of paper."""
+"""Write a paper template of a layout at 1:1.
+
+The PDF has the numbered footprints of all dominoes, on sheets of paper.
+"""
 
 from __future__ import annotations
 
 import argparse
 
 from domino_env.cli.options import add_layout, add_options, output
-
-SUMMARY = "write a paper template of a layout at 1:1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,7 +1,8 @@
-"""Compare measured chains with the model: fitted friction, leave-one-out predictions, verdict.
+"""Compare measured chains with the model.
 
-SOURCE is the name of a shipped source, your own .toml file (copy one from
-domino_env/validation/sources), or a chain as PITCH=FREQUENCY in millimetres and hits per second:
+The results are the fitted friction, leave-one-out predictions and a verdict. SOURCE is the name of
+a shipped source, your own .toml file (copy one from domino_env/validation/sources), or a chain as
+PITCH=FREQUENCY in millimetres and hits per second:
 
 domino validate 16=64.4 24=42.3 32=28.1
 """
@@ -16,8 +17,6 @@ from domino_env.cli.options import SIZE, add_options, add_out_option
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
-
-SUMMARY = "compare measured chains with the model"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 FLOORS = "0.3,0.5,1"  # coefficients of friction by default
-SUMMARY = "simulate layouts with the reference simulator and a third-party engine"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

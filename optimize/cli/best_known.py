@@ -1,4 +1,4 @@
-"""List the best known layouts of the shipped scenes, write one of them, or verify them.
+"""List, write and verify the best known layouts.
 
 --verify simulates each layout and the uniform baseline of its scene with the reference simulator,
 in which closed contacts may open, on fixed pivots and free-standing on floors. --engine adds a
@@ -21,8 +21,6 @@ from domino_env.cli.verify import FLOORS, add_simulator_options, read_floors
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
     from optimize.experiments.best_known import BestKnown
-
-SUMMARY = "list, write and verify the best known layouts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
