@@ -47,7 +47,7 @@ EXPECTED: dict[str, str | None] = {
     "sounds/constant.wav": "the recording has no sound that begins or ends",
     "sounds/head_only.wav": "it ends early or is broken",
     "sounds/torn_frame.wav": "cut off amid a sample",
-    "runs/trace_not_finite.csv": "line 2, best_score = nan: give a finite number",
+    "runs/trace_not_finite.csv": "best_score[0] = nan: give a finite number",
     "runs/trace_without_scores.csv": "best_score",
     "runs/verification_number.json": "engine = 1: give a line of text",
     "runs/verification_script.json": None,

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.core.files import errors_with_path, layout_name, one_line, read_text, write_text
 from domino_env.core.models import Document, Number, read_document
 from domino_env.core.progress import notice
@@ -180,9 +181,7 @@ def _curve(
         for column in (x_column, y_column):
             if column not in (table.dtype.names or ()):
                 raise ValueError(f"no column {column}: remove the file, or write that of the run")
-            for line, value in enumerate(table[column], 2):  # line 1 has the names
-                if not np.isfinite(value):
-                    raise ValueError(f"line {line}, {column} = {value}: give a finite number")
+            require(column, table[column], array=True)
         return table[x_column].tolist(), table[y_column].tolist()
 
 
