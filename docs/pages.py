@@ -30,7 +30,7 @@ from domino_env.core.colours import UNIFORM
 from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.types import Floats
-from domino_env.rigid.known import known_table, known_verification, not_toppled, read_verified
+from domino_env.rigid.known import known_verification, not_toppled, read_verified
 from domino_env.scenes.shipping import schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
@@ -227,7 +227,6 @@ def filled_pages() -> dict[Path, str]:
             "peers": [f"- `{name}` needs {package}" for name, (_, package) in THIRD_PARTY.items()],
         },
         "docs/reference.md": {package: name_table(package) for package in PACKAGES},
-        "docs/verified.md": {"known": known_table(read_verified())},
     }
     values, pages = numbers(), {}
     for path in (ROOT / "README.md", DOCS / "scenes" / "index.md", *sorted(DOCS.glob("*.md"))):

@@ -1,11 +1,13 @@
-"""Verify random layouts on fixed pivots: ``python docs/verified.py`` writes them into verified.md.
+"""Write the tables of verified.md: ``python docs/verified.py``.
 
-The other table of the page has the verifications of the best known layouts, which ``domino
-best-known --verify --update`` stores and ``python docs/pages.py`` writes.
+Verifies twenty-four random layouts on fixed pivots and writes them into the page, beside the
+verifications of the best known layouts that ``domino best-known --verify --update`` has stored.
+``--stored`` leaves the table of the random layouts as it is.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,7 +19,7 @@ from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.threads import allowed_threads
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, simulate
-from domino_env.rigid.known import percent
+from domino_env.rigid.known import known_table, percent, read_verified
 from domino_env.rigid.verification import Verification, verify
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
@@ -66,6 +68,15 @@ def random_table(verifications: dict[str, Verification]) -> list[str]:
     return markdown_table(names, lines)
 
 
+def main() -> None:
+    """Simulate the layouts and write the tables into the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--stored", action="store_true", help="write the stored verifications only")
+    tables = {"known": known_table(read_verified())}
+    if not parser.parse_args().stored:
+        tables["random"] = random_table(random_verifications())
+    write_text(PAGE, fill_tables(PAGE.read_text("utf-8"), tables))
+
+
 if __name__ == "__main__":
-    table = {"random": random_table(random_verifications())}
-    write_text(PAGE, fill_tables(PAGE.read_text("utf-8"), table))
+    main()

@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from domino_env.core.files import write_text
-from domino_env.core.models import read_document
+from domino_env.core.files import errors_with_path, read_json, write_text
+from domino_env.core.models import read_model
 from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -116,8 +116,12 @@ def digest(layout: Layout, physics: Physics) -> str:
 
 
 def read_verified(path: Path = PATH) -> dict[str, StoredVerification]:
-    """Return the stored verifications by the name of the scene."""
-    return read_document(dict[str, StoredVerification], path)
+    """Return the stored verifications by the name of the scene; empty if there is no such file."""
+    if not path.exists():
+        return {}
+    document = read_json(path)
+    with errors_with_path(path):
+        return {n: read_model(StoredVerification, table, n) for n, table in document.items()}
 
 
 def write_verified(verified: dict[str, StoredVerification], path: Path = PATH) -> None:

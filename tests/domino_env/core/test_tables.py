@@ -3,9 +3,8 @@
 import csv
 
 import numpy as np
-import pytest
 
-from domino_env.core.tables import csv_table, fill_tables, markdown_table, text_table
+from domino_env.core.tables import csv_table, markdown_table, text_table
 
 
 def read_back(text: str) -> list[list[str]]:
@@ -32,8 +31,6 @@ def test_text_in_markdown_cells_is_escaped():
     assert markdown_table(("a", "b"), [("x|y", 1), ("two\nlines", None)]) == [
         "| a | b |", "| --- | --- |", "| x\\|y | 1 |", "| two lines | None |",
     ]  # fmt: skip
-    with pytest.raises(ValueError, match="no comment <!-- else -->"):
-        fill_tables("<!-- known -->\n<!-- end -->\n", {"else": []})
 
 
 def test_text_tables_have_columns_and_no_control_characters():
