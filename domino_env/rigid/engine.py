@@ -92,22 +92,13 @@ def simulate_in_engine(
         if uncertainty <= RTOL:
             break
     unknown = np.full(layout.count, np.nan)
+    steps = math.ceil(float(np.max(times[np.isfinite(times)])) / finest)
     return simulation.RigidWave(
-        layout=layout,
-        physics=physics,
-        floor_friction=floor_friction,
-        arrival_times=limit,
-        lean=lean,
-        slid=unknown,
-        opened=unknown[1:],
-        opened_at=unknown[1:],
-        error_estimate=uncertainty,
-        converged=uncertainty <= RTOL,
-        rtol=RTOL,
-        steps=math.ceil(float(np.max(times[np.isfinite(times)])) / finest),
-        run_time=time.perf_counter() - start_time,
-        simulator=engine_name(),
-    )
+        layout, physics, floor_friction, arrival_times=limit, lean=lean, slid=unknown,
+        opened=unknown[1:], opened_at=unknown[1:], error_estimate=uncertainty,
+        converged=uncertainty <= RTOL, rtol=RTOL, steps=steps,
+        run_time=time.perf_counter() - start_time, simulator=engine_name(),
+    )  # fmt: skip
 
 
 def run_engine(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -255,5 +254,5 @@ def read_source(path: Path) -> Source:
 
 def shipped_sources() -> dict[str, Source]:
     """Read all shipped sources, by name."""
-    folder = Path(str(files("domino_env.validation") / "sources"))
+    folder = Path(__file__).with_name("sources")
     return {path.stem: read_source(path) for path in sorted(folder.glob("*.toml"))}

@@ -12,7 +12,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -72,10 +71,9 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
     ValueError
         For a layout of one domino.
     """
-    assets = files("domino_env.view") / "assets"
 
     def read(name: str) -> str:
-        return (assets / name).read_text("utf-8")
+        return read_text(Path(__file__).with_name("assets") / name)
 
     data = json.dumps(comparison_data(compared), allow_nan=False, separators=(",", ":"))
     parts = {
