@@ -63,7 +63,7 @@ def load_fit(name: str) -> Fit | None:
         If the function cannot be imported, or has another number of arguments.
     """
     module, colon, _ = name.partition(":")
-    if not colon or module in (*registry.METHODS, *registry.installed_methods()):
+    if not colon or module in (*registry.METHODS, *registry.installed_families()):
         return None
     function = cast("Fit", registry.import_function(name))
     for number in (3, 2):

@@ -244,22 +244,9 @@ class Evaluator:
             Scores of the layouts, at the tolerance of the problem.
         design
             Function that returns the design vector of layout i; called only for a new best.
-
-        Raises
-        ------
-        ValueError
-            If there are more layouts than remaining evaluations, or if a score is not finite.
-        TypeError
-            If an argument is of another type.
         """
-        require_type("scores", scores, Scores, "Scores, as Problem.evaluate returns")
-        require_type("design", design, Callable, "a function that returns design vector i")
-        require("score", numbers("score", scores.score, None, ("B",), "of B layouts"), array=True)
-        hint = "see `remaining`"
-        require("layouts to record", len(scores.score), 0, self.remaining, hint=hint, whole=True)
         self._count(scores)
-        if len(scores.score):
-            self._update_best(scores, design)
+        self._update_best(scores, design)
 
     # evaluation ---------------------------------------------------------------------------------
 

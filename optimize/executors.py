@@ -16,9 +16,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent import futures
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from multiprocessing import connection, get_context, parent_process
 from typing import Any
 
@@ -26,23 +24,18 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-ATTEMPTS = 3  # runs of a task whose worker process dies, which may happen by chance
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
     # Dask counts the loss of a worker as a failure of every task that it holds: each holds one.
     "distributed.scheduler.worker-saturation": 1.0,
-    "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+    "distributed.scheduler.allowed-failures": 2,  # of a task, whose worker may die by chance
     "distributed.worker.profile.enabled": False,  # it would slow the tasks down
 }
 
 
 class ExecutorLost(ConnectionError):  # noqa: N818 - a state, not a mistake
     """Error of an executor that has ended; its unfinished tasks have no result."""
-
-
-class WorkerLost(RuntimeError):  # noqa: N818
-    """Error of a task that has ended its worker process in every attempt."""
 
 
 def require_executor(executor: object) -> None:
@@ -59,15 +52,14 @@ def loss_as_error(errors: Any = (futures.BrokenExecutor, futures.CancelledError)
     try:
         yield
     except errors as error:
-        raise ExecutorLost(f"the executor ended before its tasks ({error}): open another") from None
+        raise ExecutorLost(
+            f"the executor ended before its tasks ({error}): check the memory, and that a script "
+            "opens its executor after `if __name__ == '__main__':`"
+        ) from None
 
 
-class ProcessExecutor(futures.ThreadPoolExecutor):
-    """Worker processes that are replaced when one of them dies.
-
-    A `ProcessPoolExecutor` breaks as a whole when one process dies, and does not report which task
-    caused it. Here each of several threads has a pool of one process and gives it one task at a
-    time. A task whose worker dies runs again in a new process, and fails after three attempts.
+class ProcessExecutor(futures.ProcessPoolExecutor):
+    """Worker processes of one thread each, which Ctrl-C does not reach and an exception ends.
 
     Parameters
     ----------
@@ -76,62 +68,23 @@ class ProcessExecutor(futures.ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int) -> None:
-        super().__init__(workers)
-        self._pools: dict[int, futures.ProcessPoolExecutor] = {}  # by identifier of the thread
-        self._lock = threading.Lock()
-        self._killed = False
+        spawn = get_context("spawn")  # a fork would inherit locks that threads hold
+        super().__init__(workers, spawn, begin_worker)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> futures.Future[Any]:
-        """Call `fn(*args, **kwargs)` in a worker.
-
-        Returns
-        -------
-        concurrent.futures.Future
-            Future result. It raises the error of the call, WorkerLost if the call ends its worker,
-            or ExecutorLost if the executor ends first.
-        """
-        return super().submit(self._run, partial(fn, *args, **kwargs))
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Accept no more tasks; if `wait`, return when the submitted ones are finished."""
-        super().shutdown(wait, cancel_futures=cancel_futures)
-        for pool in self._pools.values() if wait else ():
-            pool.shutdown()
+        """Call `fn(*args, **kwargs)` in a worker, which may start here; return the future."""
+        with without_ctrl_c():
+            return super().submit(fn, *args, **kwargs)
 
     def kill(self) -> None:
-        """End the workers at once; unfinished tasks fail with ExecutorLost."""
-        with self._lock:
-            self._killed = True
-            for pool in self._pools.values():
-                for process in list((pool._processes or {}).values()):
-                    process.kill()
+        """End the workers at once; unfinished tasks fail with BrokenProcessPool."""
+        for process in list((self._processes or {}).values()):
+            process.kill()
         self.shutdown()
 
     def __exit__(self, kind: object, *_: object) -> None:
         end = self.shutdown if kind is None else self.kill
         end()
-
-    def _run(self, call: Callable[[], Any]) -> Any:
-        """Return the result of a call in the process of this thread."""
-        thread = threading.get_ident()
-        for _ in range(ATTEMPTS):
-            with self._lock, without_ctrl_c():
-                if self._killed:
-                    raise ExecutorLost("the executor was ended")
-                if thread not in self._pools:
-                    spawn = get_context("spawn")  # a fork would inherit locks that threads hold
-                    self._pools[thread] = futures.ProcessPoolExecutor(1, spawn, begin_worker)
-                future = self._pools[thread].submit(call)
-            try:
-                return future.result()
-            except BrokenProcessPool:
-                with self._lock:
-                    pool = self._pools.pop(thread)
-                pool.shutdown()
-        raise WorkerLost(
-            f"the worker process of this task died in each of {ATTEMPTS} attempts: check the "
-            "memory, and that a script opens its executor after `if __name__ == '__main__':`"
-        )
 
 
 def begin_worker() -> None:
@@ -198,15 +151,11 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[futures.Execut
             parse_host_port(address.rpartition("/")[2])  # an invalid address would block the client
             client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
-        except (OSError, ValueError) as error:
-            reason = f"{error}; start it with `dask scheduler`"
-            raise ExecutorLost(f"no Dask scheduler answers at {address}: {reason}") from None
-        try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
-        except OSError:
+        except (OSError, ValueError) as error:
             raise ExecutorLost(
-                f"the Dask scheduler at {address} has no workers: start one with "
-                f"`dask worker {address} --nthreads 1`"
+                f"no Dask scheduler with a worker answers at {address}: {error}; start "
+                f"`dask scheduler`, and `dask worker {address} --nthreads 1`"
             ) from None
         require_same_versions(client, address)
         yield client.get_executor(pure=False)

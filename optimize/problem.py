@@ -253,11 +253,7 @@ class Problem:
         ValueError
             If the shape is another one, or if entries are outside of [0, 1].
         """
-        return self.layout_from(self.values(self.check(self.as_batch(design))))
-
-    def layout_from(self, values: Floats) -> Layout:
-        """Return the layout of free values (1, n), see `values`, without applying the rules."""
-        gaps, *sizes = self.split(values)
+        gaps, *sizes = self.split(self.values(self.check(self.as_batch(design))))
         thickness, height = (None if size is None else size[0] for size in sizes)
         return self.scene.layout(gaps[0], thickness, height)
 

@@ -12,7 +12,6 @@ journal.sqlite the evaluations of the search, from which it can resume; see `opt
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -20,10 +19,8 @@ from msgspec import Meta
 
 from domino_env.core.files import require_unused, require_writable, write_text
 from domino_env.core.models import Document, read_document
-from domino_env.core.progress import notice
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
-from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.result import SearchResult
@@ -31,8 +28,6 @@ from optimize.result import SearchResult
 SCENE, SUMMARY, PICTURE = "scene.toml", "summary.json", "result.png"
 FILES = (SCENE, "layout.csv", "layout.json", "trace.csv", SUMMARY, PICTURE)
 JOURNAL = "journal.sqlite"
-# files that other commands make from the layout of a run; outdated if the layout changes
-DERIVED_FILES = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
 class SummaryDocument(Document):
@@ -119,7 +114,6 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
 
     try:
         write_text(folder / SCENE, result.scene.to_toml())
-        _remove_outdated(folder, result.layout)
         result.layout.to_csv(folder / "layout.csv")
         result.layout.to_json(folder / "layout.json")
         names = ("evaluations", "simulated_falls", "seconds", "best_score")
@@ -131,16 +125,3 @@ def write_run(folder: Path, result: SearchResult, evaluations_before: int) -> No
         write_text(folder / SUMMARY, text + "\n")
     except OSError as error:
         raise ValueError(f"{error}; free disk space or allow writing, then use --resume") from None
-
-
-def _remove_outdated(folder: Path, layout: Layout) -> None:
-    """Remove files that were made from a layout other than `layout`, and log their names."""
-    path = folder / "layout.json"
-    with suppress(OSError, ValueError):
-        if not path.exists() or Layout.read(path) == layout:
-            return
-    outdated_files = [name for name in DERIVED_FILES if (folder / name).exists()]
-    for name in (PICTURE, *outdated_files):
-        (folder / name).unlink(missing_ok=True)
-    if outdated_files:
-        notice(f"{folder}: removed {', '.join(outdated_files)}, made from an earlier layout")

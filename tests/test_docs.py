@@ -50,7 +50,7 @@ ADDED = {
     "domino optimize": "--budget 20",
     "domino sweep": "--budget 1",
     "domino compare .* --budget": "--budget 20 --seeds 1",
-    "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,ars,agent:sprint",
+    "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,agent:sprint",
     "domino compare sprint --seconds": "--seconds 0.05 --seeds 1 --methods auto,cma,slsqp",
     "domino compare": "--seconds 0.05 --seeds 1",
     "domino benchmark [a-z]": "--algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
@@ -63,7 +63,6 @@ ADDED = {
 """First pattern that fits the beginning of a command, and the options that it gets."""
 PARSED = {
     "accuracy --stability": "minutes",
-    "best-known --verify": "minutes, see tests/domino_env/rigid/test_known.py",
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
@@ -142,7 +141,7 @@ def test_examples_run(page, tmp_path, monkeypatch):
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
 def test_every_optimiser_example_beats_equal_gaps(section):
     warnings.simplefilter("ignore")  # warnings of third-party packages
-    for package in re.findall(r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.M):
+    for package in re.findall(r"^(?:from|import) (\w+)", section, re.M):
         pytest.importorskip(package, reason=f"needs {package}")
     names: dict[str, object] = {}
     run_examples(SECTIONS[0], names)

@@ -27,18 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
     options.add_layout(parser, "layouts", nargs="+")
     options.add_physics_options(parser)
-    add_simulator_options(parser, engine=None, note="default: if pymunk is installed")
-    options.add_json_option(parser)
-
-
-def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, note: str) -> None:
-    """Add --floor and --engine; `engine` is the default of --engine, `note` ends its help."""
     floors = "coefficients of friction of the floors; 'free' means 1"
     options.add_options(parser, ("floor", read_floors, "FRICTION,...", FLOORS, floors))
     parser.add_argument(
-        "--engine", action=argparse.BooleanOptionalAction, default=engine,
-        help=f"also simulate with the third-party engine ({note})",
+        "--engine", action=argparse.BooleanOptionalAction, default=None,
+        help="also simulate with the third-party engine (default: if pymunk is installed)",
     )  # fmt: skip
+    options.add_json_option(parser)
 
 
 def read_floors(text: str) -> tuple[float, ...]:

@@ -1,32 +1,25 @@
 """Stored verifications of the shipped layouts, and their table.
 
 `known.json` beside this file has a `StoredVerification` under the name of each scene.
-``domino best-known --verify --update`` writes it; the documentation and `domino report` read it.
+``python docs/verified.py --best`` writes it; the documentation and `domino report` read it.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from domino_env.core.files import errors_with_path, read_json, write_text
+from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import read_model
-from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.rigid.simulation import floor_name
 
 PATH = Path(__file__).with_name("known.json")
-COLUMNS = (
-    "scene", "on", "best known", "uniform baseline", "gain", "last hit over model", "uncertainty",
-    "engine over reference",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -115,19 +108,11 @@ def digest(layout: Layout, physics: Physics) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def read_verified(path: Path = PATH) -> dict[str, StoredVerification]:
-    """Return the stored verifications by the name of the scene; empty if there is no such file."""
-    if not path.exists():
-        return {}
-    document = read_json(path)
-    with errors_with_path(path):
+def read_verified() -> dict[str, StoredVerification]:
+    """Return the stored verifications by the name of the scene."""
+    document = read_json(PATH)
+    with errors_with_path(PATH):
         return {n: read_model(StoredVerification, table, n) for n, table in document.items()}
-
-
-def write_verified(verified: dict[str, StoredVerification], path: Path = PATH) -> None:
-    """Write verifications by the name of the scene, in the order of the names."""
-    document = {name: asdict(verified[name]) for name in sorted(verified)}
-    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
 @cache
@@ -140,44 +125,6 @@ def known_verification(layout: Layout, physics: Physics) -> StoredVerification |
     return _by_digest().get(digest(layout, physics))
 
 
-def known_table(verified_by_scene: dict[str, StoredVerification]) -> list[str]:
-    """Return the lines of a Markdown table of best known layouts and baselines on every floor."""
-    lines = []
-    for name, verified in verified_by_scene.items():
-        count, first = verified.count, verified.first
-        scene = f"`{name}`" if first == count else f"`{name}` (first {first} of {count})"
-        for best in verified.floors:
-            on_floor = [check for check in verified.checks if check.floor == best.floor]
-            uniform = next(check for check in on_floor if check.layout == "uniform")
-            engine = next((check for check in on_floor if check.simulator != best.simulator), None)
-            lines.append((
-                scene, floor_name(best.floor), _score(best), _score(uniform),
-                "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
-                percent(best.uncertainty, sign=""), _difference(best, engine),
-            ))  # fmt: skip
-    return markdown_table(COLUMNS, lines)
-
-
 def not_toppled(number: int) -> str:
     """Return "1 does not topple" or "2 do not topple"."""
     return f"{number} {'does' if number == 1 else 'do'} not topple"
-
-
-def _score(check: Check) -> str:
-    """Return the score, with the number of dominoes that do not topple."""
-    return check.score + (f" ({not_toppled(check.staying_up)})" if check.staying_up else "")
-
-
-def _difference(reference: Check, engine: Check | None) -> str:
-    """Return the difference of the engine from the reference simulator at the last hit."""
-    if engine is None or engine.last is None or reference.last is None:
-        return ""
-    difference = (1.0 + engine.last) / (1.0 + reference.last) - 1.0
-    if engine.uncertainty is None or reference.uncertainty is None:
-        return f"{difference:+.3%} (not converged)"
-    return f"{difference:+.3%} ± {engine.uncertainty + reference.uncertainty:.2%}"
-
-
-def percent(value: float | None, sign: str = "+") -> str:
-    """Return a fraction in per cent; nothing for None."""
-    return "" if value is None else f"{value:{sign}.3%}"

@@ -2,17 +2,16 @@
 
 They are compared with each other and with the uniform baseline. SCENE is the name of a shipped
 scene, a .toml file, or `all`. The folder receives a page of Markdown (one table per scene: score,
-gain over uniform, shortfall from the best known, time to 1 % and 0.1 % of it), the runs and their
-traces as CSV, and a picture of the shortfall against run time. Ctrl-C ends it with the runs that
-are complete.
+gain over uniform, shortfall from the best known, time to 1 % and 0.1 % of it), the runs as CSV, and
+a picture of the shortfall against run time. Ctrl-C ends it with the runs that are complete. `domino
+studies export` writes their layouts and traces too.
 
 Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
 independent: --workers or --dask distribute them. With --budget the results are bitwise
 reproducible; equal --seconds are fair only on cores without other work.
 
-Learned methods (apg, ppo, ars), trained agents (agent:RUN, whose time includes the training) and
-your own methods (package.module:function, in this folder or installed) run only if --methods names
-them.
+Trained agents (agent:RUN, whose time includes the training) and your own methods
+(package.module:function, in this folder or installed) run only if --methods names them.
 """
 
 from __future__ import annotations
@@ -49,6 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
     methods = arguments.methods or [*registry.METHODS, *registry.installed_third_party()]
     if arguments.seconds is None and arguments.budget is None:
         arguments.seconds = DEFAULT_SECONDS
-    tasks = plan_tasks(scenes, methods, range(arguments.seeds), arguments.budget, arguments.seconds)
+    tasks = plan_tasks(
+        [(scene, {}) for scene in scenes], methods, range(arguments.seeds), arguments.budget,
+        arguments.seconds,
+    )  # fmt: skip
     default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
     return options.run_study(arguments, "comparison", default, tasks, known_score=known_score)

@@ -157,7 +157,7 @@ def run_study(
     OSError
         If a file cannot be written; the message names the study that has the results.
     KeyboardInterrupt
-        If the experiment was interrupted; the message has the number of complete runs.
+        See `exit_code`.
     """
     from optimize.experiments.report import table, write
     from optimize.experiments.runner import run_experiment
@@ -181,23 +181,22 @@ def run_study(
                 print()
             files = ", ".join(write(experiment, folder))
             print(f"{amount(len(experiment.results), 'result')}; written to {folder}: {files}")
-            return exit_code(experiment)
+            return exit_code(experiment, next_step)
         except BrokenPipeError:  # only the output is lost
             raise
         except OSError as error:
             raise OSError(f"{error}; {next_step}") from None
-        except KeyboardInterrupt:
-            completed = f"{len(study.results())} of {len(tasks)} runs are complete"
-            raise KeyboardInterrupt(f"interrupted: {completed}; {next_step}") from None
 
 
-def exit_code(experiment: Experiment) -> int:
+def exit_code(experiment: Experiment, next_step: str = "the same command continues") -> int:
     """Print the failures of an experiment, and return the exit code.
 
     Parameters
     ----------
     experiment
         The experiment.
+    next_step
+        How it is continued after an interruption.
 
     Returns
     -------
@@ -212,5 +211,5 @@ def exit_code(experiment: Experiment) -> int:
     for failure in experiment.failures:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
     if experiment.interrupted:
-        raise KeyboardInterrupt("interrupted: finished runs are stored; run the command again")
+        raise KeyboardInterrupt(f"interrupted: {next_step}")
     return 1 if experiment.failures else 0

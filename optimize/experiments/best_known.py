@@ -14,7 +14,6 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env import __version__
-from domino_env.core.checks import require_type
 from domino_env.core.files import errors_with_path, read_json, write_text
 from domino_env.core.models import LARGEST, Number, read_model
 from domino_env.physics.files import LayoutTable
@@ -72,16 +71,12 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     ------
     ValueError
         If the file is damaged; the message has the place and the reason.
-    TypeError
-        For anything but a path.
 
     Examples
     --------
     >>> best_known()["sprint"].layout.count
     40
     """
-    expected = "a pathlib.Path, or None; best_known()['sprint'] is the best known of a scene"
-    require_type("path", path, Path | None, expected)
     path = path or PATH
     if not path.exists():
         return {}

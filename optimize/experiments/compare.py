@@ -17,8 +17,6 @@ from optimize.experiments.task import Label, Task, TaskResult, describe_labels, 
 from optimize.methods import registry
 from optimize.methods.registry import Method
 
-MAX_TASKS = 1_000_000  # a longer list may not fit into memory
-
 
 def compare(
     scenes: Scene | str | Iterable[Scene | str],
@@ -72,58 +70,48 @@ def compare(
     [2, 2]
     """
     scene_objects = [s if isinstance(s, Scene) else load_scene(s) for s in as_list(scenes)]
-    tasks = plan_tasks(scene_objects, methods, seeds, budget, seconds)
+    tasks = plan_tasks([(s, {}) for s in scene_objects], methods, seeds, budget, seconds)
     return run_experiment(tasks, known_score=known_score, **options)
 
 
 def plan_tasks(
-    scenes: Sequence[Scene],
+    problems: Iterable[tuple[Scene, dict[str, Label]]],
     methods: str | Method | Iterable[str | Method],
     seeds: Iterable[int],
     budget: int | None = None,
     seconds: float | None = None,
-    labels: Sequence[dict[str, Label]] = (),
 ) -> list[Task]:
-    """Return a task for each scene (with its labels, if any), seed and method, in this order.
+    """Return a task for each scene with its labels, seed and method, in this order.
 
     Seeds come before methods so that other load on the machine affects all methods alike.
 
     Parameters
     ----------
-    scenes
-        Scenes.
+    problems
+        Scenes, each with its labels; they are read when all else has been checked.
     methods, seeds, budget, seconds
         See `compare`.
-    labels
-        Labels of each scene; empty for none.
 
     Raises
     ------
     ValueError
-        See `compare`; also if there are more than a million tasks.
+        See `compare`.
     """
     if (seconds is None) == (budget is None):
         raise ValueError(f"budget = {budget}, seconds = {seconds}: give exactly one of the two")
-    require_type("seeds", seeds, Iterable, "several, such as range(5)")
-    if not isinstance(seeds, range):
-        for seed in (seeds := list(seeds)):
-            require("seed", seed, 0, whole=True)
-    names = [registry.method_name(method, importable=True) for method in as_list(methods)]
-    number = len(scenes) * len(names) * len(seeds)
-    hint = "give fewer seeds, methods or scenes"
-    require("searches", number, high=MAX_TASKS, hint=hint, whole=True)
-    labels = labels or [{} for _ in scenes]
-    pairs = list(zip(scenes, labels, strict=True))
-    problems = [describe_labels(point) or scene.name for scene, point in pairs]
-    require_distinct(scenes=problems, methods=names, seeds=seeds)
-    for name in names:
-        registry.load(name)
     for name, limit in (("budget", budget), ("seconds", seconds)):
         require(name, limit, above=0.0, whole=name == "budget", optional=True)
-    texts = [(scene.to_toml(), point) for scene, point in pairs]
+    require_type("seeds", seeds, Iterable, "several, such as range(5)")
+    seeds = list(seeds)
+    names = [registry.method_name(method) for method in as_list(methods)]
+    require_distinct(methods=names, seeds=seeds)
+    for name in names:
+        registry.load(name)
+    points = [(scene.name, scene.to_toml(), labels) for scene, labels in problems]
+    require_distinct(scenes=[describe_labels(labels) or name for name, _, labels in points])
     return [
-        Task(text, method, seed, budget, seconds, point)
-        for text, point in texts
+        Task(text, method, seed, budget, seconds, labels)
+        for _, text, labels in points
         for seed in seeds
         for method in names
     ]

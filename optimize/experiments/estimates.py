@@ -74,11 +74,6 @@ def middle_mean(problems: Sequence[Floats]) -> Floats:
     return mean
 
 
-def median_of_problems(problems: Sequence[Floats]) -> Floats:
-    """Return the median (...) over the problems of the mean over the results (..., R)."""
-    return np.asarray(np.median([p.mean(axis=-1) for p in problems], axis=0))
-
-
 def optimality_gap(problems: Sequence[Floats]) -> Floats:
     """Return the mean amount (...) by which normalised scores (..., R) are below 1."""
     return np.asarray(np.mean([np.maximum(1.0 - p, 0.0).mean(axis=-1) for p in problems], axis=0))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.checks import require_choice, require_type
+from domino_env.core.checks import require_choice
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
@@ -290,16 +290,10 @@ def best_of_problems(
         See `KnownScore`.
     fixed
         True to keep the score known beforehand, if there is one, even if a result is better.
-
-    Raises
-    ------
-    TypeError
-        If `known_score` returns no number.
     """
     best: dict[str, float] = {}
     for problem, runs in group_runs(results, "problem").items():
         reference = known_score(runs[0])
-        require_type("known_score(result)", reference, float | int | np.number, "a score, or -inf")
         is_kept = fixed and reference > -np.inf
         best[problem] = reference if is_kept else max(reference, *(run.score for run in runs))
     return best

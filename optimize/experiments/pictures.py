@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label
 
 Band = tuple[Floats, Floats] | None  # ends of the interval around each point
-Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
+Curve = tuple[Any, Floats, Band]  # x, numbers or words; y, and the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
 Prepare = Callable[[Axes, str], None]  # sets the scales of a panel, given its title
 
@@ -29,7 +29,6 @@ MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
 ACROSS, LEGEND_COLUMNS = 2, 6  # panels, and names in the legend, side by side
 MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
-DASH = np.array([-0.1, 0.0, 0.1, np.nan])  # places of a value that is not a number; NaN ends a line
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 ENDS = LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
@@ -83,9 +82,11 @@ def draw_curves(
                 continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
+            if isinstance(x[0], str):  # no lines between words
+                spread = np.abs(np.array(band) - y)
+                handles[method] = axes.errorbar(x, y, spread, fmt="o", color=line["color"])
+                continue
             marked: Any = None if len(x) <= MAX_MARKERS else [-1]  # the last is visible if alone
-            if np.isnan(x).any():  # dashes: a marker in the middle of each
-                marked = slice(1, None, len(DASH))
             line |= {"marker": "o", "markersize": 3.5, "markevery": marked}
             if band is not None:
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
@@ -150,10 +151,11 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
     keys, criterion = experiment.keys, first.criterion
     unit = criterion.unit
     quantity = "gain over uniform" if unit else criterion.quantity()
-    places = {key: _places(r.labels[key] for r in experiment.results) for key in keys}
+    labels = {key: list(dict.fromkeys(r.labels[key] for r in experiment.results)) for key in keys}
+    words = {key for key in keys if any(isinstance(label, str) for label in labels[key])}
     groups, methods = experiment.describe_seeds(MEDIANS), experiment.methods
     # a curve for each value of the other setting
-    split = len(keys) == 2 and len(methods) == 1 and sum(map(len, places.values())) <= MAX_COLOURS
+    split = len(keys) == 2 and len(methods) == 1 and sum(map(len, labels.values())) <= MAX_COLOURS
     if len(keys) > 1 and not split:
         groups = "medians and range over seeds and the other settings"
     scenes = amount(len(experiment.problems), "scene")
@@ -161,31 +163,27 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
         f"{first.scene_name}: {quantity}, over {' and '.join(keys)}",
         f"{scenes}, {experiment.tasks[0].limit} for each search, {groups}",
     )
-    points: dict[tuple[str, str], dict[float, list[float]]] = {}  # by panel and curve
+    points: dict[tuple[str, str], dict[Label, list[float]]] = {}  # by panel and curve
     for key, r in product(keys[:MAX_PANELS], experiment.results):
         other, value = next(((k, v) for k, v in r.labels.items() if k != key), ("", ""))
         text = f"{value:.6g}" if isinstance(value, float) else value
         curve = f"{other} = {text}" if split else r.method
-        heights = points.setdefault((key, curve), {}).setdefault(places[key][r.labels[key]], [])
+        heights = points.setdefault((key, curve), {}).setdefault(r.labels[key], [])
         if not unit:
             heights.append(float(r.criterion.displayed(r.score)))
         elif r.gain is not None:
             heights.append(100.0 * r.gain)
     panels: dict[str, dict[str, Curve]] = {}
     for (key, curve), values in points.items():
-        x = np.array(sorted(values))
-        bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in x]
+        places = sorted(values, key=labels[key].index if key in words else float)
+        bands = [_median_and_range(np.array(values[place] or [np.nan])) for place in places]
         median, low, high = np.array(bands).T
-        if any(isinstance(label, str) for label in places[key]):
-            x = np.add.outer(x, DASH).ravel()
-            median, low, high = (np.repeat(ends, len(DASH)) for ends in (median, low, high))
+        x = [str(place) for place in places] if key in words else places
         panels.setdefault(key, {})[curve] = (x, median, (low, high))
 
     def prepare(axes: Axes, key: str) -> None:
-        ticks = places[key]
-        if any(isinstance(label, str) for label in ticks):
-            axes.set_xticks(list(ticks.values()), [str(label) for label in ticks])
-        elif min(ticks.values()) > 0.0 and np.median([*ticks.values()]) < 0.2 * max(ticks.values()):
+        places = np.array([] if key in words else labels[key])
+        if len(places) and min(places) > 0.0 and np.median(places) < 0.2 * max(places):
             axes.set_xscale("log")  # most values are far below the largest
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
         if not unit:
@@ -288,11 +286,3 @@ def _median_and_range(values: Floats) -> tuple[Any, Any, Any]:
 def _ends(panel: Mapping[str, Curve]) -> Floats:
     """Return the ends of all bands of a panel, one after the other."""
     return np.concatenate([end for _, _, band in panel.values() for end in band or ()])
-
-
-def _places(values: Iterable[Label]) -> dict[Label, float]:
-    """Return the coordinates of values: numbers themselves, words one after the other."""
-    labels = dict.fromkeys(values)
-    if any(isinstance(label, str) for label in labels):
-        return {label: float(k) for k, label in enumerate(labels)}
-    return {label: float(label) for label in labels}

@@ -1,4 +1,4 @@
-"""Reports of experiments: a page of Markdown, tables in CSV, pictures, and summaries of studies.
+"""Reports of experiments: a page of Markdown, a table, a picture, and summaries of studies.
 
 The report of a comparison has curves over time, that of a sweep curves over the varied settings.
 """
@@ -7,67 +7,52 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from domino_env.core.files import amount, one_line, write_text
-from domino_env.core.tables import markdown_table, text_table, write_csv
+from domino_env.core.tables import markdown_table, text_table
 from optimize.experiments.experiment import Experiment, group_runs
-from optimize.experiments.store import Store, Study
-from optimize.experiments.task import TRACE_COLUMNS, describe_labels
+from optimize.experiments.store import Store, Study, result_cells, write_table
+from optimize.experiments.task import TaskResult, describe_labels
 
-# page, runs, further tables, picture
-COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
-SWEEP_FILES: Sequence[str] = ("sweep.md", "sweep.csv", "sweep.png")
+# page, table of the runs, picture
+COMPARISON_FILES = ("comparison.md", "runs.csv", "gaps.png")
+SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
 PAGE = Path(__file__).with_name("report_page.md")  # template of the page
 SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
 
 
 def write(experiment: Experiment, folder: Path) -> Sequence[str]:
-    """Write the page, tables and picture of a comparison or a sweep; return the files' names."""
+    """Write the page, table and picture of a comparison or a sweep; return the files' names."""
     from optimize.experiments.pictures import draw_over_settings, draw_over_time
 
     if experiment.keys:
-        names = SWEEP_FILES
+        names, draw = SWEEP_FILES, draw_over_settings
         scene = experiment.results[0].scene_name
         title = f"{scene}, swept over {', '.join(experiment.keys)}"
-        draw_over_settings(experiment, folder / names[-1])
     else:
-        names, title = COMPARISON_FILES, "Methods compared"
-        draw_over_time(experiment, folder / names[-1])
-        entries = (
-            (r.scene_name, r.method, r.seed, n, falls, f"{seconds:.6f}", score)
-            for r in experiment.results
-            for n, falls, seconds, score in zip(*map(r.trace.get, TRACE_COLUMNS), strict=True)
-        )
-        columns = ("scene", "method", "seed", *TRACE_COLUMNS)
-        write_csv(folder / names[2], columns, entries)
-    write_runs(experiment, folder / names[1])
-    write_text(folder / names[0], page(experiment, title, names[-1]))
+        names, draw, title = COMPARISON_FILES, draw_over_time, "Methods compared"
+    write_table(folder / names[1], [_cells(experiment, r) for r in experiment.results])
+    draw(experiment, folder / names[2])
+    write_text(folder / names[0], page(experiment, title, names[2]))
     return names
 
 
-def write_runs(experiment: Experiment, path: Path) -> None:
-    """Write a line for each run, with its labels.
+def _cells(experiment: Experiment, result: TaskResult) -> dict[str, Any]:
+    """Return the numbers of a run by column.
 
     Column gap is the shortfall; the time to a shortfall that is never reached is inf.
     """
-    clock = experiment.clock
-    names = (
-        "scene", *experiment.keys, "method", "seed", "score", "uniform", "gain", "gap",
-        f"{clock}_to_1_percent", f"{clock}_to_0.1_percent", "outcome", "mean_speed", "evaluations",
-        "falls", "seconds", "key",
-    )  # fmt: skip
-    lines = (
-        (
-            r.scene_name, *r.labels.values(), r.method, r.seed, r.score, r.uniform_score, r.gain,
-            experiment.shortfall(r), experiment.time_to(r, 1e-2), experiment.time_to(r, 1e-3),
-            r.outcome, r.mean_speed, r.work["evaluations"], r.work["falls"], r.seconds, r.key,
-        )
-        for r in experiment.results
-    )  # fmt: skip
-    write_csv(path, names, lines)
+    cells = {k: v for k, v in result_cells(result).items() if not isinstance(v, tuple | list)}
+    del cells["scene"], cells["versions"]
+    times = {
+        f"{experiment.clock}_to_{percent:g}_percent": experiment.time_to(result, 0.01 * percent)
+        for percent in (1.0, 0.1)
+    }
+    return cells | {"gap": experiment.shortfall(result)} | times
 
 
 def page(experiment: Experiment, title: str, picture: str) -> str:

@@ -9,7 +9,6 @@ from contextlib import closing
 import msgspec
 import numpy as np
 
-from domino_env.core.checks import require_type
 from domino_env.core.progress import progress_bar
 from optimize.executors import ExecutorLost, loss_as_error, require_executor
 from optimize.experiments.experiment import Experiment, Failure, KnownScore, best_of_problems
@@ -61,18 +60,13 @@ def run_experiment(
     ValueError
         If no task has a result, or if the study cannot be written.
     TypeError
-        For arguments of other types.
+        If `executor` is no executor.
     ExecutorLost
         If the executor itself has ended.
     KeyboardInterrupt
         On Ctrl-C before the first result.
     """
     require_executor(executor)
-    require_type("study", study, Study | None, "a Study, as open_store(path).begin() returns")
-    require_type("tasks", tasks, Sequence, "a list of Tasks")
-    require_type("known_score", known_score, Callable, "a function of a result")
-    for task in tasks:
-        require_type("task", task, Task, "a Task")
     results = {} if study is None else study.results()
     failures: list[Failure] = []
     distinct = {task.key: task for task in tasks}

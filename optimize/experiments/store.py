@@ -26,7 +26,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.checks import as_path, require_extra, require_type
+from domino_env.core.checks import as_path, require_extra
 from domino_env.core.files import as_text, one_line, require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
@@ -91,10 +91,7 @@ class Study:
         ValueError
             If the result cannot be stored: the disk is full, the store is locked for more than a
             minute, or a number is not finite. All earlier results are intact.
-        TypeError
-            If `result` is no `TaskResult`.
         """
-        require_type("result", result, TaskResult, "a TaskResult, as task.run() returns")
         data = json.dumps(msgspec.to_builtins(result), allow_nan=False)
         task = result.key, result.scene_name, result.method, result.seed
         with self._store.transaction() as connection:
@@ -133,15 +130,10 @@ class Store:
         ValueError
             If the study of that name has another kind or other settings, if the name is invalid or
             a number in the settings is not finite, or if the store cannot be written.
-        TypeError
-            If an argument is of another type.
         """
-        expected = "1 to 200 printable characters without / and \\"
-        require_type("study name", name, str, expected)
         if not name.isprintable() or not STUDY_NAME.fullmatch(name):
+            expected = "1 to 200 printable characters without / and \\"
             raise ValueError(f"study name = {as_text(name)}: give {expected}")
-        require_type("kind", kind, str, 'a word, such as "sweep"')
-        require_type("settings", settings, Mapping, "a dictionary of settings")
         text = json.dumps(dict(settings), allow_nan=False)
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with self.transaction() as connection:
@@ -249,9 +241,17 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
 def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, and return their number.
 
-    The columns are the name of the study, the fields of `TaskResult`, in SI units, each count of
-    its ``work``, each column of its trace (``trace.NAME``), and each label (``label.NAME`` if
-    another column has that name). A CSV file has lists as JSON.
+    The columns are the name of the study, and those of `result_cells`; see `write_table`.
+    """
+    lines = [{"study": study.name} | result_cells(r) for r in study.results().values()]
+    write_table(path, lines)
+    return len(lines)
+
+
+def write_table(path: Path, lines: list[dict[str, Any]]) -> None:
+    """Write lines, each a dictionary by column, to a ``.csv`` or ``.parquet`` file.
+
+    A CSV file has lists as JSON.
 
     Raises
     ------
@@ -265,7 +265,6 @@ def export_study(study: Study, path: Path) -> int:
     kind = path.suffix.lower()
     if kind not in (".csv", ".parquet"):
         raise ValueError(f"{path}: name a .csv or .parquet file")
-    lines = [_cells(study.name, result) for result in study.results().values()]
     names = list(dict.fromkeys(name for line in lines for name in line))
     if kind == ".csv":
         for line in lines:
@@ -278,7 +277,19 @@ def export_study(study: Study, path: Path) -> int:
 
         columns = {name: [line.get(name) for line in lines] for name in names}
         write_bytes(path, lambda file: parquet.write_table(pyarrow.table(columns), file))
-    return len(lines)
+
+
+def result_cells(result: TaskResult) -> dict[str, Any]:
+    """Return the cells of a result by column.
+
+    The columns are the fields of `TaskResult`, in SI units, each count of its ``work``, each column
+    of its trace (``trace.NAME``), and each label (``label.NAME`` if another column has that name).
+    """
+    cells = msgspec.structs.asdict(result)
+    labels, work, trace = (cells.pop(name) for name in ("labels", "work", "trace"))
+    cells |= work | {"versions": json.dumps(result.versions)}
+    cells |= {f"trace.{name}": column for name, column in trace.items()}
+    return cells | {f"label.{k}" if k in cells else k: value for k, value in labels.items()}
 
 
 def best_result(study: Study, name: str) -> TaskResult:
@@ -306,12 +317,3 @@ def best_result(study: Study, name: str) -> TaskResult:
             f"{', '.join(names) or 'no results yet'}"
         )
     return max(matching, key=lambda r: r.score)
-
-
-def _cells(study: str, result: TaskResult) -> dict[str, Any]:
-    """Return the cells of a result by column."""
-    cells = {"study": study} | msgspec.structs.asdict(result)
-    labels, work, trace = (cells.pop(name) for name in ("labels", "work", "trace"))
-    cells |= work | {"versions": json.dumps(result.versions)}
-    cells |= {f"trace.{name}": column for name, column in trace.items()}
-    return cells | {f"label.{k}" if k in cells else k: value for k, value in labels.items()}

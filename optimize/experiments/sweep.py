@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,12 @@ from optimize.experiments.compare import as_list, plan_tasks, require_distinct
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import Label, Task, describe_labels
-from optimize.methods import registry
 from optimize.problem import Problem
 
 Value = Label | list[Any]
 Point = dict[str, Value]
 
 DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
-MAX_POINTS = 100_000  # each is a scene that is checked before the first search
-MAX_WHOLE = 1e15  # larger numbers are rejected as floats, not shown with hundreds of digits
-WHOLE_KEYS = ("row.count", "placement.draws", "placement.seed")  # keys that hold whole numbers
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
 
@@ -63,7 +60,7 @@ def parse_axis(text: str) -> tuple[str, list[Value]]:
             texts: list[Any] = _spread_values(listing)
         else:
             texts = json.loads(listing) if listing.startswith("[") else listing.split(",")
-        values: list[Value] = [_parse_value(key, v) if isinstance(v, str) else v for v in texts]
+        values: list[Value] = [_parse_value(v) if isinstance(v, str) else v for v in texts]
         if not values or len({repr(value) for value in values}) < len(values):
             raise ValueError("give at least one value, and each value once")
         return key, values
@@ -79,32 +76,17 @@ def _spread_values(text: str) -> list[str]:
         raise ValueError("give two numbers and the number of values")
     ends = np.array([float(parts[0]), float(parts[1])])
     require("FROM, TO", ends, above=0.0 if log else -math.inf, array=True)
-    require("NUMBER", int(parts[2]), 1, MAX_POINTS, whole=True)
+    require("NUMBER", int(parts[2]), 1, whole=True)
     spread = (np.geomspace if log else np.linspace)(ends[0], ends[1], int(parts[2]))
     return [f"{value:.12g}" for value in spread]  # 0.3, not 0.30000000000000004
 
 
-def _parse_value(key: str, text: str) -> Label:
-    """Convert a text to a number if it is one, to an integer if the key holds whole numbers."""
-    try:
-        number = float(text)
-    except ValueError:
-        return text.strip()
-    is_whole = key in WHOLE_KEYS and number.is_integer() and abs(number) < MAX_WHOLE
-    return int(number) if is_whole else number
-
-
-def grid(axes: Mapping[str, Sequence[Value]]) -> list[Point]:
-    """Return all combinations of the values of the keys; values of the last key change first.
-
-    Raises
-    ------
-    ValueError
-        If there are more than `MAX_POINTS` combinations.
-    """
-    number = math.prod(map(len, axes.values()))
-    require("points", number, high=MAX_POINTS, hint="split the sweep", whole=True)
-    return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
+def _parse_value(text: str) -> Label:
+    """Convert a text to a number if it is one, to an integer if it is whole."""
+    for read in (int, float):
+        with suppress(ValueError):
+            return read(text)
+    return text.strip()
 
 
 def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
@@ -197,7 +179,7 @@ def sweep(
     --------
     >>> table = sweep("sprint", ["physics.friction=0,0.5"], ["random"], budget=50)
     >>> table.problems
-    ['physics.friction = 0.0', 'physics.friction = 0.5']
+    ['physics.friction = 0', 'physics.friction = 0.5']
     """
     return run_experiment(plan_sweep(scene, axes, methods, seeds, budget, seconds), **options)
 
@@ -229,16 +211,14 @@ def plan_sweep(
     axis_values = [parse_axis(axis) for axis in as_list(axes)]
     if not axis_values:
         raise ValueError(f"no key is varied: add --set; {SYNTAX}")
-    require_distinct(keys=[key for key, _ in axis_values])
+    keys, values = zip(*axis_values, strict=True)
+    require_distinct(keys=keys)
     require("seeds", seeds, 1, whole=True)
-    for method in as_list(methods):  # before thousands of scenes are made
-        registry.load(method)
-    points = grid(dict(axis_values))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
-    scenes = [make_scene(base, name, point, file) for point in points]
-    labels = [_labels(point) for point in points]
-    return plan_tasks(scenes, methods, range(seeds), budget, seconds, labels)
+    points = (dict(zip(keys, point, strict=True)) for point in product(*values))
+    problems = ((make_scene(base, name, point, file), _labels(point)) for point in points)
+    return plan_tasks(problems, methods, range(seeds), budget, seconds)
 
 
 def _labels(point: Point) -> dict[str, Label]:

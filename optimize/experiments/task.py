@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import require, require_type
+from domino_env.core.checks import require
 from domino_env.core.files import amount
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
@@ -124,8 +124,6 @@ class Task:
 
     Raises
     ------
-    TypeError
-        If `labels`, `scene` or `method` are of another type.
     ValueError
         If `seed` is no whole number.
     """
@@ -138,9 +136,6 @@ class Task:
     labels: dict[str, Label] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        require_type("labels", self.labels, Mapping, "a dictionary of settings")
-        require_type("scene", self.scene, str, "TOML text, such as scene.to_toml()")
-        require_type("method", self.method, str, "the name of a method")
         require("seed", self.seed, 0, whole=True)
         for name, value in vars(self).items():
             if hasattr(value, "item"):  # a number of NumPy, which JSON does not have

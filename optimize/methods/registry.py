@@ -21,7 +21,6 @@ from typing import cast
 import numpy as np
 
 from domino_env.core.checks import require_choice, require_extra, require_type
-from domino_env.core.files import as_text
 from optimize.evaluator import Evaluator
 
 Method = Callable[[Evaluator, np.random.Generator], None]
@@ -50,12 +49,10 @@ THIRD_PARTY = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe
 """Third-party methods for comparison: module and function, and the package they need."""
 
 GROUP = "domino.methods"
-"""Group of entry points by which other packages add methods: a name and a `run(evaluator, rng)`.
+"""Group of entry points by which other packages add families of methods, such as `agent:RUN`.
 
-The function of a name in `WITH_ARGUMENT` returns a method for the text after a colon: `agent:RUN`.
+The function of a name returns the method for the text after the colon.
 """
-
-WITH_ARGUMENT = ("agent",)  # names that need a text after a colon
 
 
 def installed_third_party() -> list[str]:
@@ -63,8 +60,8 @@ def installed_third_party() -> list[str]:
     return [name for name, (_, package) in THIRD_PARTY.items() if find_spec(package) is not None]
 
 
-def installed_methods() -> dict[str, EntryPoint]:
-    """Return the entry points of methods of installed packages by name, such as learned ones."""
+def installed_families() -> dict[str, EntryPoint]:
+    """Return the entry points of families of methods of installed packages, by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
@@ -74,7 +71,7 @@ def load(name: str | Method) -> Method:
     Parameters
     ----------
     name
-        A key of `METHODS` or `THIRD_PARTY`, the name of another package's method,
+        A key of `METHODS` or `THIRD_PARTY`, "family:text" with a family of another package,
         "package.module:function", or the function itself.
 
     Returns
@@ -95,13 +92,12 @@ def load(name: str | Method) -> Method:
     if not isinstance(name, str):
         return _check_signature(name, method_name(name))
     prefix, colon, text = name.partition(":")
-    entries = {} if name in METHODS else installed_methods()
-    if prefix in entries and bool(colon) == (prefix in WITH_ARGUMENT):
-        method = entries[prefix].load()
-        return cast("Method", method(text) if colon else method)
-    if colon and text and prefix not in (*METHODS, *entries):
+    families = {} if name in METHODS else installed_families()
+    if colon and prefix in families:
+        return cast("Method", families[prefix].load()(text))
+    if text and prefix not in METHODS:
         return _check_signature(import_function(name), name)
-    names = [prefix + ":RUN" * (prefix in WITH_ARGUMENT) for prefix in entries]
+    names = [f"{family}:RUN" for family in families]
     require_choice("method", name, [*METHODS, *THIRD_PARTY, *names, "package.module:function"])
     function, package = (METHODS[name], None) if name in METHODS else THIRD_PARTY[name]
     if package is not None:
@@ -109,24 +105,19 @@ def load(name: str | Method) -> Method:
     return cast("Method", resolve_name(f"optimize.methods.{function}"))
 
 
-def method_name(method: str | Method, *, importable: bool = False) -> str:
+def method_name(method: str | Method) -> str:
     """Return the name of a method that is given by name or as the function itself.
 
     Raises
     ------
     TypeError
         If the method is neither a name nor a function.
-    ValueError
-        If it must be `importable` and its name does not stand for it.
     """
     require_type("method", method, str | Callable, "a name, or a function run(evaluator, rng)")
     if isinstance(method, str):
         return method
     function = method if hasattr(method, "__qualname__") else type(method)
-    name = f"{function.__module__}:{function.__qualname__}"
-    if importable and import_function(name) != method:
-        raise ValueError(f"method = {as_text(method)}: name a function at the top of a module")
-    return name
+    return f"{function.__module__}:{function.__qualname__}"
 
 
 def import_function(name: str) -> object:

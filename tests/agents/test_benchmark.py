@@ -21,7 +21,6 @@ from domino_env.cli.main import main
 from optimize.experiments.estimates import (
     improvement,
     interquartile_mean,
-    median_of_problems,
     optimality_gap,
     performance_profile,
 )
@@ -43,7 +42,6 @@ def test_estimates_follow_the_definitions_of_rliable():
     problems = list(SCORES.T)
     mean = interquartile_mean(problems)
     assert mean.value == pytest.approx(stats.trim_mean(SCORES.ravel(), 0.25))
-    assert median_of_problems(problems) == np.median(SCORES.mean(axis=0))
     assert optimality_gap(problems) == pytest.approx(np.mean(1.0 - np.minimum(SCORES, 1.0)))
     better = improvement(problems, list(OTHERS.T))
     pairs = zip(SCORES.T, OTHERS.T, strict=True)
@@ -62,7 +60,6 @@ def test_estimates_follow_the_definitions_of_rliable():
 def test_estimates_weight_problems_equally_and_profiles_count_runs():
     few, many = np.array([0.0, 1.0]), np.repeat([2.0, 3.0], 40)
     assert interquartile_mean([few, many]).value == pytest.approx(1.5)
-    assert median_of_problems([few, many]) == pytest.approx(1.5)
     assert performance_profile([few, many], np.array([0.5])).value == pytest.approx(0.75)
     runs = [np.array([0.1, 0.6, 0.7, 0.1, 0.6]), np.array([-0.5, 0.9, 0.9, -0.2, 0.9])]
     profile = performance_profile(runs, np.array([-1.0, 0.0, 0.5, 1.0]))

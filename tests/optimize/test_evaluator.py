@@ -7,9 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from optimize import Evaluator, Problem, best_known, open_store, run_experiment
+from optimize import Evaluator, Problem, open_store, run_experiment
 from optimize.evaluator import BudgetSpent
-from optimize.experiments.task import Task
 
 PROBLEM = Problem("sprint")
 
@@ -22,20 +21,12 @@ PROBLEM = Problem("sprint")
     (lambda: Evaluator(PROBLEM, callback=5), "callback = 5: give a function of the Evaluator"),
     (lambda: Evaluator(PROBLEM, clock=lambda: "x"), "clock() = 'x' s: give a finite number"),
     (lambda: Evaluator(PROBLEM, journal=5), "journal = 5: give a Journal, or None"),
-    (lambda: Evaluator(PROBLEM).record(PROBLEM.evaluate(np.ones(39)), max), "score has shape (): "),
     (lambda: Evaluator(PROBLEM).borrow(5, 9).__enter__(), "problem = 5: give the Problem of shor"),
     (lambda: Evaluator(PROBLEM).evaluate(0.5), "design has shape (1,): give (39,)"),
     (lambda: PROBLEM.evaluate(np.ones(39), rtol=0), "rtol = 0: give a finite number from 1e-13"),
-    (lambda: best_known("sprint"), "path = 'sprint': give a pathlib.Path, or None; best_known()["),
     (lambda: open_store(3), "path = 3: give a path"),
-    (lambda: open_store(":memory:").begin("a", "b", None), "settings = None: give a dictionary"),
     (lambda: PROBLEM.design("x"), "layout = 'x': give a Layout"),
-    (lambda: Task("", "auto", 0, labels=5), "labels = 5: give a dictionary of settings"),
-    (lambda: run_experiment(3), "tasks = 3: give a list of Tasks"),
-    (lambda: run_experiment([3]), "task = 3: give a Task"),
-    (lambda: run_experiment([], known_score=3), "known_score = 3: give a function of a result"),
     (lambda: run_experiment([], 3), "executor = 3: give a concurrent.futures.Executor"),
-    (lambda: run_experiment([], study="x"), "study = 'x': give a Study, as open_store(path).begin"),
 ])  # fmt: skip
 def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):
@@ -103,11 +94,6 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes):
     assert requests == [int(np.argmax(scores.score))]
     assert (evaluator.remaining, evaluator.best_score) == (1.0, scores.score.max())
     assert evaluator.falls == scores.falls.sum()
-    with pytest.raises(ValueError, match="layouts to record = 4: give a whole number from 0 to 1"):
-        evaluator.record(scores, designs.__getitem__)
-    scores.score[0] = np.inf
-    with pytest.raises(ValueError, match=r"score\[0\] = inf: give a finite number"):
-        evaluator.record(scores, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0
 

@@ -122,29 +122,14 @@ def test_a_resumed_search_continues_its_seconds(problems, tmp_path):
     assert [s[::3] for s in second.trace[:shared]] == [s[::3] for s in first.trace[:-1]]
 
 
-def test_answers_of_another_scene_are_not_used(bits, problems, tmp_path):
-    """A journal without the other files of its run, beside another scene."""
-    words = ("random", 30)
-    search(problems["both"], *words, folder=tmp_path / "one")
-    (tmp_path / "two").mkdir()
-    (tmp_path / "one" / JOURNAL).rename(tmp_path / "two" / JOURNAL)
-    scene = replace(problems["both"], physics=de.Physics(0.3))
-    again = search(scene, *words, folder=tmp_path / "two", resume=True)
-    assert bits(again) == bits(search(scene, *words))
-
-
-@pytest.mark.parametrize("damage", ["zeroblob(9)", "substr(answer, 9)"])
-def test_a_damaged_journal_is_rejected(problems, tmp_path, damage):
+def test_a_damaged_journal_is_rejected(problems, tmp_path):
     words = (problems["both"], "random", 30)
     search(*words, folder=tmp_path)
     with closing(sqlite3.connect(tmp_path / JOURNAL)) as database:
-        database.execute(f"UPDATE answers SET answer = {damage}")
+        database.execute("UPDATE answers SET answer = substr(answer, 9)")
         database.commit()
     with pytest.raises(ValueError, match=r"cannot be used .*begin anew in another"):
         search(*words, folder=tmp_path, resume=True)
-    (tmp_path / "folder" / JOURNAL).mkdir(parents=True)
-    with pytest.raises(ValueError, match="unable to open database file"):
-        search(*words, folder=tmp_path / "folder", resume=True)
 
 
 def test_two_searches_do_not_write_one_journal(tmp_path):

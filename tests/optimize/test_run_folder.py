@@ -9,15 +9,11 @@ import pytest
 
 import domino_env as de
 from optimize import Evaluator, search
-from optimize.run_folder import DERIVED_FILES, FILES, JOURNAL
+from optimize.run_folder import FILES, JOURNAL
 
 
 def files(folder: Path) -> dict[str, bytes]:
     return {f.name: f.read_bytes() for f in folder.iterdir()}
-
-
-def full(*_: object, **__: object) -> None:
-    raise OSError(28, "No space left on device")
 
 
 def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
@@ -66,22 +62,6 @@ def test_no_file_is_replaced_by_a_new_run(scenes, monkeypatch, tmp_path, name):
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_derived_files_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
-    caplog.set_level("INFO")
-    for name in ("notes.txt", *DERIVED_FILES):
-        (tmp_path / name).write_text("text")
-    first = search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    again = search(scenes["spacing"], "random", budget=10, folder=tmp_path, resume=True)
-    assert again.layout == first.layout
-    assert all((tmp_path / name).read_text() == "text" for name in DERIVED_FILES)
-    assert "removed" not in caplog.text
-    better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
-    assert better.layout != first.layout
-    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))
-    assert f"removed {', '.join(DERIVED_FILES)}, made from an earlier layout" in caplog.text
-
-
-@pytest.mark.usefixtures("no_pictures")
 def test_a_shorter_search_replaces_no_file(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
@@ -112,18 +92,3 @@ def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change):
     with pytest.raises(ValueError, match=f"{message}, without --resume$"):
         search(**words, budget=30, folder=tmp_path, resume=True)
     assert files(tmp_path) == before
-
-
-@pytest.mark.usefixtures("no_pictures")
-def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path):
-    options = {"folder": tmp_path, "resume": True}
-    search(scenes["both"], "cma", 200, **options)
-    before = files(tmp_path)
-    with monkeypatch.context() as patch:
-        patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
-        patch.setattr("optimize.run_folder.require_writable", lambda _: None)  # it filled up later
-        with pytest.raises(ValueError, match=r"No space .*; free disk space or allow"):
-            search(scenes["both"], "cma", 300, **options)
-    after = files(tmp_path)
-    assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
-    search(scenes["both"], "cma", 300, **options)

@@ -20,14 +20,10 @@ from optimize.experiments.task import Task
 
 @pytest.mark.parametrize(("words", "message"), [
     ({"method": "cmaes"}, "method = 'cmaes': did you mean 'cma'? choose one of auto, cma"),
-    ({"method": "quantum"}, "method = 'quantum': choose one of auto, cma, l-bfgs"),
     ({"budget": 0}, "budget = 0: give a whole number, at least 1"),
-    ({"budget": float("nan")}, "budget = nan: give a whole number, at least 1"),
     ({"seconds": 0.0}, "seconds = 0.0 s: give a finite number, more than 0"),
-    ({"seconds": float("nan")}, "seconds = nan s: give a finite number"),
     ({"tolerance": 0.0}, "tolerance = 0.0: give a finite number, more than 0, less than 1"),
     ({"seed": -1}, "seed = -1: give a whole number, at least 0"),
-    ({"rng": -1}, "rng = -1: give a whole number, at least 0"),
     ({"rng": "one"}, "rng = 'one': give a whole number, at least 0"),
     ({"seed": 0, "rng": 0}, "seed and rng are both given: give one of them"),
     ({"rng": np.random.default_rng(0), "resume": True, "folder": "runs"},
@@ -36,7 +32,6 @@ from optimize.experiments.task import Task
     ({"callback": 3}, "callback = 3: give a function of the Evaluator"),
     ({"clock": 3}, "clock = 3: give a function that returns seconds"),
     ({"seconds_before": float("nan")}, "seconds_before = nan s: give a finite number, at least 0"),
-    ({"method": 3}, "method = 3: give a name, or a function"),
     ({"folder": 3}, "folder = 3: give a path, as a string or a pathlib.Path"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
     ({"scene": replace(de.load_scene("sprint"), spacing=(0.02, 0.02))}, "leaves nothing free"),

@@ -73,7 +73,6 @@ LEAST_GAIN = 3e-6  # a smaller relative gain counts as zero
 PATIENCE = (6, LEAST_GAIN)
 # the same for the main search with many dominoes, and for an island with many
 LARGE_PATIENCE, ISLAND_PATIENCE = (4, 2e-5), (2, 1e-4)
-MAX_COUNT = 2000  # dominoes above which another stretched layout gains more than generations
 ALIKE_DISTANCE = 1e-3  # distance below which two design vectors count as the same
 ISLANDS = 3  # independent searches beside the main one
 # dominoes above which there is one island, which begins when the main search has settled
@@ -101,9 +100,9 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         search.optima.append((evaluator.best_score, evaluator.best))
     evaluator.status = "no independent searches have ended yet; a longer search may find more"
     if is_long(scene):
-        search.stretch(rng)
-        if scene.count > MAX_COUNT:
-            return
+        uniform = uniform_design(evaluator.problem)
+        search.elite.add(float(evaluator.evaluate(uniform).score), uniform)
+        search.elite.add(*search_stretched(evaluator, rng, run))
     elif scene.count <= MANY_PLACES:  # the starts alone fill a batch
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
     islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
@@ -240,8 +239,8 @@ class _Search:
     elite
         Best layouts of the main search.
     optima
-        Best score and design vector of each independent search that has ended: of an island, of a
-        stretched layout, of the fit of a schedule.
+        Best score and design vector of each independent search that has ended: of an island, or of
+        the fit of a schedule.
     is_settled
         True once the main search has gained nothing for some generations.
     """
@@ -250,16 +249,6 @@ class _Search:
     elite: _Elite
     optima: list[tuple[float, Floats]] = field(default_factory=list)
     is_settled: bool = False
-
-    def stretch(self, rng: np.random.Generator) -> None:
-        """Begin with a stretched shorter layout; for more than MAX_COUNT dominoes, repeat that."""
-        problem = self.elite.problem
-        uniform = uniform_design(problem)
-        self.elite.add(float(self.evaluator.evaluate(uniform).score), uniform)
-        self.elite.add(*search_stretched(self.evaluator, rng, run))
-        while problem.scene.count > MAX_COUNT and not self.is_done():
-            self.optima.append(search_stretched(self.evaluator, rng, run))
-            self.elite.add(*self.optima[-1])
 
     def main(self, rng: np.random.Generator) -> Search:
         """Search from the starts, perturb, and join with the layouts of the islands."""

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
-from optimize.experiments import best_known, pictures, report, runner
+from optimize.experiments import best_known, pictures, report
 from optimize.experiments.experiment import Experiment
-from optimize.experiments.runner import run_experiment
 from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
 
@@ -69,8 +67,6 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     for line, result in zip(read_csv(tmp_path / "runs.csv"), compared.results, strict=True):
         assert (float(line["score"]), float(line["gain"])) == (result.score, result.gain)
         assert "seconds_to_1_percent" in line
-    steps = read_csv(tmp_path / "traces.csv")
-    assert len(steps) == sum(len(r.trace["score"]) for r in compared.results)
     lines = report.table(compared, ["spacing"])[2:]
     medians = {line.split("|")[1].strip(): float(line.split("|")[2]) for line in lines}
     assert list(medians.values()) == sorted(medians.values(), reverse=True)
@@ -86,10 +82,8 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
     (["sprint"], ["cma"], 3, 1, r"seeds = 3: give several, such as range\(5\)"),
     (["sprint"], ["cma"], ["a"], 1, "seed = 'a': give a whole number, at least 0"),
-    (["sprint"], ["cma"], range(10**8), 1, "searches = 100000000: give a"),
     ("sprnt", "cma", [0], 1, "there is no scene 'sprnt': did you mean 'sprint'"),
     ("sprint", "cmaes", [0], 1, "method = 'cmaes': did you mean 'cma'"),
-    (3, "cma", [0], 1, "name = 3: give the name of a shipped scene"),
     (["sprint"], ["cma"], [0], None, "budget = None, seconds = None: give exactly one"),
 ])  # fmt: skip
 def test_impossible_comparisons_are_rejected(scene_list, methods, seeds, budget, message):
@@ -110,7 +104,9 @@ def test_an_interrupted_comparison_is_resumed(folder, monkeypatch, capsys, error
 
     monkeypatch.setattr("optimize.experiments.task.search", interrupt_the_third)
     assert main(words) == 130
-    assert "2 of 4 runs are complete; " in capsys.readouterr().err
+    output = capsys.readouterr()
+    assert "2 results; written to " in output.out
+    assert "interrupted: results are in study 'compare-spacing'; the same command" in output.err
     first = read_csv(folder / "runs/compare-spacing/runs.csv")
     assert len(first) == 2
     error = error_of(*words, "--out", "runs/compare-spacing")  # which holds results
@@ -152,8 +148,8 @@ def test_only_a_better_layout_replaces_the_best_known(scenes, tmp_path):
 
 
 @pytest.mark.parametrize(("text", "values"), [
-    ("physics.friction=0:0.5:6", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]),
-    ("physics.push = 4, 8,12", [4.0, 8.0, 12.0]),
+    ("physics.friction=0:0.5:6", [0, 0.1, 0.2, 0.3, 0.4, 0.5]),
+    ("physics.push = 4, 8.5,12", [4, 8.5, 12]),
     ("row.count=10:30:3", [10, 20, 30]),
     ("placement.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
     ("objective=mean_speed,toppled", ["mean_speed", "toppled"]),
@@ -170,7 +166,7 @@ def test_an_axis_has_the_values_of_its_text(text, values):
     ("physics.friction", "a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("row.count=3:4", "give two numbers and the number of values; write"),
     ("row.count=3:x:4", "could not convert string to float: 'x'; write KEY="),
-    ("row.count=3:4:0", "NUMBER = 0: give a whole number from 1 to"),
+    ("row.count=3:4:0", "NUMBER = 0: give a whole number, at least 1"),
     (r"physics.push=0:inf:3", r"FROM, TO\[1\] = inf: give a finite number"),
     ("physics.push=0:1:3:log", r"FROM, TO\[0\] = 0.0: give a finite number, more than 0"),
     ("physics.push=4,8,4", "and each value once"),
@@ -198,18 +194,14 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
 
 
 @pytest.mark.parametrize(("axis", "more", "message"), [
-    ("physics.friction=0.1,-1", {}, r"physics.friction = -1.0: give a finite number from 0 to"),
+    ("physics.friction=0.1,-1", {}, r"physics.friction = -1: give a finite number from 0 to"),
     ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
-    ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100 m cannot be met"),
-    ("row.count.more=1", {}, "row.count.more = 1.0: unknown key 'row.count'"),
+    ("row.length=0.1,100", {}, r"row.length = 100: row.length = 100 m cannot be met"),
+    ("row.count.more=1", {}, "row.count.more = 1: unknown key 'row.count'"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": "cmaes"}, "method = 'cmaes': did you"),
-    (["row.count=2:9:1000", "physics.push=4:8:1000"], {}, "points = 1000000: give a whole"),
-    ("row.count=1e300", {}, r"row.count = 1e\+300: give a whole"),
-    (3, {}, "--set 3: a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("physics.push=4,8", {"seeds": 0.5}, "seeds = 0.5: give a whole number, at least 1"),
-    ("physics.push=4,8", {"seeds": 10**7}, "searches = 20000000: give a"),
 ])  # fmt: skip
 def test_impossible_sweeps_are_rejected(scenes, axis, more, message):
     with pytest.raises(ValueError, match=f"^{message}"):
@@ -308,17 +300,3 @@ def test_studies_are_named_and_resumed(folder, output_of, error_of, monkeypatch)
     assert "was begun as sweep with" in error_of(*named, *other_tasks)
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
     assert "2 of them done before" in output_of(*WORDS, "--resume").splitlines()[-2]
-
-
-# progress ---------------------------------------------------------------------------------------
-
-
-def test_the_progress_line_shows_the_tasks(scenes, capsys, monkeypatch):
-    every_update = partial(runner.progress_bar, mininterval=0.0, miniters=1)
-    monkeypatch.setattr(runner, "progress_bar", every_update)
-    tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
-    run_experiment(tasks)
-    assert capsys.readouterr() == ("", "")
-    run_experiment(tasks, name="pushes", progress=True)
-    shown = capsys.readouterr().err
-    assert all(f"pushes, {number} of 2" in shown for number in range(3))

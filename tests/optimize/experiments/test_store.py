@@ -1,10 +1,9 @@
-"""The study store: exact results, several processes, damaged files, and the command."""
+"""The study store: exact results, damaged files, and the command."""
 
 import csv
 import json
-import multiprocessing as mp
 import sqlite3
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -14,9 +13,6 @@ import pytest
 import domino_env as de
 from optimize.experiments.store import open_store
 from optimize.experiments.task import Task, TaskResult
-
-# the processes below only write: locks of threads of this one do not matter to them
-pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 
 
 @pytest.fixture(scope="module")
@@ -85,36 +81,6 @@ def test_results_that_are_not_finite_are_rejected(path, result):
     assert study.results() == {}
 
 
-# several processes ------------------------------------------------------------------------------
-
-
-def write_for_ever(path: Path, result: TaskResult, pipe) -> None:
-    study = open_store(path).begin("killed", "sweep", {})
-    number = 0
-    while True:
-        study.add(numbered(result, number))
-        pipe.send(number)
-        number += 1
-
-
-@pytest.mark.skipif("fork" not in mp.get_all_start_methods(), reason="needs fork")
-def test_a_writer_that_is_killed_leaves_all_its_results(path, result):
-    context = mp.get_context("fork")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=write_for_ever, args=(path, result, sender))
-    process.start()
-    sender.close()
-    kept = [receiver.recv() for _ in range(30)]
-    process.kill()
-    process.join()
-    with suppress(EOFError):
-        while receiver.poll():
-            kept.append(receiver.recv())
-    done = open_store(path).study("killed").results()
-    assert len(done) in (len(kept), len(kept) + 1)  # the last may not have been reported
-    assert all(numbered(result, int(key, 16)) == stored for key, stored in done.items())
-
-
 # faults -----------------------------------------------------------------------------------------
 
 
@@ -143,18 +109,6 @@ def test_damaged_stores_are_rejected(good, path, statement, message):
         open_store(path).study("one").results()
     assert str(path) in str(error.value)
     assert path.read_bytes() == before
-
-
-def test_a_locked_store_keeps_the_results_so_far(path, result, monkeypatch):
-    study = open_store(path).begin("one", "sweep", {})
-    study.add(result)
-    monkeypatch.setattr("optimize.experiments.store.LOCK_TIMEOUT", 0.01)
-    with closing(sqlite3.connect(path)) as connection:
-        connection.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(ValueError, match=r"is locked: .*, stored results are kept"):
-            study.add(numbered(result, 1))
-    study.add(numbered(result, 1))
-    assert len(study.results()) == 2
 
 
 def test_other_files_are_rejected(tmp_path):

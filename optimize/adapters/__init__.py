@@ -1,1 +1,0 @@
-"""Scenes as problems of other frameworks."""
