@@ -10,12 +10,11 @@ import platform
 import re
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
@@ -23,16 +22,15 @@ import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
 from agents.draw import shipped_references
-from agents.evaluation import evaluate_gains, read_search_scores
-from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, read_summary
-from agents.rollout import Rollout, evaluation_seeds
+from agents.evaluation import read_search_scores
+from agents.policy import CONFIG, PROGRESS, ScenePolicy, read_summary
+from agents.rollout import evaluation_seeds
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.third_party import load_fit, train_third_party
 from agents.training import train
 from domino_env import Scene, SceneDistribution
-from domino_env.core.checks import require
 from domino_env.core.models import plain
-from domino_env.core.types import Floats
+from domino_env.core.results import versions
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import parse_document
@@ -52,7 +50,7 @@ TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorit
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
 PERFECT_TEMPO = 1.0  # score without errors of the arrival times
-STOPPED_GAIN = -1.0  # gain of searches and scripted policies whose wave stops, and their least gain
+STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and the least gain
 
 
 @dataclass(frozen=True)
@@ -128,39 +126,40 @@ class BenchmarkTask(Task):
         target = self.target
         scenes = [target] if isinstance(target, Scene) else load_test_set(target.name)
         compile_simulations(scenes[0], gradients=True, episodes=True)  # before time is measured
-        evaluation: Rollout | Floats
+        trace: Trace
+        work: dict[str, int]
         if is_learner(self.method):
             policy, trace, work = self._train()
-            if isinstance(target, Scene):
-                evaluation = policy.build(target)
-            else:
-                evaluation = evaluate_gains(policy.policy, target, scenes)
-            return self._evaluation_result(evaluation, trace, work)
-        if self.method in SCRIPTED:
+            rollouts = [policy.build(scene) for scene in scenes]
+        elif self.method in SCRIPTED:
             start, scripted = clock(), ScriptedPolicy(self.method)
             rollouts = [scripted.build(scene) for scene in scenes]
-            seconds = clock() - start
-            evaluation = rollouts[0]
-            if not isinstance(target, Scene):
-                evaluation = np.array([_gain(rollout.gain) for rollout in rollouts])
             placed = sum(r.simulations * (r.scene.count - 1) for r in rollouts)  # dominoes
+            trace = {"steps": [placed], "seconds": [clock() - start], "score": [np.nan]}
             work = {"simulations": sum(rollout.simulations for rollout in rollouts)}
-            trace = {"steps": [placed], "seconds": [seconds], "score": [np.nan]}
-            return self._evaluation_result(evaluation, trace, work)
-        if not isinstance(target, Scene):
+        elif isinstance(target, Scene):
+            result = super().run(clock)
+            steps = [(target.count - 1) * number for number in result.trace["evaluations"]]
+            trace, work = result.trace | {"steps": steps}, {**result.work, "steps": int(steps[-1])}
+            return msgspec.structs.replace(result, trace=trace, work=work)
+        else:
             return self._search_all(scenes)
-        result = super().run(clock)
-        steps = [(target.count - 1) * number for number in result.trace["evaluations"]]
-        return msgspec.structs.replace(
-            result, trace=result.trace | {"steps": steps}, work=result.work | {"steps": steps[-1]}
-        )
+        first = rollouts[0]
+        if isinstance(target, Scene):
+            trace["score"][-1] = first.score
+            return self.make_result(
+                trace, first.score, first.uniform.score, first.gain, first.wave, **work
+            )
+        gain = float(np.median([_gain(rollout.gain) for rollout in rollouts]))
+        trace["score"][-1] = gain
+        return self.make_result(trace, gain, 0.0, gain, None, **work)
 
-    def _train(self) -> tuple[ScenePolicy, Trace, Mapping[str, int]]:
+    def _train(self) -> tuple[ScenePolicy, Trace, dict[str, int]]:
         """Train; return the policy, its learning curve, and counts such as "simulations"."""
         if self.method not in ALGORITHMS:
             return train_third_party(self.method, self.target, self.steps, self.seed)
         folder = self.folder
-        if not ((folder / SUMMARY).exists() and read_summary(folder).finished):
+        if not read_summary(folder).get("finished"):  # only in the summary of a training
             # imported before time is measured; otherwise the first optimiser imports it
             import_module("torch._dynamo")
             run = train(
@@ -170,28 +169,12 @@ class BenchmarkTask(Task):
             if run.interrupted:
                 raise KeyboardInterrupt
         summary = read_summary(folder)
-        work = {name: getattr(summary, name) for name in ("simulations", "gradients", "updates")}
+        work = {name: summary[name] for name in ("simulations", "gradients", "updates")}
         return ScenePolicy.load(folder), learning_curve(folder), work
-
-    def _evaluation_result(
-        self, evaluation: Rollout | Floats, trace: Trace, work: Mapping[str, int]
-    ) -> TaskResult:
-        """Return the result of a policy from its layout, or from its gains in a test set.
-
-        The score of the result replaces the last score of the trace.
-        """
-        if isinstance(evaluation, Rollout):
-            score, uniform = evaluation.score, evaluation.uniform.score
-            gain, wave = evaluation.gain, evaluation.wave
-        else:
-            score = gain = float(np.median(evaluation))
-            uniform, wave = 0.0, None
-        trace["score"][-1] = score
-        return self.make_result(trace, score, uniform, gain, wave, **work)
 
     def software_versions(self) -> dict[str, str]:
         """Return versions of packages, the commit and the processor."""
-        return super().software_versions() | machine_versions()
+        return machine_versions()
 
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
         """Search in each scene of a test set.
@@ -254,11 +237,9 @@ def benchmark_tasks(
     Raises
     ------
     ValueError
-        If names are unknown or repeated, lists are empty, or numbers are out of range.
+        If names are unknown or repeated, or lists are empty.
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
-    for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
-        require(name, number, above=0, whole=name != "seconds", optional=name != "seeds")
     for name in algorithms:
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
@@ -329,11 +310,8 @@ def target_hash(target: Target) -> str:
 
 @lru_cache(1)
 def machine_versions() -> dict[str, str]:
-    """Return the versions of packages for learning, the commit and the processor by name."""
-    values = {}
-    for name in ("torch", "stable-baselines3", "sb3-contrib"):
-        with suppress(PackageNotFoundError):
-            values[name] = version(name)
+    """Return the versions of packages, the commit and the processor by name."""
+    values = versions("torch", "stable-baselines3", "sb3-contrib")
     with suppress(OSError, subprocess.CalledProcessError):  # no repository
         command, folder = ["git", "describe", "--always", "--dirty"], Path(__file__).parent
         output = subprocess.check_output(command, cwd=folder, text=True, stderr=subprocess.DEVNULL)

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from agents.benchmark import TRACE_POINTS, best_known_score, is_learner, read_target, target_hash
-from agents.scripted import SCRIPTED
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
 from optimize.experiments import estimates
@@ -142,20 +141,14 @@ def _summary_table(experiment: Experiment) -> list[str]:
 
 def _overview(experiment: Experiment) -> list[str]:
     """Return a titled table for each group of algorithms with the same scenes, if several."""
-    groups: dict[tuple[str, int], list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for name in experiment.rank(()):
-        counts = Counter(r.problem for r in experiment.runs(name))
-        if len(counts) == 1 < len(experiment.problems):
-            continue  # a line in the section of this scene
-        groups.setdefault((", ".join(sorted(counts)), min(counts.values())), []).append(name)
-    for scenes, seeds in [key for key in groups if set(groups[key]) <= set(SCRIPTED)]:
-        # scripted policies have one run: they join the largest group of these scenes
-        if larger := [key for key in groups if key[0] == scenes and key[1] > seeds]:
-            groups[max(larger, key=lambda key: key[1])] += groups.pop((scenes, seeds))
+        scenes = sorted({r.problem for r in experiment.runs(name)})
+        if len(scenes) > 1 or len(experiment.problems) == 1:  # else in the section of the scene
+            groups.setdefault(", ".join(scenes), []).append(name)
     return [
-        f"{scenes}, {seeds} run{'s' * (seeds > 1)} on each:\n\n"
-        + "\n".join(table(experiment, names))
-        for (scenes, seeds), names in sorted(groups.items(), key=lambda group: -len(group[1]))
+        f"{scenes}:\n\n" + "\n".join(table(experiment, names))
+        for scenes, names in sorted(groups.items(), key=lambda group: -len(group[1]))
     ]
 
 

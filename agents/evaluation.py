@@ -18,7 +18,7 @@ from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_n
 from agents.rollout import Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
-from domino_env.core.checks import numbers, require, require_choice, require_type
+from domino_env.core.checks import require, require_choice
 from domino_env.core.progress import progress_bar
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.core.types import Floats
@@ -126,10 +126,10 @@ def agent(run: str) -> Method:
         If `run` names no policy.
     """
     policy = load_policy(run)
-    summary = read_summary(find_folder(run))
+    seconds = read_summary(find_folder(run)).get("seconds", 0.0)
 
     def method(evaluator: Evaluator, rng: np.random.Generator) -> None:
-        evaluator.add_seconds(summary.seconds)
+        evaluator.add_seconds(seconds)
         layout = policy.build(evaluator.problem.scene).layout
         evaluator.evaluate(evaluator.problem.design(layout))
 
@@ -313,19 +313,8 @@ def evaluate_scenes(
     Raises
     ------
     ValueError
-        If no scenes are given, if `search_scores` has another shape, or if the policy cannot build
-        a layout for one of the scenes.
-    TypeError
-        If an argument is of another type.
+        If the policy cannot build a layout for one of the scenes.
     """
-    require_type("scenes", scenes, Sequence, "a list of Scenes, as choose_scenes returns")
-    for scene in scenes:
-        require_type("scenes", scene, Scene, "a list of Scenes")
-    kinds = ScenePolicy | Designer | ScriptedPolicy | None
-    require_type("policy", policy, kinds, "a policy, as load_policy returns, or None")
-    require("number of scenes", len(scenes), 1)
-    if search_scores is not None:
-        search_scores = numbers("search_scores", search_scores, shape=(len(scenes),))
     builder = policy or shipped_designer()
     scorers: dict[str, Callable[[Scene], float]]
     scorers = {"policy": lambda scene: builder.build(scene).score}

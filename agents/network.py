@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,31 +22,18 @@ Policy = Callable[[Singles], NDArray[Any]]
 ArrayFunction = Callable[[Singles], Singles]
 
 
-def _relu(values: Singles) -> Singles:
-    return np.maximum(values, 0.0)
-
-
-ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
+ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": lambda x: np.maximum(x, 0.0)}
 
 
 class UnsupportedPolicyError(ValueError):
     """Error for an archive that cannot be loaded as a plain multilayer perceptron."""
 
 
-class ActorKind(NamedTuple):
-    """Layer names and functions of the actor networks of some algorithms."""
-
-    hidden: str  # regular expression for the names of the hidden layers
-    last: str  # name of the last layer; empty if `hidden` matches it too
-    activation: str  # default activation function of the hidden layers
-    squashed: bool  # True if actions are the tanh of the outputs
-
-
-ACTOR_KINDS = (
-    ActorKind(r"mlp_extractor\.policy_net\.\d+", "action_net", "Tanh", False),  # PPO, A2C, TRPO
-    ActorKind(r"actor\.latent_pi\.\d+", "actor.mu", "ReLU", True),  # SAC, TQC
-    ActorKind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
-    ActorKind(r"action_net\.\d+", "", "ReLU", True),  # ARS
+# names of the layers of an actor, with its default activation, and True if its actions are the tanh
+# of the outputs
+ACTORS = (
+    (r"mlp_extractor\.policy_net\.\d+|action_net", "Tanh", False),  # PPO, A2C, TRPO
+    (r"actor\.(latent_pi\.\d+|mu(\.\d+)?)|action_net\.\d+", "ReLU", True),  # SAC, TD3, TQC, ARS
 )
 # beginnings of the names of arrays on which mean actions do not depend
 UNUSED_WEIGHTS = re.compile(
@@ -108,19 +95,13 @@ class Network:
         ValueError
             If the shapes differ, or if weights are not finite float32 numbers.
         """
-        size = inputs
-        for i, (weight, bias) in enumerate(self.layers):
-            shapes = f"layer {i} has shapes {weight.shape} and {bias.shape}"
-            if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
-                raise ValueError(f"{shapes}: expected (n, {size}) and (n,)")
-            for array in (weight, bias):
-                if array.dtype != np.float32 or not np.isfinite(array).all():
-                    raise ValueError(f"layer {i} has values that are not finite float32 numbers")
-            size = weight.shape[0]
-        if not self.layers:
-            raise ValueError("there are no weights of layers")
-        if size != outputs:
-            raise ValueError(f"the last layer has {size} outputs: expected {outputs}")
+        try:
+            result = self(np.zeros(inputs, np.float32))
+        except (TypeError, ValueError, IndexError) as error:
+            raise ValueError(f"layers do not fit together, or {inputs} inputs: {error}") from None
+        is_valid = result.shape == (outputs,) and result.dtype == np.float32
+        if not (is_valid and np.isfinite(result).all()):
+            raise ValueError(f"the outputs are {result}: expected {outputs} finite float32 numbers")
         return self
 
 
@@ -174,7 +155,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     Parameters
     ----------
     arrays
-        Weights by name; those of critics are ignored.
+        Weights by name, in the order of the layers; those of critics are ignored.
     activation
         Name of the activation function in torch; None for the default of the policy.
 
@@ -184,27 +165,19 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
         If the policy is not a multilayer perceptron with Tanh or ReLU.
     """
     arrays = {name: value for name, value in arrays.items() if not UNUSED_WEIGHTS.match(name)}
-    layers = {name.rpartition(".")[0] for name in arrays}
-    kinds = [kind for kind in ACTOR_KINDS if layers and set(_names(layers, kind)) == layers]
-    if not kinds:
+    layers = list(dict.fromkeys(name.rpartition(".")[0] for name in arrays))
+    kinds = [kind for kind in ACTORS if all(re.fullmatch(kind[0], layer) for layer in layers)]
+    if not (layers and kinds):
         raise UnsupportedPolicyError(
             f"its policy is not a plain multilayer perceptron ({', '.join(arrays)})"
         )
-    function = activation or kinds[0].activation
+    _, default, squashed = kinds[0]
+    function = activation or default
     if function not in ACTIVATIONS:
         raise UnsupportedPolicyError(
             f"its activation function is {function}: expected Tanh or ReLU"
         )
-    names = _names(layers, kinds[0])
-    has_biases = any(name.endswith("bias") for name in arrays)
-    for name in [] if has_biases else names:  # linear policies of ARS have no biases
-        arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
-    squashed = kinds[0].squashed and names != ["action_net.0"]  # linear policies are clipped
-    return Network.make(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)
-
-
-def _names(layers: set[str], kind: ActorKind) -> list[str]:
-    """Return the names of the layers of a kind of actor, in order of evaluation."""
-    hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
-    hidden.sort(key=lambda name: int(name.rpartition(".")[2]))
-    return hidden + [kind.last] * (kind.last in layers)
+    if not any(name.endswith("bias") for name in arrays):  # linear policies of ARS
+        arrays |= {f"{x}.bias": np.zeros(len(arrays[f"{x}.weight"]), np.float32) for x in layers}
+    squashed = squashed and layers != ["action_net.0"]  # linear policies are clipped
+    return Network.make(arrays, [f"{name}." for name in layers], ACTIVATIONS[function], squashed)

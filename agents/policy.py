@@ -24,6 +24,7 @@ from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.checks import numbers, require_type
+from domino_env.core.files import read_json
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
@@ -42,23 +43,13 @@ DESIGNER = "designer"  # name of the shipped scene-conditioned policy
 
 
 class ConfigDocument(Document):
-    """Arguments of a training, read from config.json; see `agents.train`."""
+    """Arguments of a training, as in config.json; see `agents.train`."""
 
     algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
     steps: Annotated[int, Meta(ge=1)]
     hyperparameters: Hyperparameters
     num_scenes: Annotated[int, Meta(ge=1)] | None = None
-
-
-class SummaryDocument(Document):
-    """Entries of summary.json and policy.json that are read again."""
-
-    finished: bool = True
-    seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0  # wall-clock time; the bound excludes inf
-    simulations: Annotated[int, Meta(ge=0)] = 0
-    gradients: Annotated[int, Meta(ge=0)] = 0
-    updates: Annotated[int, Meta(ge=0)] = 0
 
 
 def policy_names() -> list[str]:
@@ -90,12 +81,10 @@ def read_config(folder: Path) -> ConfigDocument:
     return read_document(ConfigDocument, path)
 
 
-def read_summary(folder: Path) -> SummaryDocument:
-    """Read the summary of a training, else that of its best policy; defaults if there is none."""
-    for path in (folder / SUMMARY, folder / BEST):
-        if path.exists():
-            return read_document(SummaryDocument, path)
-    return SummaryDocument()
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read the summary of a training, else that of its best policy; empty if there is none."""
+    path = folder / (SUMMARY if (folder / SUMMARY).exists() else BEST)
+    return dict(read_json(path)) if path.exists() else {}
 
 
 @dataclass(frozen=True, eq=False)

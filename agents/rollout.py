@@ -83,7 +83,8 @@ def build(
     Rollout
         The layout with its wave and score.
     """
-    uniform, seeds = scene.uniform(), seeds or evaluation_seeds(scene)
+    seeds = seeds or evaluation_seeds(scene)
+    scene.uniform()  # not timed
     compile_simulations(scene, episodes=True)
     env = DominoChain(distribution or scene)
     options = None if distribution is None else {"scene": scene}
@@ -94,12 +95,43 @@ def build(
         observation, _, terminated, _, info = env.step(policy(observation))
     layout = complete_layout(info["layout"], scene)
     seconds = time.perf_counter() - start
-    wave = scene.simulate(layout)
+    scores = episode_scores(policy, scene, seeds) if len(seeds) > 1 else None
+    return make_rollout(scene, layout, seconds, scores=scores, seeds=seeds)
+
+
+def make_rollout(
+    scene: Scene,
+    layout: Layout,
+    seconds: float = 0.0,
+    simulations: int = 1,
+    *,
+    scores: Floats | None = None,
+    seeds: range | None = None,
+) -> Rollout:
+    """Return the rollout of a layout.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    layout
+        The layout, of the first episode if they differ.
+    seconds, simulations
+        See `Rollout`.
+    scores
+        (S,) scores of episodes of the seeds, if a policy reacts to what is random; None for those
+        of the layout.
+    seeds
+        Seeds over which scores are averaged; None for `evaluation_seeds`.
+    """
+    uniform, wave, seeds = scene.uniform(), scene.simulate(layout), seeds or evaluation_seeds(scene)
     score = scene.score(wave)
     if len(seeds) > 1:
-        score = float(episode_scores(policy, scene, seeds).mean())
-        uniform = average_uniform(scene, seeds)
-    return Rollout(scene, layout, wave, score, uniform, seconds)
+        scores = scene.score_placed(layout, seeds) if scores is None else scores
+        score = float(scores.mean())
+        mean = scene.score_placed(uniform.layout, seeds).mean()
+        uniform = replace(uniform, score=float(mean))
+    return Rollout(scene, layout, wave, score, uniform, seconds, simulations)
 
 
 def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats:
@@ -156,22 +188,6 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
 def evaluation_seeds(scene: Scene) -> range:
     """Return the seeds over which scores are averaged; one seed if the scene is deterministic."""
     return EVALUATION_SEEDS if scene.hand or scene.placement else range(1)
-
-
-def average(rollout: Rollout) -> Rollout:
-    """Average the score of an open-loop rollout over `evaluation_seeds` if the scene is random."""
-    scene = rollout.scene
-    if len(evaluation_seeds(scene)) == 1:
-        return rollout
-    score = float(scene.score_placed(rollout.layout, evaluation_seeds(scene)).mean())
-    return replace(rollout, score=score, uniform=average_uniform(scene))
-
-
-def average_uniform(scene: Scene, seeds: range | None = None) -> UniformBaseline:
-    """Return the uniform baseline with its mean score over seeds; None for `evaluation_seeds`."""
-    baseline = scene.uniform()
-    scores = scene.score_placed(baseline.layout, seeds or evaluation_seeds(scene))
-    return replace(baseline, score=float(scores.mean()))
 
 
 def complete_layout(layout: Layout, scene: Scene) -> Layout:

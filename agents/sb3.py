@@ -1,4 +1,4 @@
-"""Algorithms of Stable-Baselines3 and sb3-contrib, with schedules for the exploration.
+"""Trainings with algorithms of Stable-Baselines3 and sb3-contrib, and schedules of exploration.
 
 References
 ----------
@@ -9,10 +9,13 @@ reinforcement learning. arXiv:1803.07055.
 from __future__ import annotations
 
 import io
+import json
 import math
+import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,162 +32,69 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents import policy as files
 from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
-from agents.network import Policy, build_actor, read_arrays
-from agents.policy import POLICY, SCENE, read_config
-from agents.rollout import SEEDS_PER_TRAINING, evaluation_seeds
+from agents.evaluation import choose_scenes, evaluate_gains
+from agents.network import build_actor, read_arrays
+from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, Rollout, build, evaluation_seeds
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
-from domino_env.core.files import errors_with_path, write_bytes
+from domino_env.core.files import errors_with_path, write_bytes, write_text
+from domino_env.core.models import plain
+from domino_env.core.progress import leave_out, notice, progress_bar
+from domino_env.core.results import versions
+from domino_env.core.tables import write_csv
+from domino_env.core.types import Floats
 from domino_env.envs.spaces import DECAY_LENGTHS
+from domino_env.scenes.pool import POOL_SIZE, ScenePool
 
+COLUMNS = (
+    "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
+)  # fmt: skip
+EVALUATIONS = 200  # number of evaluations in a training, each with a checkpoint
+POOL_SCENES = 50  # number of training scenes in which evaluations score a policy
 # arrays of a replay buffer
 TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
 NEAR_END_ENTRY = DECAY_LENGTHS.index(4.0)  # index of exp(-(dominoes to place) / 4) in "near_end"
 
 
-class Learner:
-    """Algorithm of Stable-Baselines3 or sb3-contrib, with its environments.
+def model_state(model: Any) -> dict[str, Any]:
+    """Return weights, optimiser, counters and transitions of an algorithm, for `restore`."""
+    state: dict[str, Any] = {
+        "parameters": model.get_parameters(),
+        "steps": model.num_timesteps,
+        "updates": getattr(model, "_n_updates", 0),
+        "variables": {name: getattr(model, name).detach() for name in _variables(model)},
+    }
+    if isinstance(model, OffPolicyAlgorithm):
+        buffer: Any = model.replay_buffer
+        stored = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
+        state["transitions"] = {name: torch.from_numpy(x) for name, x in stored.items()}
+        state["next_transition"] = int(buffer.pos)
+    return state
 
-    It limits torch to one thread, as more threads are slower for such small networks.
 
-    Parameters
-    ----------
-    target
-        The scene or scene distribution.
-    algorithm
-        One of `CLASSES`.
-    hyperparameters
-        Hyperparameters of the algorithm.
-    seed
-        Seed of all randomness.
-    num_scenes
-        See `agents.train`.
+def restore(model: Any, state: dict[str, Any]) -> None:
+    """Restore the state of an algorithm from `model_state`."""
+    model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+    model.num_timesteps = int(state["steps"])
+    model._n_updates = int(state["updates"])
+    for name in _variables(model):
+        getattr(model, name).data.copy_(state["variables"][name])
+    if isinstance(model, OffPolicyAlgorithm):
+        buffer: Any = model.replay_buffer
+        for name in TRANSITIONS:
+            values = state["transitions"][name].numpy()
+            getattr(buffer, name)[: len(values)] = values
+        buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
+    if hasattr(model, "weights"):  # ARS computes its candidates from a copy of the weights
+        model.weights = torch.nn.utils.parameters_to_vector(model.policy.parameters()).detach()
 
-    Attributes
-    ----------
-    env
-        `DominoVecEnv` of the training.
-    model
-        Instance of the class in `CLASSES`.
-    """
 
-    def __init__(
-        self,
-        target: Scene | SceneDistribution,
-        algorithm: str,
-        hyperparameters: Hyperparameters,
-        seed: int,
-        num_scenes: int | None = None,
-    ) -> None:
-        self.hyperparameters = hyperparameters
-        num_envs, scale = hyperparameters.num_envs, hyperparameters.reward_scale
-        self.env = DominoVecEnv(target, num_envs, scale, num_scenes=num_scenes)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about minibatches of unequal size
-            self.model: Any = make_model(algorithm, hyperparameters, self.env, seed)
-        self.model.set_logger(Logger(folder=None, output_formats=[]))
-        if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
-            self.env.seed(SEEDS_PER_TRAINING * (1 + seed))
-
-    @property
-    def steps(self) -> int:
-        """Number of dominoes placed so far."""
-        return int(self.model.num_timesteps)
-
-    @property
-    def updates(self) -> int:
-        """Number of updates of the policy so far."""
-        count = int(getattr(self.model, "_n_updates", 0))
-        if isinstance(self.model, PPO):  # it counts passes over a rollout, each of many minibatches
-            count *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
-        return count
-
-    def learn(
-        self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]
-    ) -> None:
-        """Place dominoes, and update the policy.
-
-        Parameters
-        ----------
-        steps
-            Number of dominoes to place in addition to those so far.
-        between_updates
-            Function that is called before each rollout.
-        after_step
-            Function that is called after each step with the infos of all environments.
-        """
-
-        class Callback(BaseCallback):
-            def _on_rollout_start(self) -> None:
-                between_updates()
-
-            def _on_step(self) -> bool:
-                after_step(self.locals.get("infos", ()))
-                return True
-
-        self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
-
-    def update_deviation(self, progress: float) -> None:
-        """Set the standard deviation of the actions by its schedule.
-
-        Parameters
-        ----------
-        progress
-            Completed fraction of the training, 0 to 1.
-        """
-        if isinstance(self.model.policy, ScheduledPolicy):
-            self.model.policy.deviation = self.hyperparameters.deviation(progress)
-
-    def policy(self) -> Policy:
-        """Return the current policy, without noise."""
-        return build_actor(weights(self.model.policy)).act
-
-    def save(self, path: Path) -> None:
-        """Write the weights of the policy as an .npz file."""
-        arrays = weights(self.model.policy)
-        write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
-
-    def write_checkpoint(self, path: Path, curve: Sequence[tuple[float, ...]]) -> None:
-        """Write the weights, optimiser, counters, transitions and learning curve to a file."""
-        state = {
-            "parameters": self.model.get_parameters(),
-            "steps": self.model.num_timesteps,
-            "updates": getattr(self.model, "_n_updates", 0),
-            "curve": [[float(value) for value in line] for line in curve],
-            "variables": {name: getattr(self.model, name).detach() for name in self._variables},
-        }
-        if isinstance(self.model, OffPolicyAlgorithm):
-            buffer: Any = self.model.replay_buffer
-            stored = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
-            state["transitions"] = {name: torch.from_numpy(x) for name, x in stored.items()}
-            state["next_transition"] = int(buffer.pos)
-        content = io.BytesIO()  # torch hides the error of a full disk
-        torch.save(state, content)
-        write_bytes(path, lambda file: file.write(content.getbuffer()))
-
-    @property
-    def _variables(self) -> list[str]:
-        """Names of trained tensors outside the networks, such as the entropy coefficient."""
-        return list(self.model._get_torch_save_params()[1])
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Restore the weights, optimiser, counters and transitions of a checkpoint."""
-        self.model.set_parameters(state["parameters"], exact_match=True, device="cpu")
-        self.model.num_timesteps = int(state["steps"])
-        self.model._n_updates = int(state["updates"])
-        for name in self._variables:
-            getattr(self.model, name).data.copy_(state["variables"][name])
-        if isinstance(self.model, OffPolicyAlgorithm):
-            buffer: Any = self.model.replay_buffer
-            for name in TRANSITIONS:
-                values = state["transitions"][name].numpy()
-                getattr(buffer, name)[: len(values)] = values
-            buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
-        if hasattr(self.model, "weights"):  # ARS computes its candidates from a copy of the weights
-            parameters = self.model.policy.parameters()
-            self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
+def _variables(model: Any) -> list[str]:
+    """Return the names of trained tensors outside the networks, as the entropy coefficient."""
+    return list(model._get_torch_save_params()[1])
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -206,18 +116,28 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def make_model(
-    algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
-) -> BaseAlgorithm:
-    """Return a new algorithm of Stable-Baselines3 or sb3-contrib.
+    target: Scene | SceneDistribution,
+    algorithm: str,
+    hyperparameters: Hyperparameters,
+    seed: int,
+    num_scenes: int | None = None,
+    env: VecEnv | None = None,
+) -> Any:
+    """Return a new algorithm of Stable-Baselines3 or sb3-contrib, with its environments.
+
+    It limits torch to one thread, as more threads are slower for such small networks.
 
     Parameters
     ----------
-    algorithm, hyperparameters, seed
-        See `Learner`.
+    target, algorithm, hyperparameters, seed, num_scenes
+        See `agents.train`.
     env
-        Environments of the training.
+        Environments of the training; None for a `DominoVecEnv`.
     """
     torch.set_num_threads(1)
+    if env is None:
+        num_envs, scale = hyperparameters.num_envs, hyperparameters.reward_scale
+        env = DominoVecEnv(target, num_envs, scale, num_scenes=num_scenes)
     options = dict(hyperparameters.options)
     first, last = hyperparameters.learning_rate, hyperparameters.last_rate
 
@@ -238,11 +158,16 @@ def make_model(
     if algorithm == "apg":
         # smaller than the default of Stable-Baselines3: gradients become small late in a training
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}
-    model = CLASSES[algorithm](
-        policy_class, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed,
-        device="cpu", verbose=0, **options,
-    )  # fmt: skip
-    policy: Any = model.policy
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about minibatches of unequal size
+        model: Any = CLASSES[algorithm](
+            policy_class, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed,
+            device="cpu", verbose=0, **options,
+        )  # fmt: skip
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
+        env.seed(SEEDS_PER_TRAINING * (1 + seed))
+    policy = model.policy
     if isinstance(policy, ScheduledPolicy):
         policy.end_factor, policy.penalty = hyperparameters.end_factor, hyperparameters.penalty
         policy.near_end = env.get_attr("observation_layout")[0]["near_end"].start + NEAR_END_ENTRY
@@ -278,11 +203,11 @@ def save_zip(folder: Path, path: str | Path) -> None:
     OSError
         If the archive cannot be written.
     """
-    config, env = read_config(folder), DominoVecEnv(folder / SCENE)
+    config, env = files.read_config(folder), DominoVecEnv(folder / files.SCENE)
     policy_class, options = _network(config.algorithm, config.hyperparameters)
     classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
     model = classes[config.algorithm](policy_class, env, policy_kwargs=options, device="cpu")
-    state = {name: torch.from_numpy(x) for name, x in read_arrays(folder / POLICY).items()}
+    state = {name: torch.from_numpy(x) for name, x in read_arrays(folder / files.POLICY).items()}
     if "log_std" in state:
         deviation = math.log(config.hyperparameters.last_deviation)
         state["log_std"] = torch.full_like(state["log_std"], deviation)
@@ -382,3 +307,204 @@ CLASSES: dict[str, type[BaseAlgorithm]] = {
     "td3": TD3,
     "tqc": TQC,
 }
+
+
+def clocks() -> Floats:
+    """Return the wall-clock time and the processor time (2,) [s]."""
+    return np.array([time.perf_counter(), time.process_time()])
+
+
+@dataclass(eq=False)
+class Training(BaseCallback):
+    """Training in progress; a step places one domino.
+
+    Parameters
+    ----------
+    target
+        Scene or scene distribution.
+    config
+        Arguments of the training.
+    folder, progress
+        See `train`.
+    """
+
+    target: Scene | SceneDistribution
+    config: files.ConfigDocument
+    folder: Path
+    progress: bool | None
+
+    def __post_init__(self) -> None:
+        super().__init__()
+        # scenes of evaluations and of the test set; none if the target is a single scene
+        self.scenes: list[Scene] = []
+        self.tests: list[Scene] = []
+        self.simulations = 0
+        if isinstance(self.target, SceneDistribution):
+            pool = ScenePool(self.target, self.config.num_scenes or POOL_SIZE)
+            numbers = range(len(pool))[: -POOL_SCENES - 1 : -1]  # the last ones, in reverse order
+            self.scenes = [pool.scene(number) for number in numbers]
+            with suppress(ValueError):  # raised if the distribution has no test set
+                self.tests = choose_scenes(self.target)
+        self.curve: list[tuple[float, ...]] = []
+        self.best = self.test_score = -np.inf
+        self.next_evaluation = 0  # steps
+        self.start = clocks()  # earlier if a training is resumed
+        self.total = self.config.steps
+        self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
+
+    def run(self, resume: bool) -> bool:
+        """Train from the beginning, or from the checkpoint in the folder.
+
+        Return True if the training was interrupted. Ctrl-C does not write a checkpoint, as an
+        unfinished update cannot be resumed.
+        """
+        if resume and (self.folder / files.CHECKPOINT).exists():
+            self._resume()
+        else:
+            if resume:
+                notice(f"{self.folder} has no {files.CHECKPOINT}: the training begins again")
+            self._make_model(self.config.seed)
+            write_text(self.folder / files.SCENE, self.target.to_toml())
+            self.write_json(files.CONFIG, **plain(self.config), versions=versions())
+        interrupted = False
+        try:
+            remaining = self.total - self.model.num_timesteps
+            self.model.learn(remaining, callback=self, reset_num_timesteps=False)
+        except KeyboardInterrupt:
+            interrupted = True
+        is_evaluated = bool(self.curve) and self.curve[-1][0] == self.model.num_timesteps
+        if not self.curve or not (interrupted or is_evaluated):
+            self.evaluate()
+        if interrupted:
+            self._write_curve()
+        else:
+            self.write_checkpoint()
+        self.bar.close()
+        self.elapsed = clocks() - self.start
+        return interrupted
+
+    def _make_model(self, seed: int) -> None:
+        config = self.config
+        self.model = make_model(
+            self.target, config.algorithm, config.hyperparameters, seed, config.num_scenes
+        )
+
+    def write_json(self, name: str, **document: Any) -> None:
+        """Write a JSON file into the folder."""
+        write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
+
+    def _resume(self) -> None:
+        """Continue in the state of the checkpoint, with other random numbers."""
+        path = self.folder / files.CHECKPOINT
+        state = read_checkpoint(path)
+        try:
+            # a seed of its own, so that the random numbers before the checkpoint are not repeated
+            self._make_model((self.config.seed + int(state["steps"])) % 2**32)
+            restore(self.model, state)
+            self.curve = [tuple(map(float, line)) for line in state["curve"]]
+            last = dict(zip(COLUMNS, self.curve[-1], strict=True))
+            self.best, self.test_score = last["best_score"], last["test_score"]
+            self.simulations = int(last["simulations"])
+            self.start = clocks() - np.array([last["seconds"], last["processor_seconds"]])
+        except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise ValueError(f"{path}: not a checkpoint of this training: {error}") from None
+        self.next_evaluation = self.model.num_timesteps + max(self.total // EVALUATIONS, 1)
+        self.bar.update(self.model.num_timesteps)
+
+    def _on_rollout_start(self) -> None:
+        """Evaluate and write a checkpoint if due, and update the standard deviation."""
+        steps, policy = self.model.num_timesteps, self.model.policy
+        if steps >= self.next_evaluation:
+            self.evaluate()
+            self.write_checkpoint()
+            self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
+        if not self.bar.n:
+            leave_out(self.bar, steps)
+        self.bar.update(steps - self.bar.n)
+        if isinstance(policy, ScheduledPolicy):
+            progress = min(steps / self.total, 1.0)
+            policy.deviation = self.config.hyperparameters.deviation(progress)
+
+    def _on_step(self) -> bool:
+        """Count the layouts that were built with exploration noise."""
+        self.simulations += sum("score" in info for info in self.locals.get("infos", ()))
+        return True
+
+    def evaluate(self) -> None:
+        """Evaluate the policy without noise, and write it if it is the best so far."""
+        (seconds, processor_seconds), rollout = clocks() - self.start, None
+        steps, arrays = self.model.num_timesteps, weights(self.model.policy)
+        act = build_actor(arrays).act
+        if isinstance(self.target, Scene):
+            seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
+            rollout = build(act, self.target, seeds=seeds)
+            score = rollout.score
+        else:
+            score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
+        self.simulations += len(self.scenes) or 1
+        if score > self.best:
+            self.best = self.test_score = score
+            path = self.folder / files.POLICY
+            write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
+            if isinstance(self.target, SceneDistribution) and self.tests:
+                pause = clocks()
+                self.test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))
+                self.start += clocks() - pause  # the test set is not part of the training
+            if rollout is not None:
+                result = {"score": score, "gain": rollout.gain, "steps": steps, "seconds": seconds}
+                self.write_json(files.BEST, **result)
+                rollout.layout.to_csv(self.folder / "layout.csv")
+                rollout.layout.to_json(self.folder / "layout.json")
+        latest = self.best, processor_seconds, self.test_score
+        line = steps, seconds, score, *latest, self.simulations  # as in `COLUMNS`
+        self.curve.append(tuple(map(float, line)))
+        best = f"median gain {self.best:+z.2%}"
+        if isinstance(self.target, Scene):
+            best = self.target.criterion.label(self.best, 4)
+        self.bar.set_postfix_str(f"best {best}", refresh=False)
+
+    def write_checkpoint(self) -> None:
+        """Write the checkpoint, which includes the learning curve, and progress.csv."""
+        content = io.BytesIO()  # torch hides the error of a full disk
+        torch.save(model_state(self.model) | {"curve": self.curve}, content)
+        write_bytes(self.folder / files.CHECKPOINT, lambda file: file.write(content.getbuffer()))
+        self._write_curve()
+
+    def _write_curve(self) -> None:
+        """Write the learning curve as progress.csv."""
+        lines = ([f"{x:.10g}" for x in line] for line in self.curve)
+        write_csv(self.folder / files.PROGRESS, COLUMNS, lines)
+
+    def write_summary(self, interrupted: bool, rollout: Rollout | None) -> tuple[int, float]:
+        """Write the summary; return the numbers of steps and of seconds.
+
+        Parameters
+        ----------
+        interrupted
+            True if the training was interrupted.
+        rollout
+            Layout of the best policy; None if scenes are sampled.
+        """
+        seconds, processor_seconds = self.elapsed
+        result: dict[str, Any]
+        result = {"median_gain": self.best, "test_median_gain": self.test_score}
+        if rollout is not None:
+            result = {
+                "score": rollout.score,
+                "uniform_score": rollout.uniform.score,
+                "gain": rollout.gain,
+                "last_score": self.curve[-1][2],  # of the last evaluation
+            }
+        evaluations = len(self.curve) * (len(self.scenes) or 1)
+        noisy_layouts = self.simulations - evaluations  # APG computes the gradient of each
+        updates, model = int(getattr(self.model, "_n_updates", 0)), self.model
+        if isinstance(model, PPO):  # it counts passes over a rollout, each of many minibatches
+            updates *= -(-model.n_steps * model.n_envs // model.batch_size)
+        self.write_json(
+            files.SUMMARY, finished=not interrupted, scene=self.target.name,
+            algorithm=self.config.algorithm, seed=self.config.seed, **result,
+            steps=model.num_timesteps, seconds=seconds, processor_seconds=processor_seconds,
+            simulations=self.simulations,
+            gradients=noisy_layouts * (self.config.algorithm == "apg"), updates=updates,
+        )  # fmt: skip
+        return model.num_timesteps, seconds

@@ -12,7 +12,7 @@ from scipy.optimize.elementwise import find_root
 
 from agents.draw import open_loop, shipped_references
 from agents.draw import rule as rule_policy
-from agents.rollout import Rollout, average, average_uniform, build, evaluation_seeds
+from agents.rollout import Rollout, build, evaluation_seeds, make_rollout
 from domino_env import DominoChain
 from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints, Singles
@@ -31,8 +31,7 @@ GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
 def uniform(scene: Scene) -> Rollout:
     """Build the uniform baseline."""
-    baseline = scene.uniform()
-    return average(Rollout(scene, baseline.layout, baseline.wave, baseline.score, baseline, 0.0))
+    return make_rollout(scene, scene.uniform().layout)
 
 
 def greedy(scene: Scene) -> Rollout:
@@ -83,7 +82,6 @@ def ramp(scene: Scene) -> Rollout:
             f"scene '{scene.name}' draws its pieces in random order: ramp does not observe "
             "the pieces in hand; use another policy"
         )
-    baseline = scene.uniform()
     start = time.perf_counter()
     rng = np.random.default_rng(0)
     best = rng.random((RAMPS // 2, 5))
@@ -97,9 +95,7 @@ def ramp(scene: Scene) -> Rollout:
         best = pool[np.argsort(-_ramp_scores(scene, pool))[:BEST_RAMPS]]
     gaps, thickness = _ramps(scene, best[:1])
     layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
-    wave = scene.simulate(layout)
-    seconds = time.perf_counter() - start
-    return average(Rollout(scene, layout, wave, scene.score(wave), baseline, seconds, simulations))
+    return make_rollout(scene, layout, time.perf_counter() - start, simulations)
 
 
 def _ramp_scores(scene: Scene, parameters: Floats) -> Floats:
@@ -162,8 +158,7 @@ def plan(scene: Scene) -> Rollout:
         raise ValueError(
             f"no best known layout of scene '{scene.name}' is shipped: use another policy"
         )
-    wave, baseline = scene.simulate(record.layout), scene.uniform()
-    return average(Rollout(scene, record.layout, wave, record.score, baseline, 0.0))
+    return make_rollout(scene, record.layout)
 
 
 def rule(scene: Scene) -> Rollout:
@@ -193,7 +188,7 @@ def controller(scene: Scene) -> Rollout:
     ValueError
         If the hits of the scene have no schedule, or for the reasons of `plan`.
     """
-    tempo, rollout = scene.tempo, plan(scene)
+    tempo, planned = scene.tempo, plan(scene).layout
     if tempo is None:
         raise ValueError(
             f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "
@@ -202,7 +197,7 @@ def controller(scene: Scene) -> Rollout:
     generators = map(np.random.default_rng, evaluation_seeds(scene))
     errors = np.array([scene.placement_errors(generator) for generator in generators])
     episodes = np.arange(len(errors))
-    thickness = np.tile(rollout.layout.thickness[1:], (len(errors), 1))
+    thickness = np.tile(planned.thickness[1:], (len(errors), 1))
     gaps, (low, high) = np.empty(errors.shape), scene.spacing
     start, simulations = time.perf_counter(), 0
     for n, due in enumerate(tempo.schedule(scene.count)):
@@ -219,16 +214,9 @@ def controller(scene: Scene) -> Rollout:
         nearest = np.where(root.f_bracket[0] > 0.0, low, high)  # if no gap meets the schedule
         gaps[:, n] = add_errors(np.where(root.success, root.x, nearest), errors[:, n])
     scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
+    seconds = (time.perf_counter() - start) / len(errors)
     layout = scene.layout(gaps[0], thickness[0])
-    return replace(
-        rollout,
-        layout=layout,
-        wave=scene.simulate(layout),
-        score=float(scores.mean()),
-        uniform=average_uniform(scene),
-        seconds=(time.perf_counter() - start) / len(errors),
-        simulations=simulations // len(errors),
-    )
+    return make_rollout(scene, layout, seconds, simulations // len(errors), scores=scores)
 
 
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {

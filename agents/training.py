@@ -5,41 +5,23 @@
 
 from __future__ import annotations
 
-import json
-import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from agents import policy
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters, require_learning
-from agents.evaluation import choose_scenes, evaluate_gains
-from agents.policy import BEST, CHECKPOINT, CONFIG, POLICY, PROGRESS, SCENE, SUMMARY, ScenePolicy
-from agents.rollout import SELECTION_SEEDS, Rollout, build, evaluation_seeds
+from agents.policy import CONFIG, SCENE, ScenePolicy
+from agents.rollout import Rollout
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import as_path, require, require_choice, require_type
-from domino_env.core.files import require_unused, require_writable, write_text
-from domino_env.core.models import plain
-from domino_env.core.progress import leave_out, notice, progress_bar
-from domino_env.core.results import versions
-from domino_env.core.tables import write_csv
-from domino_env.core.types import Floats
+from domino_env.core.files import require_unused, require_writable
 from domino_env.scenes.distribution import load_any
-from domino_env.scenes.pool import POOL_SIZE, ScenePool
+from domino_env.scenes.pool import POOL_SIZE
 from optimize.experiments.best_known import best_known
 from optimize.result import draw_scores
-
-if TYPE_CHECKING:
-    from agents.sb3 import Learner
-
-COLUMNS = (
-    "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
-)  # fmt: skip
-EVALUATIONS = 200  # number of evaluations in a training, each with a checkpoint
-POOL_SCENES = 50  # number of training scenes in which evaluations score a policy
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +177,9 @@ def train(
     require("seed", seed, 0, 2**32 - 1, whole=True)
     require("num_scenes", num_scenes, 1, POOL_SIZE, whole=True, optional=True)
     require_learning()
+    from agents.sb3 import Training
+    from domino_env.core.plot_style import write_png
+
     require_type("hyperparameters", hyperparameters, Hyperparameters | None, "Hyperparameters")
     target = scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
     path = as_path("folder", folder or f"runs/{target.name}-{algorithm}")
@@ -208,208 +193,18 @@ def train(
                 f"the training in {path} has {', '.join(own)}: give its own scene ({SCENE}) and "
                 f"leave out the rest ({CONFIG}), or name another folder"
             )
-        algorithm, seed, steps = config.algorithm, config.seed, config.steps
-        hyperparameters, num_scenes = config.hyperparameters, config.num_scenes
     else:
         require_writable(path)
         require_unused(path, policy.FILES)
-    hyperparameters = hyperparameters or default_hyperparameters(algorithm, target)
-    steps = steps or hyperparameters.steps
-    training = Training(target, algorithm, hyperparameters, steps, seed, path, progress, num_scenes)
-    return training.run(resume)
-
-
-def clocks() -> Floats:
-    """Return the wall-clock time and the processor time (2,) [s]."""
-    return np.array([time.perf_counter(), time.process_time()])
-
-
-@dataclass(eq=False)
-class Training:
-    """Training in progress; a step places one domino.
-
-    Parameters
-    ----------
-    target, algorithm, hyperparameters, total, seed, folder, progress, num_scenes
-        See `train`; `target` is its scene or scene distribution and `total` its `steps`.
-    """
-
-    target: Scene | SceneDistribution
-    algorithm: str
-    hyperparameters: Hyperparameters
-    total: int
-    seed: int
-    folder: Path
-    progress: bool | None
-    num_scenes: int | None
-
-    def __post_init__(self) -> None:
-        # scenes of evaluations and of the test set; none if the target is a single scene
-        self.scenes: list[Scene] = []
-        self.tests: list[Scene] = []
-        self.simulations = 0
-        if isinstance(self.target, SceneDistribution):
-            pool = ScenePool(self.target, self.num_scenes or POOL_SIZE)
-            numbers = range(len(pool))[: -POOL_SCENES - 1 : -1]  # the last ones, in reverse order
-            self.scenes = [pool.scene(number) for number in numbers]
-            with suppress(ValueError):  # raised if the distribution has no test set
-                self.tests = choose_scenes(self.target)
-        self.curve: list[tuple[float, ...]] = []
-        self.best = self.test_score = -np.inf
-        self.next_evaluation = 0  # steps
-        self.start = clocks()  # earlier if a training is resumed
-        self.bar = progress_bar(self.progress, total=self.total, unit=" dominoes", unit_scale=True)
-
-    def run(self, resume: bool) -> Run:
-        """Train from the beginning, or from the checkpoint in the folder.
-
-        Ctrl-C does not write a checkpoint, as an unfinished update cannot be resumed.
-        """
-        if resume and (self.folder / CHECKPOINT).exists():
-            self.learner = self._resume_learner()
-        else:
-            if resume:
-                notice(f"{self.folder} has no {CHECKPOINT}: the training begins again")
-            self.learner = self._make_learner(self.seed)
-            if not resume and (self.folder / CONFIG).exists():
-                raise ValueError(f"another training began in {self.folder}: name another folder")
-            write_text(self.folder / SCENE, self.target.to_toml())
-            self._write_json(
-                CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,
-                hyperparameters=plain(self.hyperparameters), num_scenes=self.num_scenes,
-                versions=versions(),
-            )  # fmt: skip
-        interrupted = False
-        try:
-            remaining = self.total - self.learner.steps
-            self.learner.learn(remaining, self.between_updates, self.after_step)
-        except KeyboardInterrupt:
-            interrupted = True
-        is_evaluated = bool(self.curve) and self.curve[-1][0] == self.learner.steps
-        if not self.curve or not (interrupted or is_evaluated):
-            self.evaluate()
-        if interrupted:
-            self._write_curve()
-        else:
-            self.write_checkpoint()
-        self.bar.close()
-        return self._finish(interrupted)
-
-    def _make_learner(self, seed: int) -> Learner:
-        """Return a new learner."""
-        from agents.sb3 import Learner
-
-        return Learner(self.target, self.algorithm, self.hyperparameters, seed, self.num_scenes)
-
-    def _write_json(self, name: str, **document: Any) -> None:
-        """Write a JSON file into the folder."""
-        write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
-
-    def _resume_learner(self) -> Learner:
-        """Return a learner in the state of the checkpoint, with other random numbers."""
-        from agents.sb3 import read_checkpoint
-
-        path = self.folder / CHECKPOINT
-        state = read_checkpoint(path)
-        try:
-            # a seed of its own, so that the random numbers before the checkpoint are not repeated
-            learner = self._make_learner((self.seed + int(state["steps"])) % 2**32)
-            learner.restore(state)
-            self.curve = [tuple(map(float, line)) for line in state["curve"]]
-            last = dict(zip(COLUMNS, self.curve[-1], strict=True))
-            self.best, self.test_score = last["best_score"], last["test_score"]
-            self.simulations = int(last["simulations"])
-            self.start = clocks() - np.array([last["seconds"], last["processor_seconds"]])
-        except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise ValueError(f"{path}: not a checkpoint of this training: {error}") from None
-        self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
-        self.bar.update(learner.steps)
-        return learner
-
-    def between_updates(self) -> None:
-        """Evaluate and write a checkpoint if due, and update the standard deviation."""
-        steps = self.learner.steps
-        if steps >= self.next_evaluation:
-            self.evaluate()
-            self.write_checkpoint()
-            self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
-        if not self.bar.n:
-            leave_out(self.bar, steps)
-        self.bar.update(steps - self.bar.n)
-        self.learner.update_deviation(min(steps / self.total, 1.0))
-
-    def after_step(self, infos: Any) -> None:
-        """Count the layouts that were built with exploration noise."""
-        self.simulations += sum("score" in info for info in infos)
-
-    def evaluate(self) -> None:
-        """Evaluate the policy without noise, and write it if it is the best so far."""
-        learner, (seconds, processor_seconds) = self.learner, clocks() - self.start
-        act, rollout = learner.policy(), None
-        if isinstance(self.target, Scene):
-            seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
-            rollout = build(act, self.target, seeds=seeds)
-            score = rollout.score
-        else:
-            score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
-        self.simulations += len(self.scenes) or 1
-        if score > self.best:
-            self.best = self.test_score = score
-            learner.save(self.folder / POLICY)
-            if isinstance(self.target, SceneDistribution) and self.tests:
-                pause = clocks()
-                self.test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))
-                self.start += clocks() - pause  # the test set is not part of the training
-            if rollout is not None:
-                self._write_json(
-                    BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds
-                )
-                rollout.layout.to_csv(self.folder / "layout.csv")
-                rollout.layout.to_json(self.folder / "layout.json")
-        self.curve.append((
-            float(learner.steps), seconds, score, self.best, processor_seconds, self.test_score,
-            float(self.simulations),
-        ))  # fmt: skip
-        best = f"median gain {self.best:+z.2%}"
-        if isinstance(self.target, Scene):
-            best = self.target.criterion.label(self.best, 4)
-        self.bar.set_postfix_str(f"best {best}", refresh=False)
-
-    def write_checkpoint(self) -> None:
-        """Write the checkpoint, which includes the learning curve, and progress.csv."""
-        self.learner.write_checkpoint(self.folder / CHECKPOINT, self.curve)
-        self._write_curve()
-
-    def _write_curve(self) -> None:
-        """Write the learning curve as progress.csv."""
-        lines = ([f"{x:.10g}" for x in line] for line in self.curve)
-        write_csv(self.folder / PROGRESS, COLUMNS, lines)
-
-    def _finish(self, interrupted: bool) -> Run:
-        """Write the summary, and a picture if there is a single layout; return the result."""
-        from domino_env.core.plot_style import write_png
-
-        seconds, processor_seconds = clocks() - self.start
-        evaluations = len(self.curve) * (len(self.scenes) or 1)
-        noisy_layouts = self.simulations - evaluations  # APG computes the gradient of each
-        rollout = ScenePolicy.load(self.folder).build() if isinstance(self.target, Scene) else None
-        run = Run(
-            self.folder, self.target.name, self.algorithm, self.learner.steps, seconds,
-            tuple(self.curve), interrupted, rollout,
-        )  # fmt: skip
-        result: dict[str, Any] = {"median_gain": self.best, "test_median_gain": self.test_score}
-        if rollout is not None:
-            result = {
-                "score": rollout.score,
-                "uniform_score": rollout.uniform.score,
-                "gain": rollout.gain,
-                "last_score": self.curve[-1][2],  # of the last evaluation
-            }
-            write_png(run.plot(), self.folder / "result.png")
-        self._write_json(
-            SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
-            seed=self.seed, **result, steps=run.steps, seconds=seconds,
-            processor_seconds=processor_seconds, simulations=self.simulations,
-            gradients=noisy_layouts * (self.algorithm == "apg"), updates=self.learner.updates,
-        )  # fmt: skip
-        return run
+        chosen = hyperparameters or default_hyperparameters(algorithm, target)
+        name: Any = algorithm  # one of the names that the document accepts
+        config = policy.ConfigDocument(name, seed, steps or chosen.steps, chosen, num_scenes)
+    training = Training(target, config, path, progress)
+    interrupted = training.run(resume)
+    rollout = ScenePolicy.load(path).build() if isinstance(target, Scene) else None
+    done, seconds = training.write_summary(interrupted, rollout)
+    curve = tuple(training.curve)
+    run = Run(path, target.name, config.algorithm, done, seconds, curve, interrupted, rollout)
+    if rollout is not None:
+        write_png(run.plot(), path / "result.png")
+    return run

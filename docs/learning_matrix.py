@@ -25,8 +25,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.algorithms import default_hyperparameters
 from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, evaluation_seeds
-from agents.sb3 import make_model
-from agents.training import POOL_SCENES
+from agents.sb3 import POOL_SCENES, make_model
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution, load_test_set
 from domino_env.core.tables import csv_table
@@ -122,7 +121,7 @@ def train(case: Case) -> list[object]:
             gamma=chosen.options["gamma"], seed=seed, device="cpu",
         )  # fmt: skip
     else:
-        model = make_model(algorithm, chosen, env, seed)
+        model = make_model(target, algorithm, chosen, seed, env=env)
 
     if isinstance(target, SceneDistribution):
         tests, pool, key = load_test_set(scene), ScenePool(target, POOL_SCENES), "gain"

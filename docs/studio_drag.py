@@ -25,7 +25,7 @@ def measure_drag(count: int) -> float:
     page = Page(Design.uniform(load_scene("sprint").replace(count=count)), lambda _: None)
     shifts = iter(1e-4 * np.arange(DRAGS))  # [m] of domino 5, within the bounds
     times = timeit.repeat(
-        lambda: page.drag_domino(5, next(shifts), following=False), number=1, repeat=DRAGS
+        lambda: page.preview(Design.with_shift, 5, next(shifts)), number=1, repeat=DRAGS
     )
     page.close()
     return median(times)

@@ -61,8 +61,7 @@ def main() -> None:
             take()
     take(HOLD)
     tab.choose("10 × slower")
-    x, y = map(int, tab.domino(0))
-    tab.pointer(("move_to_location", x, y), ("pointer_down",), ("pointer_up",))
+    tab.pointer(tab.domino(0), ("pointer_down",), ("pointer_up",))
     end = time.monotonic() + RACE
     while time.monotonic() < end:
         take()

@@ -58,16 +58,16 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.distribution import load_any, load_distribution
 
     scene = None if arguments.scene is None else load_any(arguments.scene)
+    source = arguments.distribution and load_distribution(arguments.distribution)
     many = isinstance(scene, SceneDistribution) or arguments.scenes is not None
     if isinstance(scene, SceneDistribution):
-        arguments.distribution, scene = arguments.scene, None
-    distribution = arguments.distribution and load_distribution(arguments.distribution)
-    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=distribution)
+        source, scene = scene, None
+    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=source)
     for name in ("layout",) if many else ("csv", "seed"):
         if getattr(arguments, name) is not None:
             raise ValueError(f"--{name}: leave it out {'with' if many else 'without'} --scenes")
     if many:
-        return _evaluate_scenes(policy, arguments)
+        return _evaluate_scenes(policy, source or getattr(policy, "scene", None), arguments)
     if isinstance(policy, ScenePolicy):
         rollout = policy.build(scene)
     else:
@@ -85,19 +85,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate_scenes(
-    policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
+    policy: ScenePolicy | Designer | ScriptedPolicy, source: object, arguments: argparse.Namespace
 ) -> int:
     """Print a table of the scores in many scenes; write a line for each scene with --csv."""
     from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
-    from domino_env import SceneDistribution
+    from domino_env import SceneDistribution, load_distribution
 
-    source = arguments.distribution or getattr(policy, "scene", None)
-    if not isinstance(source, str | SceneDistribution):
-        source = "varied"
-    name = source if isinstance(source, str) else source.name
+    if not isinstance(source, SceneDistribution):  # no policy for sampled scenes
+        source = load_distribution("varied")
     scenes = choose_scenes(source, arguments.scenes, arguments.seed)
-    search_scores = read_search_scores(name, len(scenes)) if arguments.seed is None else None
-    evaluation = evaluate_scenes(scenes, policy, search_scores, progress=None)
+    known = read_search_scores(source.name, len(scenes)) if arguments.seed is None else None
+    evaluation = evaluate_scenes(scenes, policy, known, progress=None)
     print(evaluation.table())
     if arguments.csv:
         evaluation.save(arguments.csv)

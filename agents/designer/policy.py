@@ -25,7 +25,7 @@ from agents.designer.decoding import decode
 from agents.designer.features import OBSERVATION_SIZE, SCENE_SIZE, TRIES
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
-from agents.rollout import Rollout, average
+from agents.rollout import Rollout, make_rollout
 from domino_env import Layout, Scene, load_scene
 from domino_env.core.checks import require, require_type
 from domino_env.core.results import dataclass_repr
@@ -154,11 +154,9 @@ class Designer:
             If the scene is of another kind than those of the training.
         """
         require_type("scene", scene, Scene, "a Scene, as load_scene returns")
-        features.require_kind(scene)
         compile_simulations(scene)
-        design, uniform = self.design(scene), scene.uniform()
-        wave, score = design.wave, design.score
-        return average(Rollout(scene, design.layout, wave, score, uniform, design.seconds))
+        design = self.design(scene)
+        return make_rollout(scene, design.layout, design.seconds)
 
     @classmethod
     def load(cls, folder: Path) -> Designer:

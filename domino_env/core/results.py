@@ -75,14 +75,20 @@ def as_json(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of packages on which the last bits of results depend."""
+def versions(*others: str) -> dict[str, str]:
+    """Return the versions of Python and of packages on which the last bits of results depend.
+
+    Parameters
+    ----------
+    *others
+        Names of further packages; those that are not installed are left out.
+    """
     import platform
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version
 
     installed = {"python": platform.python_version()}
-    for name in ("domino-chains", "numpy", "scipy", "numba", "cma"):
+    for name in ("domino-chains", "numpy", "scipy", "numba", "cma", *others):
         with suppress(PackageNotFoundError):
             installed[name] = version(name)
     return installed

@@ -19,13 +19,13 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
 from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
-from optimize.interactive.design import NAME, TITLE, Design
+from optimize.interactive.design import NAMED, Design
 
-MAX_UPLOAD = 8 * 2**20  # [bytes]; at most 5 000 dominoes are drawn, which take 1 MB
 MAX_LINK_CONTENT = 2**20  # [bytes] of a link, decompressed
 KEY = "design"  # of the query of a link
 USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened to its gaps
-NAMES = {".csv": "layout.csv", ".json": "layout.json", ".toml": "scene.toml"}  # by ending
+LAYOUT, SCENE = "layout.csv", "scene.toml"
+NAMES = {".csv": LAYOUT, ".json": "layout.json", ".toml": SCENE}  # of uploaded files, by ending
 
 
 def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
@@ -49,8 +49,6 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
     ValueError
         For a file, a name or a link that cannot be read, a layout that breaks the rules of its own
         scene, and a scene without free values.
-    TypeError
-        For a source of another type.
     """
     if isinstance(source, Scene):
         return Design.uniform(source)
@@ -60,7 +58,7 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = as_path("source", source)
     if path.is_dir():
-        path = path / "layout.csv"
+        path = path / LAYOUT
     if path.suffix.lower() not in (".csv", ".json"):
         return Design.uniform(load_scene(source))
     scene = scene_beside(path)
@@ -74,13 +72,12 @@ def _scene_for(layout: Layout, default: Scene | None) -> Scene:
         return default
     if layout.count < 2:
         raise ValueError("one domino has no gap: give a layout of two or more")
-    thickness, gaps = layout.thickness, layout.spacing
+    first, thickness, gaps = layout.thickness[0], layout.thickness[1:], layout.spacing
     return Scene(
-        name=NAME, title=TITLE, count=layout.count,
-        height=float(layout.height[0]), width=layout.width,
-        density=float(layout.density[0]), first_thickness=float(thickness[0]),
+        **NAMED, count=layout.count, height=float(layout.height[0]), width=layout.width,
+        density=float(layout.density[0]), first_thickness=float(first),
         spacing=(min(USUAL_GAPS[0], float(gaps.min())), max(USUAL_GAPS[1], float(gaps.max()))),
-        thickness=(float(thickness[1:].min()), float(thickness[1:].max())),
+        thickness=(float(thickness.min()), float(thickness.max())),
         physics=default.physics if default else Physics(),
     )  # fmt: skip
 
@@ -105,15 +102,14 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
     ValueError
         For another combination of files, and for the reasons of `open_design`.
     """
-    names = {name: NAMES.get(Path(name).suffix.lower()) for name in files}
-    scenes = [*names.values()].count(NAMES[".toml"])
-    if not files or None in names.values() or scenes > 1 or len(files) - scenes > 1:
+    kinds = {name: NAMES.get(Path(name).suffix.lower(), "") for name in files}
+    if not files or "" in kinds.values() or len(set(kinds.values())) < len(files):
         raise ValueError(
             f"{one_line(', '.join(files), 200)}: give a layout (.csv or .json), a scene (.toml), "
             "or one of each"
         )
     with TemporaryDirectory() as folder:
-        paths = {name: Path(folder) / str(file) for name, file in names.items()}
+        paths = {name: Path(folder) / kind for name, kind in kinds.items()}
         for name, path in paths.items():
             path.write_bytes(files[name])
         try:
@@ -126,76 +122,37 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
             raise ValueError(message) from None
 
 
-def receive(design: Design, files: Mapping[str, bytes]) -> tuple[Design, str]:
-    """Return the design in files that a browser sent, and a message.
-
-    Parameters
-    ----------
-    design
-        The present design.
-    files
-        Contents of the files by their names.
-
-    Returns
-    -------
-    received : Design
-        The design in the files.
-    message : str
-        The names, and the reason if a layout is opened with another scene.
-
-    Raises
-    ------
-    ValueError
-        For the reasons of `read_files`, and for more than 8 MiB.
-    """
-    names, scene = one_line(", ".join(files), 200), design.scene
-    if (size := sum(map(len, files.values()))) > MAX_UPLOAD:
-        raise ValueError(f"{names}: {size:,} bytes: send at most {MAX_UPLOAD:,} at a time")
-    received = read_files(files, scene)
-    is_alone = not any(name.lower().endswith(".toml") for name in files)
-    if is_alone and received.scene != scene and (violations := scene.violations(received.layout)):
-        reason = f"with a scene of its own, as it does not fit '{scene.name}': {violations[0]}"
-        return received, f"opened {names} {reason}"
-    return received, f"opened {names}"
+def _write_template(design: Design, path: Path) -> None:
+    scene, row, title = design.scene, design.wave.layout, str(design.scene.title)
+    write_template(row, path, title=title, physics=scene.physics, designed=scene.count)
 
 
-def make_file(write: Callable[[Path], object], name: str) -> BytesIO:
-    """Return the contents of the file of this name that a function writes."""
+def _write_report(design: Design, path: Path) -> None:
+    layout = path.with_name("your layout.csv")  # the report shows this name
+    design.layout.to_csv(layout)
+    write_report(*read_compared([layout], design.scene), path)
+
+
+FILES: dict[str, tuple[str, Callable[[Design, Path], object]]] = {
+    "template.pdf": ("Template to print (PDF)", _write_template),
+    LAYOUT: ("Layout (CSV)", lambda design, path: design.layout.to_csv(path)),
+    SCENE: ("Scene (TOML)", lambda design, path: write_text(path, design.scene.to_toml())),
+    "report.html": ("Report (HTML)", _write_report),
+}
+"""Label and writer of each file of a design, by its name."""
+
+
+def make_file(design: Design, name: str) -> BytesIO:
+    """Return the contents of one of the `FILES` of a design."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
-        write(path)
+        FILES[name][1](design, path)
         return BytesIO(path.read_bytes())
-
-
-def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
-    """Return the ending and the writer of each kind of file, by its label on the page.
-
-    Parameters
-    ----------
-    design
-        The design whose present layout and scene are written.
-    """
-    scene, layout = design.scene, design.layout
-
-    def report(path: Path) -> None:
-        layout_path = path.with_name("your layout.csv")  # the report shows this name
-        layout.to_csv(layout_path)
-        write_report(*read_compared([layout_path], scene), path)
-
-    return {
-        "Template to print (PDF)": (".pdf", lambda path: write_template(
-            scene.row(layout), path, title=str(scene.title), physics=scene.physics,
-            designed=layout.count)),
-        "Layout (CSV)": (".csv", layout.to_csv),
-        "Scene without gaps (TOML)": (
-            ".scene.toml", lambda path: write_text(path, scene.to_toml())),
-        "Report (HTML)": (".html", report),
-    }  # fmt: skip
 
 
 def make_link(design: Design) -> str:
     """Return the query of a link that contains the scene and the layout, for `read_link`."""
-    texts = [design.scene.to_toml(), make_file(design.layout.to_csv, NAMES[".csv"]).read().decode()]
+    texts = [design.scene.to_toml(), make_file(design, LAYOUT).read().decode()]
     data = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
@@ -221,8 +178,8 @@ def read_link(text: str) -> Design:
     with errors_with_path("the design in the link"):
         try:
             data = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
-            scene, layout = json.loads(zlib.decompressobj().decompress(data, MAX_LINK_CONTENT))
-            files = {"scene.toml": scene.encode(), "layout.csv": layout.encode()}
+            texts = json.loads(zlib.decompressobj().decompress(data, MAX_LINK_CONTENT))
+            files = {name: text.encode() for name, text in zip((SCENE, LAYOUT), texts, strict=True)}
         except (zlib.error, ValueError, TypeError, AttributeError, RecursionError):
             raise ValueError("it was cut or changed: copy the whole link") from None
         return read_files(files)

@@ -1,54 +1,58 @@
-"""Searches in a process of their own, so that the page stays responsive.
-
-``python -m optimize.interactive.jobs`` is that process: it reads pickled tasks from standard input,
-and writes pickled layouts and messages to standard output.
-"""
+"""Searches in a process of their own, so that the page stays responsive."""
 
 from __future__ import annotations
 
-import os
-import pickle
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Any
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import NamedTuple
 
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.executors import without_ctrl_c
 from optimize.searching import search
 
 SHOW_INTERVAL = 0.1  # [s] between two layouts that are shown
 PATIENCE, LEAST_GAIN = 2.0, 1e-4  # a search ends after this time [s] with less relative gain
+CONTEXT = get_context("spawn")
 
-Show = Callable[[Layout, float, str], None]
-"""Function that shows the best layout of a search so far, its score and a message."""
-Result = tuple[Layout | None, float, str]
-"""Best layout of a search, its score and a message; see `SearchProcess.run`."""
+
+class Found(NamedTuple):
+    """Best layout of a search so far.
+
+    Attributes
+    ----------
+    layout
+        The layout; None after an error.
+    score
+        Its score; 0 or less if no layout succeeds.
+    text
+        Number of layouts; at the end also time, and the reason why the search ended.
+    is_done
+        True at the end of the search.
+    """
+
+    layout: Layout | None
+    score: float
+    text: str
+    is_done: bool = False
 
 
 class SearchProcess:
-    """Process that searches; it is started before the first search, which then has no delay."""
+    """Process for one search; it starts before the search, which then has no delay."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
+        self._pipe, pipe = CONTEXT.Pipe()
+        self._process = CONTEXT.Process(target=_run, args=(pipe,), daemon=True)
+        with without_ctrl_c():  # which ends the server, and that this process
+            self._process.start()
+        pipe.close()
 
-    def start(self) -> subprocess.Popen[bytes]:
-        """Return the process, a new one if there is none or if the last one has ended."""
-        if self._process is None or self._process.poll() is not None:
-            self._process = subprocess.Popen(
-                # not from the working directory, which may contain modules of these names
-                [sys.executable, "-P", "-m", "optimize.interactive.jobs"],
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            )  # fmt: skip
-        return self._process
-
-    def run(self, scene: Scene, *, thorough: bool, show: Show) -> Result:
-        """Search until the method ends, until it gains no more, or until the process ends.
+    def run(self, scene: Scene, *, thorough: bool) -> Iterator[Found]:
+        """Search, and yield the best layouts until the search or its process ends.
 
         Parameters
         ----------
@@ -57,85 +61,48 @@ class SearchProcess:
         thorough
             True for a search until its method ends; otherwise it also ends when `PATIENCE` seconds
             have gained less than `LEAST_GAIN`.
-        show
-            Function that is called with the best layout so far, at most once per `SHOW_INTERVAL`.
-
-        Returns
-        -------
-        layout : Layout or None
-            Best layout; None after an error.
-        score : float
-            Its score; 0 or less if no layout succeeds.
-        message : str
-            Number of layouts, time, and the reason why the search ended.
         """
-        process = self.start()
-        assert process.stdin
-        assert process.stdout
         try:
-            pickle.dump((scene, thorough), process.stdin)
-            process.stdin.flush()
-            while True:
-                layout, score, message, is_done = pickle.load(process.stdout)
-                if is_done:
-                    return layout, score, message
-                show(layout, score, message)
-        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            return None, 0.0, "the process of the search ended: try again"
+            self._pipe.send((scene, thorough))
+            yield from iter(self._pipe.recv, None)
+        except (EOFError, OSError):
+            yield Found(None, 0.0, "the process of the search has ended: try again", is_done=True)
 
     def close(self) -> None:
         """End the process, and with it a search."""
-        if self._process is not None:
-            process, self._process = self._process, None
-            with suppress(OSError), process:  # which also closes its pipes
-                process.kill()
+        self._process.kill()
 
 
-def run_search(scene: Scene, show: Show, *, thorough: bool) -> Result:
-    """Search in this process; see `SearchProcess.run`."""
-    last_shown, reason = 0.0, ""
-    scores: list[tuple[float, float]] = []  # time [s], best score
+def run_search(scene: Scene, show: Callable[[Found], None], *, thorough: bool) -> None:
+    """Search in this process, and call a function with the layouts of `SearchProcess.run`."""
+    last_shown = last_gain = time.perf_counter()
+    base, reason = 0.0, ""  # score after the last gain
 
     def report(evaluator: Evaluator) -> None:
-        nonlocal last_shown, reason
-        now = time.perf_counter()
+        nonlocal last_shown, last_gain, base, reason
+        now, score = time.perf_counter(), evaluator.best_score
         if not evaluator.finalists or now < last_shown + SHOW_INTERVAL:
             return
-        last_shown, best = now, evaluator.finalists[-1][0]
-        scores.append((now, best))
-        while len(scores) > 1 and scores[1][0] <= now - PATIENCE:
-            del scores[0]
-        time_before, before = scores[0]
-        is_late = time_before <= now - PATIENCE
-        if not thorough and is_late and best > 0.0 and best - before < LEAST_GAIN * best:
+        last_shown = now
+        if score <= 0.0 or score > base * (1.0 + LEAST_GAIN):
+            last_gain, base = now, score
+        elif not thorough and now > last_gain + PATIENCE:
             reason = f"the last {PATIENCE:g} s gained less than {LEAST_GAIN:.2%}"
             raise BudgetSpent(reason)
-        show(evaluator.problem.layout(evaluator.best), best, f"{evaluator.evaluations:,} layouts")
+        layout = evaluator.problem.layout(evaluator.best)
+        show(Found(layout, score, f"{evaluator.evaluations:,} layouts"))
 
     result = search(scene, progress=False, callback=report)
-    effort = f"best of {result.evaluations:,} layouts in {result.seconds:.1f} s"
-    message = f"{effort}: {reason or result.stop_reason}"
-    return result.layout, result.score, message
+    text = f"best of {result.evaluations:,} layouts in {result.seconds:.1f} s: "
+    show(Found(result.layout, result.score, text + (reason or result.stop_reason), is_done=True))
 
 
-def main() -> None:
-    """Run the tasks from standard input, and write their results to standard output."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this process
-    output, sys.stdout = sys.stdout.buffer, sys.stderr
-
-    def write(*values: Any, is_done: bool = False) -> None:
-        pickle.dump((*values, is_done), output)
-        output.flush()
-
-    with suppress(EOFError):
-        while True:
-            scene, thorough = pickle.load(sys.stdin.buffer)
-            try:
-                result: Result = run_search(scene, write, thorough=thorough)
-            except Exception as error:  # the page waits for an answer
-                result = None, 0.0, str(error) or type(error).__name__
-            write(*result, is_done=True)
-
-
-if __name__ == "__main__":
-    main()
+def _run(pipe: Connection) -> None:
+    """Wait for a search, and send its layouts."""
+    with suppress(EOFError, OSError):  # the server has ended
+        scene, thorough = pipe.recv()
+        try:
+            run_search(scene, pipe.send, thorough=thorough)
+        except Exception as error:  # the page waits for an answer
+            pipe.send(Found(None, 0.0, str(error) or type(error).__name__, is_done=True))
+        pipe.send(None)

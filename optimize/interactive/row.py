@@ -16,7 +16,7 @@ from domino_env.physics.wave import Wave
 from domino_env.view.comparison import layout_data, motion_data
 from optimize.interactive.design import Design
 
-BEHIND, AHEAD = 0.6, 1.2  # [heights of a domino] before the first, and ahead of the last pivot
+BEHIND, AHEAD = 0.8, 1.2  # [tallest domino] before the first pivot, and ahead of the last one
 TIE = 5e-4  # [s] smaller differences are a tie
 PACES = {"real time": 1.0, "4 × slower": 0.25, "10 × slower": 0.1}
 
@@ -45,64 +45,54 @@ class Row(JSComponent):  # type: ignore[misc]
         __file__
     ).with_name("row.js").read_text("utf-8")
 
-    _limits = -1.0, 1.0  # [m] range of x that shows both rows
-
-    def show(
-        self, design: Design, rival: Wave | None, name: str, *, moves: bool
-    ) -> tuple[float, float]:
-        """Show a design and the row that it races, and return the range of x that shows both [m].
+    def show(self, design: Design, other: Any, name: str, *, moves: bool, keep_scale: bool) -> None:
+        """Show a design and the row that it races.
 
         Parameters
         ----------
         design
             The design.
-        rival
-            Wave of the other row; None for none.
+        other
+            Object with the `wave` of the other row; None for none.
         name
             Name of the other row.
         moves
-            True to send the motions too, and to fit the range of x to the rows.
+            True to send the motions too.
+        keep_scale
+            True to keep the range of x, as during a drag; otherwise it is fitted to the rows.
         """
-        layouts, waves = [design.wave.layout], [design.wave]
-        if rival:
-            layouts, waves = [*layouts, rival.layout], [*waves, rival]
-        tallest = max(float(layout.height.max()) for layout in layouts)
-        z = np.concatenate([layout.pivots[:, 1] for layout in layouts])
-        if moves:
-            low = -max(float(layout.thickness[0]) for layout in layouts) - BEHIND * tallest
-            high = max(
-                float(layout.pivots[-1, 0] + AHEAD * layout.height[-1]) for layout in layouts
-            )
-            self._limits = low, high
-            rows = [_motion_data(wave) for wave in waves]
-        else:
-            rows = [layout_data(layout) for layout in layouts]
-        bottom, top = float(z.min()), float(z.max()) + tallest
+        waves = [row.wave for row in (design, other) if row]
+        pivots = np.concatenate([wave.layout.pivots for wave in waves])
+        tallest = max(float(wave.layout.height.max()) for wave in waves)
+        (_, bottom), (end, top) = pivots.min(axis=0).tolist(), pivots.max(axis=0).tolist()
+        low, high = -BEHIND * tallest, end + AHEAD * tallest
+        if keep_scale:
+            low, high = (self.state["extent"][name] for name in ("low", "high"))
         self.state = {
-            "rows": rows,
-            "extent": dict(
-                zip(("low", "high", "bottom", "top"), (*self._limits, bottom, top), strict=True)
-            ),
+            "rows": [_row_data(wave, moves) for wave in waves],
+            "extent": {"low": low, "high": high, "bottom": bottom, "top": top + tallest},
             "designed": design.scene.count,
             "stop": -1 if design.stop is None else design.stop,
-            "rival": name,
-            "verdict": _verdict(design.wave, rival, name) if rival else "",
+            "other": name,
+            "verdict": _verdict(design.wave, other.wave, name) if other else "",
         }
-        return self._limits
 
 
 @lru_cache(8)
-def _motion_data(wave: Wave) -> dict[str, Any]:
-    """Return the data of a motion, kept as one of the two rows seldom changes."""
-    return motion_data(wave, Motion(wave.layout, wave.physics))
+def _row_data(wave: Wave, moves: bool) -> dict[str, Any]:
+    """Return the data of a layout, with its motion if it moves; one of two rows seldom changes."""
+    if moves:
+        return motion_data(wave, Motion(wave.layout, wave.physics))
+    return layout_data(wave.layout)
 
 
-def _verdict(own: Wave, rival: Wave, name: str) -> str:
+def _verdict(own: Wave, other: Wave, name: str) -> str:
     """Return the result of the race in words."""
-    if own.hit < own.layout.count or rival.hit < rival.layout.count:
-        return "yours stops" if own.hit < own.layout.count else f"{name} stop"
-    earlier = float(rival.arrival_times[-1] - own.arrival_times[-1])
-    longer = 1e3 * (own.layout.length - rival.layout.length)
+    for wave, words in ((own, "yours stops"), (other, f"{name} stop")):
+        if wave.hit < wave.layout.count:
+            return words
+    earlier = float(other.arrival_times[-1] - own.arrival_times[-1])
+    longer = 1e3 * (own.layout.length - other.layout.length)
     words = f"{abs(earlier):.3f} s {'earlier' if earlier > 0.0 else 'later'} than {name}"
     if abs(earlier) < TIE:
         words = f"at the same time as {name}"

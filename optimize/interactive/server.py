@@ -8,18 +8,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.checks import require, require_choice, require_extra, require_type
+from domino_env.core.checks import require, require_choice, require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
-from optimize.interactive.exchange import KEY, MAX_UPLOAD, open_design, read_link
+from optimize.interactive.exchange import KEY, open_design, read_link
 from optimize.searching import compile_simulations
 
 HOST = "localhost"
-CHECK_INTERVAL = 1_000  # [ms] between checks for closed tabs
-CHECKS_WITHOUT_TAB = 5  # after so many in a row the server ends; a tab that reloads misses some
-CONNECTION_TIMEOUT = 60_000  # [ms] in which a slow browser has to connect
+LIFETIME = 30_000  # [ms] of a tab without a connection, also of one that is not connected yet
 HEIGHT = 1200  # [px] of the page in a notebook
 TEMPLATE = Path(__file__).with_name("template.html")  # of the document that contains the page
 
@@ -44,20 +42,13 @@ class Studio:
 
     def __init__(self, design: Design, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
-        require_type("design", design, Design, "a Design; studio(scene) makes one")
         self.url, self._port, self._first = "", port, design
-        self._page: Any = None  # of the tab that was opened last
-        self._pages = set[Any]()  # of all tabs
-
-    @property
-    def design(self) -> Design:
-        """Design of the tab that was opened last; before any, the first one."""
-        return self._page.design if self._page else self._first
+        self._pages: list[Any] = []  # of all tabs
 
     @property
     def layout(self) -> Layout:
-        """Layout of `design`."""
-        return self.design.layout
+        """Layout of the tab that was opened last; before any, the first one."""
+        return (self._pages[-1].design if self._pages else self._first).layout
 
     def serve(self, callback: Callable[[str], object], *, until_closed: bool = True) -> None:
         """Serve the page until Ctrl-C or, with `until_closed`, until the last tab is closed.
@@ -67,44 +58,29 @@ class Studio:
         callback
             Function that is called with the address once the page can be opened.
         until_closed
-            If True, the server also ends a few seconds after the last tab is closed.
+            If True, the server also ends some seconds after the last tab is closed.
 
         Raises
         ------
         OSError
             If the port is in use; the message has it.
-        TypeError
-            If `callback` is no function.
         """
         from panel.io.server import get_server
-        from tornado.ioloop import PeriodicCallback
 
-        require_type("callback", callback, Callable, "a function of the address")
         asyncio.set_event_loop(asyncio.new_event_loop())  # only the main thread has one already
         try:
             server: Any = get_server(
-                self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
-                location=False, websocket_max_message_size=2 * MAX_UPLOAD,
-                check_unused_sessions_milliseconds=CHECK_INTERVAL,
-                unused_session_lifetime_milliseconds=CONNECTION_TIMEOUT,
+                lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
+                port=self._port, address="127.0.0.1", title="Domino studio", location=False,
+                unused_session_lifetime_milliseconds=LIFETIME,
+                check_unused_sessions_milliseconds=LIFETIME // 20,
             )  # fmt: skip
         except OSError as error:
             hint = "give another port, or 0 for any free one (--port)"
             raise OSError(f"port {self._port}: {error.strerror}: {hint}") from None
         # the compilation in a first search would block the page
         compile_simulations(self._first.scene, gradients=True)
-        checks_left = 0  # checks without a tab until the end; negative before the first tab
-
-        def end_without_tabs() -> None:
-            nonlocal checks_left
-            is_open = any(session.connection_count for session in server.get_sessions())
-            checks_left = CHECKS_WITHOUT_TAB if is_open else checks_left - 1
-            if checks_left == 0:
-                server.io_loop.stop()
-
         server.start()
-        if until_closed:
-            PeriodicCallback(end_without_tabs, CHECK_INTERVAL).start()
         self.url = f"http://{HOST}:{server.port}/"
         callback(self.url)
         try:
@@ -112,17 +88,16 @@ class Studio:
         finally:
             server.stop()
             server.io_loop.close()
-            for page in list(self._pages):
+            for page in self._pages:
                 page.close()
             self.url = ""
 
-    def _new_tab(self) -> Any:
+    def _new_tab(self, after_last: Callable[[], None]) -> Any:
         """Return the page of a new tab, with the design in its link or else the first one."""
         import panel as pn
 
         from optimize.interactive.page import Page
 
-        document: Any = pn.state.curdoc
         design, message, arguments = self._first, "", pn.state.session_args or {}
         try:
             if link := arguments.get(KEY):
@@ -132,15 +107,18 @@ class Studio:
                 design = Design.uniform(load_scene(name))
         except ValueError as error:
             message = str(error)
-        page = self._page = Page(design, document.add_next_tick_callback)
+        document: Any = pn.state.curdoc
+        page = Page(design, document.add_next_tick_callback)
         page.notify(message, "error")
-        self._pages.add(page)
-        pn.state.onload(page.process.start)  # not for each request without a tab
 
         def end(_: object) -> None:
             page.close()
-            self._pages.discard(page)
+            if page in self._pages:
+                self._pages.remove(page)
+                if not self._pages:
+                    after_last()
 
+        pn.state.onload(lambda: self._pages.append(page))  # not a request without a tab
         pn.state.on_session_destroyed(end)
         template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
@@ -150,14 +128,8 @@ class Studio:
         """Serve the page in a thread, and return a frame that shows it."""
         if not self.url:
             ready = threading.Event()
-
-            def serve() -> None:
-                try:
-                    self.serve(lambda _: ready.set(), until_closed=False)
-                finally:
-                    ready.set()
-
-            threading.Thread(target=serve, daemon=True).start()
+            arguments = {"callback": lambda _: ready.set(), "until_closed": False}
+            threading.Thread(target=self.serve, kwargs=arguments, daemon=True).start()
             ready.wait()
         return f'<iframe src="{self.url}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
 

@@ -13,8 +13,9 @@ from agents import closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
 from agents.apg import require_smooth
 from agents.closed_loop import random_parts
+from agents.network import build_actor
 from agents.rollout import SEEDS_PER_TRAINING, episode_scores
-from agents.sb3 import Learner
+from agents.sb3 import make_model, weights
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)
 FREE = replace(SHORT, thickness=(0.004, 0.012))
@@ -35,8 +36,8 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
     scene = SCENES[name]
     seeds = range(SEEDS_PER_TRAINING, SEEDS_PER_TRAINING + (2 if random_parts(scene) else 1))
     chosen = default_hyperparameters("apg", SHORT).replace(num_envs=2)
-    learner = Learner(scene, "apg", chosen, 0)
-    model, policy = learner.model, learner.model.policy
+    model = make_model(scene, "apg", chosen, 0)
+    policy = model.policy
     layer = policy.mlp_extractor.policy_net[0]
     if not random_parts(scene):
         assert int(layer.weight.any(dim=0).sum()) == 9  # of the position alone
@@ -49,18 +50,18 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
             policy.action_net.bias[1:] = torch.tensor([-0.1, 0.9, 0.1])
             numbers = {"rule": np.repeat([0.1, 0.0], [7, 18])}
             monkeypatch.setattr(closed_loop, "shipped_references", lambda: numbers)
-    learner.env.seed(SEEDS_PER_TRAINING)
+    model.env.seed(SEEDS_PER_TRAINING)
     if random_parts(scene):
         mask = torch.from_numpy(model._mask)
-        closed_loop.Episodes(policy, learner.env, mask).loss().backward()
+        closed_loop.Episodes(policy, model.env, mask).loss().backward()
     else:
-        model._open_loop_loss(learner.env)[0].backward()
+        model._open_loop_loss(model.env)[0].backward()
     gradient, start = layer.bias.grad.numpy().copy(), layer.bias.detach().clone()
 
     def loss(bias: torch.Tensor) -> float:
         with torch.no_grad():
             layer.bias.copy_(bias)
-        scores = episode_scores(learner.policy(), scene, seeds)
+        scores = episode_scores(build_actor(weights(policy)).act, scene, seeds)
         return -100.0 * float(scene.criterion.gain(scores, scene.uniform().score).mean())
 
     for i in np.argsort(-np.abs(gradient))[:2]:
@@ -71,7 +72,7 @@ def test_the_gradient_by_the_weights_matches_finite_differences(name, monkeypatc
 
 def test_an_update_uses_all_sampled_scenes():
     chosen = default_hyperparameters("apg", SHORT).replace(num_envs=3)
-    model = Learner(de.load_distribution("varied"), "apg", chosen, 0).model
+    model = make_model(de.load_distribution("varied"), "apg", chosen, 0)
     model.policy.deviation = 0.05
     infos: list[dict[str, object]] = []
     before = model.policy.action_net.weight.detach().clone()

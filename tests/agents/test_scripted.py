@@ -9,10 +9,12 @@ from env_scenes import SMALL
 import domino_env as de
 from agents import design, evaluate
 from agents.rollout import EVALUATION_SEEDS, build, complete_layout
-from agents.scripted import SCRIPTED, ScriptedPolicy, uniform
-from domino_env import DominoChain
+from agents.scripted import SCRIPTED, ScriptedPolicy
+from domino_env import DominoChain, DominoChainVector
 
 NOISY = de.load_scene("sprint").replace(count=12, placement=de.Placement(0.002))
+PIECES = de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3)
+DRAWN = de.load_scene("draw").replace(count=12, stock=PIECES)
 
 
 @pytest.mark.parametrize("name", ["uniform", "greedy", "ramp"])
@@ -94,15 +96,16 @@ def test_scripted_policies_are_evaluated_by_name(output_of, scene, words):
     assert f"{scene}: {words}" in output_of("evaluate", "uniform", "--scene", scene)
 
 
-def test_layouts_are_compared_by_means_over_the_same_errors():
-    exact = NOISY.replace(placement=None)
-    assert NOISY.uniform().score == exact.uniform().score
-    same = build(lambda o: np.zeros((*o.shape[:-1], 1)), NOISY)
-    scripted = uniform(NOISY)
-    assert same.score == pytest.approx(scripted.score, rel=1e-6)
-    assert scripted.gain == pytest.approx(0.0, abs=1e-12)
-    mean = NOISY.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
-    assert scripted.score == mean < exact.score(scripted.layout)
+@pytest.mark.parametrize("scene", [NOISY, DRAWN], ids=["placement noise", "drawn pieces"])
+def test_rollouts_and_the_baseline_are_means_over_the_same_seeds(scene):
+    rollout = ScriptedPolicy("uniform").build(scene)
+    scores = scene.score_placed(rollout.layout, EVALUATION_SEEDS)
+    assert rollout.score == rollout.uniform.score == scores.mean() != scene.uniform().score
+    env = DominoChainVector(3, scene)
+    env.reset(seed=EVALUATION_SEEDS[0])
+    for _ in range(scene.count - 1):
+        info = env.step(np.zeros(env.action_space.shape))[4]
+    assert info["score"] == pytest.approx(scores[:3], rel=1e-5)
 
 
 def test_a_controller_keeps_the_schedule_that_a_plan_misses():

@@ -5,7 +5,7 @@ import pytest
 from env_scenes import play
 
 import domino_env as de
-from domino_env import DominoChain, DominoChainVector, DominoLayoutVector
+from domino_env import DominoChain
 from domino_env.scenes.uniform_layouts import PLANNING_ORDERS
 
 COUNT = 12
@@ -57,18 +57,6 @@ def test_a_hand_of_the_whole_stock_equals_no_hand():
     infos = [play(DominoChain(scene), lambda k: actions[k], seed=2)[3] for scene in (whole, free)]
     assert infos[0]["layout"] == infos[1]["layout"]
     assert infos[0]["score"] == infos[1]["score"]
-
-
-def test_chain_and_layout_environments_place_a_plan_alike():
-    actions = np.random.default_rng(3).uniform(-1.0, 1.0, (4, COUNT - 1))
-    chain, whole = DominoChainVector(4, SCENE), DominoLayoutVector(4, SCENE)
-    for envs in (chain, whole):
-        envs.reset(seed=10)
-    for action in actions.T:
-        built = chain.step(np.tile(action, (4, 1)))[4]
-    at_once = whole.step(np.tile(actions.ravel(), (4, 1)))[4]
-    assert built["score"].tolist() == at_once["score"].tolist()
-    assert len(set(built["score"].tolist())) == 4  # of four orders
 
 
 def test_pieces_of_a_given_layout_are_removed_from_the_stock():

@@ -131,10 +131,3 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
     with pytest.raises(ValueError, match="use DominoChain-v2"):
         DominoLayout(SMALL)
-
-
-def test_frames_show_sampled_scenes():
-    envs = DominoChainVector(2, SMALL, render_mode="ansi")
-    envs.reset(seed=0)
-    envs.step(np.zeros((2, 2)))
-    assert all("2 of 2 hit" in frame for frame in envs.render())
