@@ -167,7 +167,9 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         elif in_speed:  # also if the score is a mean over placement errors
             score = f"{rigid.mean_speed:.4f} m/s"
         else:
-            rigid_wave = replace(wave, arrival_times=rigid.arrival_times)
+            arrivals = wave.arrivals.copy()
+            arrivals["time"] = rigid.arrival_times
+            rigid_wave = replace(wave, arrivals=arrivals)
             placed = scene.as_placed  # the layout as simulated, without further placement errors
             number = placed.score(rigid_wave)
             score = placed.format_score(number, rigid_wave)

@@ -280,9 +280,8 @@ class Evaluator:
         ValueError
             If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
-        designs = numbers("designs", designs, None)
-        single = designs.ndim < 2
-        designs = designs[None] if single else designs
+        single = np.ndim(designs) < 2
+        designs = np.atleast_2d(numbers("designs", designs, None))
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
@@ -307,8 +306,7 @@ class Evaluator:
                 except StoppedError:  # no time was left during a free-standing simulation
                     raise BudgetSpent(self.stop_reason) from None
                 start = end
-        arrays = zip(*map(_pack, results), strict=True)
-        scores = _unpack([np.concatenate(parts) for parts in arrays])
+        scores = Scores(*map(np.concatenate, zip(*map(_pack, results), strict=True)))
         return scores.squeeze() if single else scores
 
     def evaluate_by(
@@ -344,7 +342,7 @@ class Evaluator:
             scores, arrays = compute(design)
             answer = [*_pack(scores), *arrays]
             self._store(kind, design[None], answer)
-        scores, arrays = _unpack(answer[:3]), answer[3:]
+        scores, arrays = Scores(*answer[:3]), answer[3:]
         self._count(scores)
         self._update_best(scores, lambda _: design)
         return scores, arrays
@@ -406,7 +404,7 @@ class Evaluator:
         results: Iterator[Scores]
         while chunks and (arrays := self._replay(kind, chunks[0])) is not None:
             chunks.pop(0)
-            yield _unpack(arrays)
+            yield Scores(*arrays)
         evaluate = partial(
             self.problem.evaluate, gradient=gradient, rtol=rtol, differences=False, relaxed=relaxed
         )
@@ -463,11 +461,5 @@ def require_options(tolerance: object, callback: object, executor: object, clock
 
 def _pack(scores: Scores) -> list[Floats]:
     """Return the arrays of scores that a journal stores."""
-    arrays = [scores.score, scores.reach, scores.falls.astype(np.float64)]
+    arrays = [scores.score, scores.reach, scores.falls]
     return arrays if scores.gradient is None else [*arrays, scores.gradient]
-
-
-def _unpack(arrays: Sequence[Floats]) -> Scores:
-    """Return the scores from the arrays of a journal."""
-    score, reach, falls, *gradient = arrays
-    return Scores(score, reach, falls.astype(np.int64), *gradient)

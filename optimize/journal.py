@@ -101,8 +101,8 @@ class Journal:
         with self._file_errors():
             entry = self._database.execute(query, [self._digest(kind, designs)]).fetchone()
             if entry is not None:
-                parts = msgpack.decode(entry[1], type=list[tuple[tuple[int, ...], bytes]])
-                arrays = [np.frombuffer(data).reshape(shape).copy() for shape, data in parts]
+                parts = msgpack.decode(entry[1], type=list[tuple[str, tuple[int, ...], bytes]])
+                arrays = [np.frombuffer(x, kind).reshape(shape).copy() for kind, shape, x in parts]
                 return float(entry[0]), arrays
         self.replaying = False
         return None
@@ -124,7 +124,7 @@ class Journal:
         ValueError
             If the file cannot be written.
         """
-        answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
+        answer = msgpack.encode([(x.dtype.str, x.shape, x.tobytes()) for x in arrays])
         self._pending.append((self._digest(kind, designs), seconds, answer))
         if seconds - self._last_save > SAVE_INTERVAL:
             self._last_save = seconds

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from domino_env.core.checks import numbers
 from domino_env.core.types import Bools, Floats
@@ -147,9 +148,8 @@ class Problem:
         StoppedError
             If `stop` returns True.
         """
-        designs = numbers("designs", designs, None)
-        single = designs.ndim == 1
-        designs = self.check(self.as_batch(designs) if single else designs)
+        single = np.ndim(designs) == 1
+        designs = self.check(designs)
         values = self.values(designs)
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
@@ -253,7 +253,7 @@ class Problem:
         ValueError
             If the shape is another one, or if entries are outside of [0, 1].
         """
-        gaps, *sizes = self.split(self.values(self.check(self.as_batch(design))))
+        gaps, *sizes = self.split(self.values(self.check([design])))
         thickness, height = (None if size is None else size[0] for size in sizes)
         return self.scene.layout(gaps[0], thickness, height)
 
@@ -349,23 +349,13 @@ class Problem:
         by_target = self._feasible.tangent(by_value, self._targets(designs), values, relaxed)
         return np.asarray(by_target * (self.high - self.low))
 
-    def as_batch(self, design: Floats) -> Floats:
-        """Return one design vector (n,) as a batch (1, n).
-
-        Raises
-        ------
-        ValueError
-            If the shape is another one.
-        """
-        return numbers("design", design, None, (self.dimension,))[None]
-
-    def check(self, designs: Floats, *, unbounded: bool = False) -> Floats:
+    def check(self, designs: ArrayLike, *, unbounded: bool = False) -> Floats:
         """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.
 
         Parameters
         ----------
         designs
-            (B, n) design vectors.
+            (n,) a design vector, or (B, n) a batch.
         unbounded
             True to accept all finite entries as they are.
 
@@ -374,7 +364,8 @@ class Problem:
         ValueError
             If the shape is another one, or if entries are not finite or outside of [0, 1].
         """
-        designs = numbers("designs", designs, None, ("B", self.dimension))
+        designs = np.atleast_2d(numbers("designs", designs, None))
+        numbers("designs", designs, None, ("B", self.dimension))
         is_valid = np.isfinite(designs)
         if not unbounded:
             is_valid &= (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)

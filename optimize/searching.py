@@ -25,7 +25,6 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
-from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
 from optimize.methods import registry
@@ -261,7 +260,7 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
     design = problem.design(uniform.layout)
     layout = problem.layout(design)
     if np.allclose(layout.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):  # [m] rounding
-        falls = Waves.from_waves([uniform.wave], problem.scene.row_count).falls
+        falls = uniform.wave.as_batch().falls
         score = np.array([uniform.score])
         # a wave that stops scores its reach minus 1
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), falls), lambda _: design)
@@ -344,8 +343,7 @@ def _best_finalist(
         return layout, scene.simulate(layout), score
     layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
-    scores = scene.evaluate_waves(waves).score.tolist()
-    return max(zip(layouts, waves, scores, strict=True), key=itemgetter(2))
+    return max(zip(layouts, waves, map(scene.score, waves), strict=True), key=itemgetter(2))
 
 
 def _announce_duration(evaluator: Evaluator) -> None:

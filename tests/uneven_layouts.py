@@ -1,8 +1,14 @@
-"""Random layouts on uneven ground."""
+"""Layouts and a scene on uneven ground."""
 
 import numpy as np
 
 import domino_env as de
+
+POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
+UNEVEN_SCENE = de.Scene(
+    count=9, spacing=(0.008, 0.03), thickness=(0.007, 0.012), first_thickness=0.008,
+    physics=de.Physics(push=14.0), ground=de.Ground(profile=POINTS),
+)  # fmt: skip
 
 
 def uneven_layout(seed: int, count: int, unequal: bool = False) -> de.Layout:

@@ -17,9 +17,9 @@ from domino_env.core.types import Floats
 from domino_env.envs.sources import SceneSource
 from domino_env.kernels.step.batch import Batch
 from domino_env.physics.layout import Layout
-from domino_env.physics.wave import Outcome, Wave
+from domino_env.physics.wave import Outcome, Wave, WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.waves import LayoutBatch
 
 _OUTCOMES = np.array([*Outcome], object)  # members by value
 
@@ -84,20 +84,23 @@ class EpisodeResults:
             groups.setdefault((id(self._scenes[i]), self._placed[i]), []).append(i)
         for (_, placed), group in groups.items():
             scene = self._scenes[group[0]]
-            waves = self._simulate_group(scene, placed, group)
+            waves, layouts = self._simulate_group(scene, placed, group)
             if placed == scene.count - 1:
-                self.outcome[group] = [wave.outcome for wave in waves]
-                self.reach[group] = [wave.reach for wave in waves]
+                self.outcome[group], self.reach[group] = waves.outcome, waves.reach
             else:
-                ends = zip(waves, self.reach[group].tolist(), self.outcome[group], strict=True)
-                waves = [replace(w, reach=r, outcome=Outcome(o)) for w, r, o in ends]
-            self._waves |= zip(group, waves, strict=True)
+                ends = {"outcome": self.outcome[group], "reach": self.reach[group]}
+                waves = replace(waves, summary=waves.summary._replace(**ends))
+            for b, (i, layout) in enumerate(zip(group, layouts, strict=True)):
+                self._waves[i] = waves.wave(b, layout)
             self.score[group] = scene.as_placed.evaluate_waves(waves).score
 
-    def _simulate_group(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
-        """Return the waves of episodes of one scene and one number of placed dominoes."""
+    def _simulate_group(
+        self, scene: Scene, placed: int, episodes: list[int]
+    ) -> tuple[WaveBatch, list[Layout]]:
+        """Return waves and layouts of episodes of one scene and one number of placed dominoes."""
         if len(episodes) == 1 and scene.ground is None:  # takes half the time of a batch of one
-            return [scene.simulate(self.layout(episodes[0]), self._rtol)]
+            wave = scene.simulate(self.layout(episodes[0]), self._rtol)
+            return wave.as_batch(), [wave.layout]
         heights = self._height if len(self._height) == 1 else self._height[episodes]
         sizes = self._thickness[episodes, : placed + 1], heights[:, : placed + 1], scene.width
         batch = LayoutBatch(
@@ -106,8 +109,7 @@ class EpisodeResults:
         )  # fmt: skip
         if scene.run_out is not None and placed == scene.count - 1:
             batch = scene.run_out.append_to(batch)
-        waves = batch.simulate(record=True)
-        return [waves.wave(b, batch.layout(b)) for b in range(len(episodes))]
+        return batch.simulate(record=True), [batch.layout(b) for b in range(len(batch))]
 
     def _returns(self, baseline: Floats, unit: Floats) -> Floats:
         """Return `returns`, for scores of the baselines and divisors of positive scores (E,)."""
@@ -142,7 +144,7 @@ class EpisodeResults:
         if i in self._waves:
             return self._waves[i]
         wave: Wave = self._scenes[i].simulate(self.layout(i), self._rtol)
-        return replace(wave, reach=float(self.reach[i]))
+        return replace(wave, summary=wave.summary._replace(reach=float(self.reach[i])))
 
 
 class _Later:

@@ -153,43 +153,37 @@ def _parse_table(path: Path, text: str) -> dict[str, Any]:
                 f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
                 f"'{kind}_mm' (found: {given or 'nothing'})"
             )
-    columns, line_numbers = {kind: array("d") for kind in places}, array("q")
+    dominoes = list(lines)
+    if not dominoes:
+        raise ValueError("no dominoes below the line of names: give one line per domino")
+    _require_count(len(dominoes))
+    columns = {kind: array("d") for kind in places}
 
-    def cell_error(line: int, kind: str, reason: str) -> ValueError:
+    def cell_error(line: int, kind: str, reason: object) -> ValueError:
         column = one_line(names[places[kind]])
         return ValueError(f"{path}, line {line}, column '{column}': {reason}")
 
-    for line, cells in lines:
+    for line, cells in dominoes:
         if any(cell.strip() for cell in cells[len(names) :]):  # 18,5 is read as two cells
             raise ValueError(
                 f"{path}, line {line}: more cells than the {len(names)} names: where commas "
                 "separate cells, write 18.5 with a point, or separate them by semicolons"
             )
         cells += [""] * (len(names) - len(cells))
-        no_gap = not cells[places["spacing"]].strip(" \t0.,")  # empty or 0, as for the last one
         for kind, place in places.items():
+            cell = cells[place].strip()
+            is_gap, is_last = cell.strip(" \t0.,") != "", line == dominoes[-1][0]
+            if kind == "spacing" and is_gap == is_last:
+                missing = "empty or 0: give the free gap in front of every domino but the last"
+                excess = "leave it empty, as the last domino has no gap in front, or add dominoes"
+                raise cell_error(line, kind, excess if is_last else missing)
+            if kind in _PAIR_COLUMNS and is_last:
+                continue
             try:
-                value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], separator)
+                columns[kind].append(_number(kind, cell, _PER_UNIT[names[place]], separator))
             except ValueError as error:
-                if not (no_gap and kind in _PAIR_COLUMNS):
-                    raise cell_error(line, kind, str(error)) from None
-                value = math.nan  # no value: accepted for the last domino only, see below
-            columns[kind].append(value)
-        line_numbers.append(line)
-    if not line_numbers:
-        raise ValueError("no dominoes below the line of names: give one line per domino")
-    _require_count(len(line_numbers))
+                raise cell_error(line, kind, error) from None
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
-    missing = np.isnan(values["spacing"])
-    if missing[:-1].any():
-        line = line_numbers[int(missing[:-1].argmax())]
-        reason = "empty or 0: give the free gap in front of every domino but the last"
-        raise cell_error(line, "spacing", reason)
-    if not missing[-1]:
-        reason = "leave it empty, as the last domino has no gap in front, or add missing dominoes"
-        raise cell_error(line_numbers[-1], "spacing", reason)
-    for kind in places.keys() & _PAIR_COLUMNS:
-        values[kind] = values[kind][:-1]
     if "width" in values:
         low, high = values["width"].min(), values["width"].max()
         if low < high:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import time
 from dataclasses import dataclass, field
-from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env.core.checks import numbers, require, require_choice, require_type
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
-from domino_env.core.types import Floats, read_only
+from domino_env.core.types import Floats, Ints, read_only
 from domino_env.kernels import arrays as kernel_arrays
 from domino_env.kernels.adjoint.chain import vjp, vjp_batch
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
@@ -66,22 +66,60 @@ _EXPLANATIONS = {
 }
 
 
+class Results:
+    """Results of a wave, or of B waves with a leading B.
+
+    Attributes
+    ----------
+    summary
+        Results of a whole wave, a `kernels.arrays.Summary`, which the properties show.
+    arrivals
+        Records for each domino, likewise.
+    """
+
+    summary: Any
+    arrivals: NDArray[np.record]
+
+    outcome = property(attrgetter("summary.outcome"))
+    hit = property(attrgetter("summary.hit"))
+    toppled = property(attrgetter("summary.toppled"))
+    reach = property(attrgetter("summary.reach"))
+    total_time = property(attrgetter("summary.total_time"))
+    error_estimate = property(attrgetter("summary.estimate"))
+    flushes = property(attrgetter("summary.flushes"))
+    releases = property(attrgetter("summary.releases"))
+    largest_flush_loss = property(attrgetter("summary.flush_loss"))
+    lowest_stall_margin = property(attrgetter("summary.lowest_margin"))
+    arrival_times = property(lambda self: self.arrivals["time"])
+    release_velocity = property(lambda self: self.arrivals["release"])
+    impact_velocity = property(lambda self: self.arrivals["impact"][..., :-1])
+    stall_margin = property(lambda self: self.arrivals["margin"])
+    converged = property(lambda self: self.error_estimate <= self.rtol)
+    propagated = property(lambda self: self.summary.outcome == kernel_arrays.PROPAGATED)
+
+
 @dataclass(frozen=True, eq=False)
-class Wave:
+class Wave(Results):
     """Wave of a layout: arrival times, velocities and outcome.
 
     Attributes
     ----------
     layout, physics
         Layout and physics that were simulated.
+    rtol
+        Relative error allowed in the arrival times.
     outcome
         Reason why the wave ended; `explanation` is a sentence about it, with the place.
+    propagated
+        True if the wave completed.
     hit
         Number of dominoes struck. The first counts, and so does one that is struck but not moved.
     toppled
         Number of dominoes that passed their tipping angle; all of them if the wave propagated.
     arrival_times
         (N,) times at which each domino is first moved [s]: 0 for the first, inf where not reached.
+    total_time
+        Arrival time at the last domino [s]; inf for a wave that did not propagate.
     release_velocity
         (N,) angular velocity just after being hit [rad/s], the push for domino 0; nan where not
         reached.
@@ -90,6 +128,8 @@ class Wave:
     stall_margin
         (N,) lowest u = ω² of each leader over its value just after the hit: 0 where the wave
         stalled, nan where not reached.
+    lowest_stall_margin
+        Smallest stall margin of all leaders.
     reach
         Part of the chain that the wave passed: the number of intervals between hits, with the
         fraction of the last one, over N; 1 if it propagated.
@@ -103,32 +143,26 @@ class Wave:
         Number of separations.
     largest_flush_loss
         Largest fraction of the leader's speed lost in one face impact.
-    rtol
-        Relative error allowed in the arrival times.
     run_time
         Time of the computation [s].
+    summary, arrivals
+        Results of the whole wave and of its dominoes, which these attributes show.
     tape
         Saved states for `pullback`; None if simulated without `gradient=True`.
     """
 
     layout: Layout
     physics: Physics
-    outcome: Outcome
-    hit: int
-    toppled: int
-    arrival_times: Floats
-    release_velocity: Floats
-    impact_velocity: Floats
-    stall_margin: Floats
-    reach: float
-    error_estimate: float
-    converged: bool
-    flushes: int
-    releases: int
-    largest_flush_loss: float
     rtol: float
+    summary: kernel_arrays.Summary
+    arrivals: NDArray[np.record]
     run_time: float
     tape: NDArray[np.record] | None = field(default=None, repr=False)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Reason why the wave ended."""
+        return Outcome(self.summary.outcome)
 
     def __repr__(self) -> str:
         count = self.layout.count
@@ -234,6 +268,12 @@ class Wave:
             return gradient
         return with_length_gradient(gradient, self.layout, 1.0 / total)
 
+    def as_batch(self) -> WaveBatch:
+        """Return the wave as a batch of one, without gradient."""
+        summary = kernel_arrays.Summary._make(np.array([number]) for number in self.summary)
+        results = summary, self.arrivals[None], np.array([self.mean_speed]), self.run_time
+        return WaveBatch(_batch_of_one(self.layout), self.physics, self.rtol, *results)
+
     @property
     def mean_speed(self) -> float:
         """Length of the layout over the last arrival time [m/s]; 0 for a wave that stops."""
@@ -266,17 +306,12 @@ class Wave:
         )
 
 
-def _column(records: str, name: str) -> Any:
-    """Return a property for one field of an attribute that is an array of records."""
-    return property(lambda self: getattr(self, records)[name])
-
-
 @dataclass(frozen=True, eq=False)
-class WaveBatch:
+class WaveBatch(Results):
     """Waves of B layouts of N dominoes each; `batch[b]` is a `Wave`.
 
-    It has the fields of `Wave` but layout and tape, with a leading B, and those below.
-    With `record=False` or a gradient the fields per domino, such as `arrival_times`, are empty.
+    It has the attributes of `Wave` but layout and tape, with a leading B, and those below.
+    With `record=False` or a gradient the attributes per domino, such as `arrival_times`, are empty.
 
     Attributes
     ----------
@@ -284,19 +319,15 @@ class WaveBatch:
         Arrays of the layouts for the kernels.
     physics, rtol
         Physics and relative error of all waves.
-    summaries
-        (B,) records of results of a whole wave, which the fields show.
-    arrivals
-        (B, N) records of results per domino; (B, 0) if these are not kept.
-    run_time
-        Time of the computation of all waves [s].
     outcome
         (B,) values of `Outcome`.
-    total_time
-        (B,) arrival times at the last domino [s]; inf for a wave that did not propagate.
+    mean_speed
+        (B,) mean speeds, as for `Wave` [m/s].
     lowest_stall_margin
-        (B,) smallest stall margins of all leaders; without fields per domino, u = ω² is compared at
-        the nodes of the quadrature only.
+        (B,) smallest stall margins of all leaders; without attributes per domino, u = ω² is
+        compared at the nodes of the quadrature only.
+    run_time
+        Time of the computation of all waves [s].
     gradient
         Gradient of the total time, 0 for a wave that did not propagate; None if not requested.
     """
@@ -304,37 +335,24 @@ class WaveBatch:
     arrays: kernel_arrays.Arrays
     physics: Physics
     rtol: float
-    summaries: NDArray[np.record]
+    summary: Any
     arrivals: NDArray[np.record]
+    mean_speed: Floats
     run_time: float
     gradient: Gradient | None = None
 
-    outcome = _column("summaries", "outcome")
-    hit = _column("summaries", "hit")
-    toppled = _column("summaries", "toppled")
-    reach = _column("summaries", "reach")
-    total_time = _column("summaries", "total_time")
-    error_estimate = _column("summaries", "estimate")
-    flushes = _column("summaries", "flushes")
-    releases = _column("summaries", "releases")
-    largest_flush_loss = _column("summaries", "flush_loss")
-    lowest_stall_margin = _column("summaries", "lowest_margin")
-    arrival_times = _column("arrivals", "time")
-    release_velocity = _column("arrivals", "release")
-    impact_velocity = property(lambda self: self.arrivals["impact"][:, :-1])
-    stall_margin = _column("arrivals", "margin")
-    converged = property(lambda self: self.error_estimate <= self.rtol)
+    @property
+    def count(self) -> int:
+        """Number of dominoes N."""
+        return int(self.arrays.thickness.shape[1])
 
-    @cached_property
-    def mean_speed(self) -> Floats:
-        """Mean speeds (B,), as for `Wave` [m/s]."""
-        arrays, total = self.arrays, self.total_time
-        pitches = footing.pitches(arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt)
-        # summed as Layout.length is, so that speeds agree to the last bit
-        length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
-        # 1e-300: no division by zero where the mask excludes the quotient
-        has_speed = np.isfinite(total) & (total > 0.0)
-        return read_only(np.where(has_speed, length / np.maximum(total, 1e-300), 0.0))
+    @property
+    def falls(self) -> Ints:
+        """(B,) numbers of simulated intervals between hits.
+
+        N for a wave that completes, as the last domino falls too.
+        """
+        return np.asarray(np.ceil(self.reach * self.count), np.int64)
 
     def pullback(self, arrival_bar: Floats) -> Gradient:
         """Return the gradient of Σ_k arrival_bar[b, k] t_k of every layout b.
@@ -360,7 +378,7 @@ class WaveBatch:
         bars = numbers("arrival_bar", arrival_bar, True, shape, "that of the thicknesses", True)
         # those of an unpickled batch can be written
         arrays = kernel_arrays.Arrays(*(read_only(a) for a in self.arrays if a is not None))
-        return _pullback_batch(arrays, setting, bars, np.empty_like(self.summaries))
+        return _pullback_batch(arrays, setting, bars, np.empty(len(self), kernel_arrays.SUMMARY))
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
         """Return one wave as `simulate` returns it.
@@ -396,15 +414,16 @@ class WaveBatch:
             layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
         require_arguments(layout, self.physics)
         numbers("layout.thickness", layout.thickness, None, self.arrivals.shape[1:])
-        summary = kernel_arrays.Summary._make(self.summaries.item(b))
-        seconds = self.run_time / len(self)
-        return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), seconds)
+        summary = kernel_arrays.Summary._make(column[b].item() for column in self.summary)
+        arrivals, seconds = self.arrivals[b].copy(), self.run_time / len(self)
+        arrivals.flags.writeable = False
+        return Wave(layout, self.physics, self.rtol, summary, arrivals, seconds)
 
     def __getitem__(self, b: int) -> Wave:
         return self.wave(b)
 
     def __len__(self) -> int:
-        return len(self.summaries)
+        return len(self.mean_speed)
 
     def __repr__(self) -> str:
         counts = [(int(np.sum(self.outcome == kind)), kind.label) for kind in Outcome]
@@ -480,8 +499,9 @@ def simulate(
         tape = np.empty(summary.event_count, kernel_arrays.EVENT)
     # bytes cannot be written
     saved = np.frombuffer(tape[: summary.event_count].tobytes(), tape.dtype) if gradient else None
+    arrivals.flags.writeable = False
     run_time = time.perf_counter() - began
-    return _wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
+    return Wave(layout, physics, rtol, summary, arrivals[0], run_time, saved)
 
 
 def _batch_of_one(layout: Layout) -> kernel_arrays.Arrays:
@@ -560,8 +580,24 @@ def simulate_batch(
     else:
         share_pieces(solve_batch, *inputs, record, summaries, arrivals, _NO_TAPE)
     summaries.flags.writeable = arrivals.flags.writeable = False
-    run_time = time.perf_counter() - began
-    return WaveBatch(arrays, physics, rtol, summaries, arrivals, run_time, time_gradient)
+    summary = columns_of(summaries)
+    speed, run_time = _mean_speeds(arrays, summary.total_time), time.perf_counter() - began
+    return WaveBatch(arrays, physics, rtol, summary, arrivals, speed, run_time, time_gradient)
+
+
+def columns_of(summaries: NDArray[np.record]) -> Any:
+    """Return the fields of summaries (B,) as a Summary of arrays (B,)."""
+    return kernel_arrays.Summary._make(summaries[name] for name in kernel_arrays.Summary._fields)
+
+
+def _mean_speeds(arrays: kernel_arrays.Arrays, total_time: Floats) -> Floats:
+    """Return the mean speeds (B,) of waves [m/s]."""
+    pitches = footing.pitches(arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt)
+    # summed as Layout.length is, so that speeds agree to the last bit
+    length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(pitches))
+    # 1e-300: no division by zero where the mask excludes the quotient
+    has_speed = np.isfinite(total_time) & (total_time > 0.0)
+    return read_only(np.where(has_speed, length / np.maximum(total_time, 1e-300), 0.0))
 
 
 def _pullback_batch(
@@ -582,39 +618,6 @@ def _empty_bars(arrays: kernel_arrays.Arrays) -> kernel_arrays.Arrays:
     """Return empty arrays for the derivatives with respect to the arrays of a layout or a batch."""
     empty: list[Any] = [None if array is None else np.empty(array.shape) for array in arrays]
     return kernel_arrays.Arrays(*empty)
-
-
-def _wave(
-    layout: Layout,
-    physics: Physics,
-    rtol: float,
-    summary: kernel_arrays.Summary,
-    arrival: NDArray[np.record],
-    run_time: float,
-    tape: NDArray[np.record] | None = None,
-) -> Wave:
-    """Return a wave from the records that the kernels have written, which become read-only."""
-    arrival.flags.writeable = False
-    return Wave(
-        layout=layout,
-        physics=physics,
-        outcome=Outcome(summary.outcome),
-        hit=summary.hit,
-        toppled=summary.toppled,
-        arrival_times=arrival["time"],
-        release_velocity=arrival["release"],
-        impact_velocity=arrival["impact"][:-1],
-        stall_margin=arrival["margin"],
-        reach=summary.reach,
-        error_estimate=summary.estimate,
-        converged=summary.estimate <= rtol,
-        flushes=summary.flushes,
-        releases=summary.releases,
-        largest_flush_loss=summary.flush_loss,
-        rtol=rtol,
-        run_time=run_time,
-        tape=tape,
-    )
 
 
 def setting_from(physics: Physics, rtol: float) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from domino_env.core.models import Value, about
 from domino_env.core.types import Floats
-from domino_env.scenes.waves import Waves
+from domino_env.physics.wave import WaveBatch
 
 # Rounding decides whether a layout at a limit satisfies it. Therefore scores with at most this rtol
 # allow some excess. Searches have a larger rtol and allow none, so their results are accepted.
@@ -51,7 +51,7 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         if self.stall_margin is None and self.flush_loss is None:
             raise ValueError("the table is empty: give stall_margin, flush_loss or both")
 
-    def apply(self, scores: Floats, waves: Waves) -> Floats:
+    def apply(self, scores: Floats, waves: WaveBatch) -> Floats:
         """Return scores that are lower if a wave violates a limit or stops.
 
         Parameters

@@ -17,8 +17,8 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import ScoreGradient, Scores
-from domino_env.scenes.waves import LayoutBatch
 
 LARGEST_DRAWS = 100_000  # largest number of draws of one layout
 MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
@@ -97,53 +97,40 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             of the draws minus 1. `falls` are those of all draws.
         """
         size = max(1, MOST_DRAWN_DOMINOES // (self.draws * row_count))  # that fit into memory
-        statistic = self._mean if self.quantile is None else self._quantile
         return Scores.concatenate([
-            statistic(layouts[i : i + size], evaluate, gradient)
+            self._statistic(layouts[i : i + size], evaluate, gradient)
             for i in range(0, max(len(layouts), 1), size)
         ])  # fmt: skip
 
-    def _mean(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
-        """Return mean scores and derivatives."""
-        errors = self.errors(layouts.count - 1)
-        drawn = evaluate(draw_layouts(layouts, errors), gradient)
-        score, reach, falls = self._by_layout(drawn)
-        mean = score.mean(axis=1)
-        scores = Scores(mean, np.where(mean > 0.0, 1.0, reach), falls)
+    def _statistic(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
+        """Return the statistics of layouts whose draws fit into memory.
+
+        The derivatives of a quantile are those of the draw at the quantile.
+        """
+        errors, shape = self.errors(layouts.count - 1), (len(layouts), self.draws)
+        drawn = evaluate(draw_layouts(layouts, errors), gradient and self.quantile is None)
+        score, reach = drawn.score.reshape(shape), drawn.reach.reshape(shape).mean(axis=1)
+        falls = drawn.falls.reshape(shape).sum(axis=1)
+        if self.quantile is None:
+            value = failure = score.mean(axis=1)
+        else:
+            rank = max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1  # 1e-9: rounding
+            # index of the draw at the quantile; waves that stop are the slowest
+            decisive = np.argsort(np.maximum(score, 0.0), axis=1, kind="stable")[:, rank]
+            value, failure = score[np.arange(len(layouts)), decisive], reach - 1.0
+            errors = errors[decisive]
+        succeeds = value > 0.0
+        scores = Scores(np.where(succeeds, value, failure), np.where(succeeds, 1.0, reach), falls)
         if not gradient:
             return scores
-        shape = len(layouts), self.draws, -1
-        spacing, *others = (part.reshape(shape) for part in drawn.gradient)
-        is_free = layouts.spacing[:, None, :] + errors > LEAST_GAP  # False for gaps raised to it
+        if self.quantile is not None:
+            spacing = add_errors(layouts.spacing, errors)
+            drawn, errors = evaluate(replace(layouts, spacing=spacing), True), errors[:, None]
+        is_free = layouts.spacing[:, None] + errors > LEAST_GAP  # False for gaps raised to it
+        by_draw = (part.reshape(len(layouts), -1, layouts.count - 1) for part in drawn.gradient)
+        spacing, *others = by_draw
         parts = is_free * spacing, *others
         return scores.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
-
-    def _quantile(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
-        """Return quantiles; the derivatives are those of the draw at the quantile."""
-        assert self.quantile is not None
-        errors, indices = self.errors(layouts.count - 1), np.arange(len(layouts))
-        score, reach, falls = self._by_layout(evaluate(draw_layouts(layouts, errors), False))
-        rank = max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1  # 1e-9: rounding
-        # index of the draw at the quantile; waves that stop are the slowest
-        decisive = np.argsort(np.maximum(score, 0.0), axis=1, kind="stable")[:, rank]
-        quantile = score[indices, decisive]
-        succeeds = quantile > 0.0
-        scores = Scores(
-            np.where(succeeds, quantile, reach - 1.0), np.where(succeeds, 1.0, reach), falls
-        )
-        if not gradient:
-            return scores
-        is_free = layouts.spacing + errors[decisive] > LEAST_GAP  # False for gaps raised to it
-        drawn = replace(layouts, spacing=add_errors(layouts.spacing, errors[decisive]))
-        derivatives = evaluate(drawn, True).gradient
-        return scores.with_gradient(derivatives._replace(spacing=is_free * derivatives.spacing))
-
-    def _by_layout(self, drawn: Scores) -> tuple[Floats, Floats, Floats]:
-        """Return scores (B, draws), mean reaches (B,) and sums of falls (B,) of each layout."""
-        score, reach, falls = (
-            part.reshape(-1, self.draws) for part in (drawn.score, drawn.reach, drawn.falls)
-        )
-        return score, reach.mean(axis=1), falls.sum(axis=1)
 
     def describe(self, text: str, unit: str) -> str:
         """Add the statistic to a formatted score with a unit."""

@@ -10,8 +10,8 @@ from msgspec import Meta
 
 from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.rules import MAX_DOMINOES
-from domino_env.scenes.waves import LayoutBatch
 
 
 class RunOut(Value, frozen=True):  # type: ignore[misc]

@@ -18,8 +18,9 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
-from domino_env.physics.wave import Outcome, Wave, simulate
+from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate
 from domino_env.scenes import rules
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective, Scores
 from domino_env.scenes.objectives.tempo import Tempo
@@ -28,7 +29,6 @@ from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scoring import Scoring
 from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator, Stop
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 LENGTH_TOLERANCE = 1e-9  # [m] largest difference from the length of the scene
 SCORE_RTOL = 1e-10  # relative tolerance of reported scores; that of searches may be larger
@@ -412,7 +412,7 @@ class SceneBase:
                 raise ValueError(
                     f"wave of {layout.physics}: give one of the scene's {self.physics}"
                 )
-            return float(self.evaluate_waves([layout]).score[0])
+            return float(self.evaluate_waves(layout.as_batch()).score[0])
         self._require_valid(layout)
         return self.score(self.simulate(layout))
 
@@ -450,13 +450,13 @@ class SceneBase:
         require_type("batch", batch, LayoutBatch, "a LayoutBatch, as scene.batch() returns")
         return self.scoring.evaluate(batch, gradient, stop)
 
-    def evaluate_waves(self, waves: Sequence[Wave]) -> Scores:
-        """Score waves that have been simulated.
+    def evaluate_waves(self, waves: WaveBatch) -> Scores:
+        """Score waves that have been simulated with fixed pivots.
 
-        The wave of an incomplete layout can be scored if it stopped. Its `reach` must then refer to
-        all N dominoes of the whole row, not to those of the layout. Complete layouts are simulated
-        again, with all threads, if the scores need their draws of placement noise or free-standing
-        dominoes.
+        The waves of incomplete layouts can be scored if they stopped. Their reaches must then refer
+        to all N dominoes of the whole row, not to those of the layouts. Complete layouts are
+        simulated again, with all threads, if the scores need their draws of placement noise or
+        free-standing dominoes.
 
         Parameters
         ----------
@@ -471,26 +471,20 @@ class SceneBase:
         Raises
         ------
         TypeError
-            For anything but a sequence of waves.
+            For anything but a batch of waves.
         ValueError
-            For a wave of more dominoes than the whole row has, or of fewer if it propagated.
+            For waves of more dominoes than the whole row has, or of fewer if one propagated.
         """
-        require_type("waves", waves, Sequence, "a list of waves")
-        scores = self.scoring.score(Waves.from_waves(waves, self.row_count))
-        complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.row_count]
-        if complete and not self.scoring.follows_wave:
-            first = slice(0, self.count - 1)  # without the run-out
-            layouts = [waves[b].layout for b in complete]
-            batch = self.batch(
-                np.array([layout.spacing[first] for layout in layouts]),
-                np.array([layout.thickness[1:][first] for layout in layouts]),
-                np.array([layout.height[1:][first] for layout in layouts]),
-                waves[0].rtol,
-            )
-            simulated = self.scoring.evaluate(batch)
-            for name in ("score", "reach", "falls"):
-                getattr(scores, name)[complete] = getattr(simulated, name)
-        return scores
+        require_type("waves", waves, WaveBatch, "a WaveBatch, as simulate_batch() returns")
+        n, count = waves.count, self.row_count
+        if n > count or (n < count and waves.propagated.any()):
+            raise ValueError(f"waves of {n} dominoes: give {count}, or fewer if they stop")
+        if n < count or self.scoring.follows_wave:
+            return self.scoring.score(waves)
+        arrays, part = waves.arrays, np.s_[:, 1 : self.count]  # without the run-out
+        heights = np.broadcast_to(arrays.height, arrays.thickness.shape)
+        sizes = arrays.spacing[:, : self.count - 1], arrays.thickness[part], heights[part]
+        return self.scoring.evaluate(self.batch(*sizes, waves.rtol))
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
         """Return the scores of a layout with random errors of its gaps and random orders of pieces.

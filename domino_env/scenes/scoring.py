@@ -11,13 +11,13 @@ from functools import partial
 
 import numpy as np
 
-from domino_env.physics.wave import Wave
+from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import Objective, Scores
 from domino_env.scenes.placement import Placement
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.simulators import FixedPivots, Simulator, Stop
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Scoring:
         """Run time of one score over that of a simulation with fixed pivots."""
         return self.simulator.cost * (1 if self.placement is None else self.placement.draws)
 
-    def score(self, waves: Waves) -> Scores:
+    def score(self, waves: WaveBatch) -> Scores:
         """Score waves by objective and limits."""
         scores = self.objective.score(waves)
         if self.limits is None:
@@ -87,8 +87,8 @@ class Scoring:
         scores = self.score(waves)
         if not gradient:
             return scores
-        if waves.analytic is not None:
-            derivatives = objective.derivatives(waves.analytic, layouts)
+        if not self.simulator.is_slow:
+            derivatives = objective.derivatives(waves, layouts)
             if self.run_out is not None:
                 derivatives = derivatives.first(pairs)
             return scores.with_gradient(derivatives)

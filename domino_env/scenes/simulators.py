@@ -13,8 +13,10 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from domino_env.core.threads import share_pieces
+from domino_env.kernels.arrays import ARRIVAL, SUMMARY, Arrays, Summary
+from domino_env.physics.wave import Outcome, WaveBatch, columns_of
 from domino_env.rigid.simulation import RigidWave, simulate_standing
-from domino_env.scenes.waves import LayoutBatch, Waves
+from domino_env.scenes.layout_batch import LayoutBatch
 
 Stop: TypeAlias = Callable[[], bool] | None
 """Function that returns True to end a slow simulation with `StoppedError`; None for none."""
@@ -35,7 +37,7 @@ class FixedPivots:
 
     def simulate(
         self, layouts: LayoutBatch, *, record: bool, gradient: bool, stop: Stop = None
-    ) -> Waves:
+    ) -> WaveBatch:
         """Simulate layouts.
 
         Parameters
@@ -50,10 +52,10 @@ class FixedPivots:
 
         Returns
         -------
-        Waves
-            Results of the B waves.
+        WaveBatch
+            The B waves.
         """
-        return Waves.from_batch(layouts.simulate(record=record, gradient=gradient), layouts)
+        return layouts.simulate(record=record, gradient=gradient)
 
 
 @dataclass(frozen=True)
@@ -81,13 +83,12 @@ class FreeStanding:
 
     def simulate(
         self, layouts: LayoutBatch, *, record: bool, gradient: bool, stop: Stop = None
-    ) -> Waves:
+    ) -> WaveBatch:
         """Simulate layouts.
 
         A layout completes if all its dominoes are hit and topple. Otherwise its reach is the
         fraction of the dominoes before the first that does not topple, plus a part for the lean of
-        that one. Stall margins and losses in face impacts, which are those of fixed pivots, are set
-        to 0.
+        that one. Results that are those of fixed pivots, such as stall margins, are 0.
 
         Parameters
         ----------
@@ -100,8 +101,8 @@ class FreeStanding:
 
         Returns
         -------
-        Waves
-            Results of the B waves.
+        WaveBatch
+            The B waves, without angular velocities.
 
         Raises
         ------
@@ -117,22 +118,35 @@ class FreeStanding:
                 )
 
         share_pieces(simulate, len(layouts), self.cost * layouts.count)
-        propagated = np.array([wave.propagated for wave in waves], np.bool_)
-        return Waves(
-            propagated=propagated,
-            reach=np.where(propagated, 1.0, [_reach(wave) for wave in waves]),
-            mean_speed=np.array([wave.mean_speed for wave in waves]),
-            toppled=np.array([float(wave.toppled) for wave in waves]),
-            arrival_times=np.array([wave.arrival_times for wave in waves]),
-            lowest_stall_margin=np.zeros(len(waves)),
-            largest_flush_loss=np.zeros(len(waves)),
-            last_height=np.array([wave.layout.height[-1] for wave in waves]),
-            count=layouts.count,
+        arrivals = np.zeros((len(waves), layouts.count), ARRIVAL)
+        for b, wave in enumerate(waves):
+            arrivals["time"][b] = wave.arrival_times
+        density = np.broadcast_to(layouts.density, layouts.thickness.shape)
+        sizes = layouts.spacing, layouts.thickness, layouts.height, density
+        return WaveBatch(
+            arrays=Arrays(*sizes, layouts.rise, layouts.tilt),
+            physics=layouts.physics,
             rtol=self.rtol,
+            summary=columns_of(np.array([_summary(wave) for wave in waves], SUMMARY)),
+            arrivals=arrivals,
+            mean_speed=np.array([wave.mean_speed for wave in waves]),
+            run_time=sum(wave.run_time for wave in waves),
         )
 
 
 Simulator: TypeAlias = FixedPivots | FreeStanding
+
+
+def _summary(wave: RigidWave) -> Summary:
+    """Return the results of a free-standing wave, with 0 for those of fixed pivots."""
+    completes = wave.propagated
+    return Summary(
+        outcome=Outcome.PROPAGATED if completes else Outcome.STALLED,
+        hit=wave.hit, toppled=wave.toppled, reach=1.0 if completes else _reach(wave),
+        total_time=wave.arrival_times[-1] if completes else math.inf,
+        estimate=wave.error_estimate, flushes=0, releases=0, flush_loss=0.0, lowest_margin=0.0,
+        event_count=0,
+    )  # fmt: skip
 
 
 def _reach(wave: RigidWave) -> float:

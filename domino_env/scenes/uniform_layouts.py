@@ -11,15 +11,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from domino_env.core.types import Floats
+from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.wave import Outcome
+from domino_env.physics.wave import WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.rules import is_listed
 from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.simulators import Stop
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 PREFIX_RTOL = 1e-11  # relative tolerance of the arrival times of prefixes
 MAX_BATCH = 4_000_000  # [dominoes] simulated in one call, which takes some 200 MB
@@ -29,7 +28,7 @@ ORDER_RTOL = 1e-8  # relative tolerance of mean arrival times over orders
 WINDOW = 4  # the last 1/WINDOW of a prefix has to be steady
 
 
-def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[Waves, NDArray[np.bool_]]:
+def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[WaveBatch, Bools]:
     """Simulate the first dominoes of B uniform layouts and extend their waves to `count` dominoes.
 
     Parameters
@@ -44,34 +43,32 @@ def _extend(prefix: LayoutBatch, count: int, change: float) -> tuple[Waves, NDAr
 
     Returns
     -------
-    waves : Waves
-        Waves of the whole layouts, without arrival times if they are extended.
+    waves : WaveBatch
+        Waves of the whole layouts; arrays and arrival times are those of the prefixes.
     is_final : NDArray
         (B,) True if the prefix is long enough: its wave is steady, or stops.
     """
     n, missing = prefix.count, count - prefix.count
-    batch = prefix.simulate(record=True)
-    waves = Waves.from_batch(batch, prefix)
+    waves = prefix.simulate(record=True)
     if missing == 0:
         return waves, np.ones(len(prefix), np.bool_)
     window = n // WINDOW
-    velocities = batch.release_velocity[:, -window:]
+    velocities = waves.release_velocity[:, -window:]
     is_steady = np.ptp(velocities, axis=1) <= change * velocities[:, -1]
     # whether the last domino of a prefix hits the next one shows only in a longer prefix
     is_final = np.where(waves.propagated, is_steady, waves.reach * n < n - 1)
-    times = np.where(waves.propagated[:, None], batch.arrival_times, 0.0)
+    times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
     interval = (times[:, -1] - times[:, -1 - window]) / window
     pitch = prefix.spacing + prefix.thickness[:, 1:]
     length = pitch.sum(axis=1) + missing * pitch[:, -1]
     time = times[:, -1] + missing * interval
-    return replace(
-        waves,
+    summary = waves.summary._replace(
         reach=np.where(waves.propagated, 1.0, waves.reach * n / count),
-        mean_speed=np.divide(length, time, out=np.zeros_like(length), where=waves.propagated),
         toppled=np.where(waves.propagated, count, waves.toppled),
-        arrival_times=np.empty((len(prefix), 0)),
-        count=count,
-    ), is_final
+        total_time=np.where(waves.propagated, time, np.inf),
+    )
+    speed = np.divide(length, time, out=np.zeros_like(length), where=waves.propagated)
+    return replace(waves, summary=summary, mean_speed=speed), is_final
 
 
 class UniformLayouts:
@@ -227,7 +224,7 @@ class UniformLayouts:
         """
         gaps = np.tile(spacing, (len(self.orders), 1))
         waves = self.scene.batch(gaps, self.orders, rtol=ORDER_RTOL).simulate(record=True)
-        completed = waves.arrival_times[waves.outcome == Outcome.PROPAGATED]
+        completed = waves.arrival_times[waves.propagated]
         return np.asarray(completed.mean(axis=0))
 
     @property

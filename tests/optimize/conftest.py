@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.simulators import Stop
-from domino_env.scenes.waves import LayoutBatch
 from optimize.result import SearchResult
 
 KINDS = {

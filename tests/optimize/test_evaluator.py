@@ -22,7 +22,7 @@ PROBLEM = Problem("sprint")
     (lambda: Evaluator(PROBLEM, clock=lambda: "x"), "clock() = 'x' s: give a finite number"),
     (lambda: Evaluator(PROBLEM, journal=5), "journal = 5: give a Journal, or None"),
     (lambda: Evaluator(PROBLEM).borrow(5, 9).__enter__(), "problem = 5: give the Problem of shor"),
-    (lambda: Evaluator(PROBLEM).evaluate(0.5), "design has shape (1,): give (39,)"),
+    (lambda: Evaluator(PROBLEM).evaluate(0.5), "designs has shape (1, 1): give (B, 39)"),
     (lambda: PROBLEM.evaluate(np.ones(39), rtol=0), "rtol = 0: give a finite number from 1e-13"),
     (lambda: open_store(3), "path = 3: give a path"),
     (lambda: PROBLEM.design("x"), "layout = 'x': give a Layout"),

@@ -58,12 +58,9 @@ def test_a_search_with_a_schedule_shows_errors(budget, scale):
     late = result.scene.tempo.error(result.wave.arrival_times[None])[0]
     assert steps.get_ydata()[-1] == pytest.approx(max(1e3 * late, 1e-6), rel=1e-3)
     assert axes.get_yscale() == scale
+    assert axes.get_xlim()[0] == 0.0
     low, high = axes.get_ylim()
     assert low < steps.get_ydata()[-1] <= uniform.get_ydata()[0] < high
-
-
-def test_a_linear_axis_of_a_search_begins_at_0(scenes):
-    assert search(scenes["both"], "uniform").figure().axes[-1].get_xlim()[0] == 0.0
 
 
 @pytest.mark.parametrize(("name", "headline"), [

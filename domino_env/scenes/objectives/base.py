@@ -19,7 +19,7 @@ from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.waves import LayoutBatch, Waves
+from domino_env.scenes.layout_batch import LayoutBatch
 
 
 class ScoreGradient(NamedTuple):
@@ -135,10 +135,10 @@ class Objective(ABC):
     """True if `derivatives` needs waves with the gradient of their total time."""
 
     @abstractmethod
-    def success(self, waves: Waves) -> Floats:
+    def success(self, waves: WaveBatch) -> Floats:
         """Return the scores (B,) of waves that complete; entries of others are not used."""
 
-    def score(self, waves: Waves) -> Scores:
+    def score(self, waves: WaveBatch) -> Scores:
         """Score waves."""
         score = waves.reach - 1.0
         if waves.propagated.any():

@@ -10,21 +10,22 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import with_length_gradient
-from domino_env.physics.wave import Outcome, Wave, WaveBatch
+from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)
-class Speed(Objective):
-    """Objective in which a success scores the mean speed of its wave [m/s]."""
+class MeanSpeed(Objective):
+    """Mean speed of the wave [m/s], over a free length unless the scene has one."""
 
+    name: ClassVar[str] = "mean_speed"
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
     differentiates_waves: ClassVar[bool] = True
 
-    def success(self, waves: Waves) -> Floats:
+    def success(self, waves: WaveBatch) -> Floats:
         """Return the mean speeds (B,) [m/s]."""
         return waves.mean_speed
 
@@ -32,7 +33,7 @@ class Speed(Objective):
         """Return the derivatives of v = l/t, dv = (dl - v dt)/t, with length l and total time t."""
         time_gradient = waves.gradient
         assert time_gradient is not None
-        time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
+        time = np.where(waves.propagated, waves.total_time, 1.0)[:, None]
         speed = waves.mean_speed[:, None]
         if time_gradient.rise is not None:
             names = "spacing", "thickness", "height", "rise", "tilt"
@@ -50,13 +51,7 @@ class Speed(Objective):
         return f"{score:.{digits}f} m/s"
 
 
-class MeanSpeed(Speed):
-    """Mean speed, over a free length unless the scene has one."""
-
-    name: ClassVar[str] = "mean_speed"
-
-
-class Time(Speed):
+class Time(MeanSpeed):
     """Mean speed over the length of the scene, so that the shortest time scores most."""
 
     name: ClassVar[str] = "time"

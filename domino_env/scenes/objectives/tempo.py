@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from domino_env.core.checks import numbers
 from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Outcome, WaveBatch
+from domino_env.physics.wave import WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 LEAST_SCORE = 1e-4  # smaller scores count as this in gains
 LEAST_ERROR = 1e-6  # [ms] smaller errors are rounding
@@ -161,18 +161,18 @@ class InTempo(Objective):
     table: ClassVar[type[Value] | None] = Tempo
     needs_arrivals: ClassVar[bool] = True
 
-    def success(self, waves: Waves) -> Floats:
+    def success(self, waves: WaveBatch) -> Floats:
         """Return the scores (B,) of the arrival times."""
-        # waves that stop have infinite arrival times; their scores are not used
-        times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
-        return self.settings.score(times)
+        return self.settings.score(self._times(waves))
 
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of the arrival times."""
-        propagated = (waves.outcome == Outcome.PROPAGATED)[:, None]
-        times = np.where(propagated, waves.arrival_times, 0.0)
-        gradient = waves.pullback(propagated * self.settings.gradient(times))
-        return ScoreGradient.from_gradient(layouts.along_ground(gradient))
+        by_time = waves.propagated[:, None] * self.settings.gradient(self._times(waves))
+        return ScoreGradient.from_gradient(layouts.along_ground(waves.pullback(by_time)))
+
+    def _times(self, waves: WaveBatch) -> Floats:
+        """Return arrival times (B, N), and 0 for waves that stop, whose scores are not used."""
+        return np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return log₁₀(score / reference) / 10, which is not constant far from the schedule."""

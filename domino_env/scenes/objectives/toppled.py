@@ -10,8 +10,8 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient, Scores
-from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class Toppled(Objective):
     name: ClassVar[str] = "toppled"
     unit: ClassVar[str] = "dominoes"
 
-    def success(self, waves: Waves) -> Floats:
+    def success(self, waves: WaveBatch) -> Floats:
         """Return the numbers (B,) of dominoes that topple."""
-        return waves.toppled
+        return np.asarray(waves.toppled)
 
-    def score(self, waves: Waves) -> Scores:
+    def score(self, waves: WaveBatch) -> Scores:
         """Score waves, also those that stop, by the number of dominoes that topple."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Scores(score, waves.reach, waves.falls)
@@ -49,9 +49,9 @@ class Magnify(Objective):
     unit: ClassVar[str] = "m"
     failure: ClassVar[str] = "no height"
 
-    def success(self, waves: Waves) -> Floats:
+    def success(self, waves: WaveBatch) -> Floats:
         """Return the heights (B,) of the last dominoes [m]."""
-        return waves.last_height
+        return np.asarray(waves.arrays.height[:, -1])
 
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return 1 for the last height and 0 for all other sizes."""

@@ -112,7 +112,7 @@ def compute_lateness(problem: Problem, design: Floats) -> tuple[Scores, list[Flo
     """
     scene, pairs = problem.scene, problem.scene.count - 1
     wave = simulate(problem.layout(design), scene.physics, rtol=STEP_RTOL, gradient=True)
-    scores = scene.evaluate_waves([wave])
+    scores = scene.evaluate_waves(wave.as_batch())
     if wave.outcome != Outcome.PROPAGATED:
         return scores, [np.empty(0), np.empty((0, problem.dimension))]
     gradients = [wave.pullback(unit) for unit in np.eye(pairs + 1)[1:]]

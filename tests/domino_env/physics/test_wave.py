@@ -84,14 +84,6 @@ def test_a_worker_uses_the_threads_that_the_environment_allows(monkeypatch):
     assert calls == [(0, 100, threading.get_ident())] * 2
 
 
-def test_the_standard_physics_is_the_default():
-    layout = de.Layout.uniform(5, pitch=0.024)
-    times = de.simulate(layout, de.Physics()).arrival_times
-    np.testing.assert_array_equal(de.simulate(layout).arrival_times, times)
-    batch = de.simulate_batch([layout.spacing], layout.thickness, rtol=1e-8)
-    np.testing.assert_array_equal(batch.arrival_times[0], times)
-
-
 def test_lengths_in_millimetres_are_reported():
     wave = de.simulate(de.Layout([18, 18], [7.5] * 3))
     assert wave.outcome is de.Outcome.OUT_OF_REACH
@@ -237,27 +229,28 @@ def test_arguments_of_another_type_are_rejected(function):
         function(LAYOUT, 0.25)
 
 
+@pytest.mark.parametrize("function", [
+    de.simulate, de.diagnose, de.smallest_push, de.simulate_standing, de.Motion,
+])  # fmt: skip
+@pytest.mark.parametrize("rtol", [2.0, 0.0, math.nan, "x", np.full(3, 1e-8)], ids=str)
+def test_tolerances_out_of_range_are_rejected(function, rtol):
+    with pytest.raises(ValueError, match=r"^rtol = .*: give a finite number"):
+        function(LAYOUT, PHYSICS, rtol=rtol)
+
+
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: de.Physics(friction=-0.1), "friction = -0.1: give a finite number from 0 to 1e+09"),
     (lambda: de.Physics(gravity=0.0), "gravity = 0.0: give a finite number from 1e-09"),
     (lambda: de.steady_wave([0.02, 0.03], [0.007] * 3), "shapes pitch (2,), thickness (3,), hei"),
     (lambda: de.steady_wave([0.02, np.nan], 0.0075), "pitch[1] = nan m: give a finite number"),
-    (lambda: de.steady_wave(0.02, 0.0075, rtol=np.nan), "rtol = nan: give a finite number"),
     (lambda: de.steady_wave(0.02, 0.0075, slope="up"), "slope = 'up' rad: give a finite number"),
     (lambda: de.steady_pattern([], 0.0075), "the sizes have shape (0,): give one chain or more"),
-    (lambda: de.smallest_push(LAYOUT, rtol=3), "rtol = 3: give a finite number"),
     (lambda: de.existence_limit(7.5), "thickness = 7.5 m: give a finite number, more than 0"),
     (lambda: de.terminal_speed_estimate(0.0077, 0.0075), "thickness/pitch = 0.974026 is not below "
      "0.952336: a domino that falls releases no energy"),
     (lambda: de.terminal_speed_estimate(24.0, 0.0075), "pitch = 24.0 m: give a finite number"),
-    (lambda: de.terminal_speed_estimate(0.02, 0.0075, gravity=-1.0), "gravity = -1.0 m/s²: give"),
-    *[
-        (lambda rtol=rtol: de.simulate(LAYOUT, rtol=rtol), f"rtol = {rtol!r}: give a finite number")
-        for rtol in (1e-2, 1e-14, 0.0, -1.0, math.nan, "x")
-    ],
     (lambda: de.simulate_batch(GAPS[0], 0.01),
      "spacing has shape (2,): give (B, N-1), one layout per index b"),
-    (lambda: de.simulate_batch([["wide"]], 0.01), "spacing = [['wide']]: give numbers"),
     (lambda: de.simulate_batch([[0.02, np.nan]], 0.01), "spacing[0, 1] = nan m"),
     (lambda: de.simulate_batch(GAPS, [0.01, 0.01]), "thickness has shape (2,)"),
     (lambda: de.simulate_batch(GAPS, 0.01, height=[0.1, 0.05, 0.05]),
@@ -280,17 +273,11 @@ def test_arguments_of_another_type_are_rejected(function):
      "pitch=0.02, spacing=0.01: give either pitch"),
     (lambda: de.Layout.uniform(3, pitch=0.0075),
      "pitch = 0.0075 m: give a finite number, more than 0.0075 (the thickness)"),
-    (lambda: de.Layout.uniform(3, spacing="wide"), "spacing = 'wide' m: give a finite number"),
     (lambda: de.Layout.uniform(3, spacing=0.01, slope="up"), "slope = 'up' rad: give a finite"),
-    (lambda: de.Motion(LAYOUT, PHYSICS, "x"), "rtol = 'x': give a finite number from 1e-13"),
-    (lambda: de.Motion(LAYOUT, PHYSICS).angles("x"), "times = 'x': give numbers"),
-    (lambda: de.diagnose(LAYOUT, rtol=0.0), "rtol = 0.0: give a finite number from 1e-13"),
     (lambda: de.simulate_batch([[0.018]], 0.0075, 0.25), "physics = 0.25: give a Physics"),
     (lambda: BATCH.pullback([1.0]),
      "arrival_bar has shape (1,): give (1, 2), that of the thicknesses"),
     (lambda: de.simulate_standing(LAYOUT, floor_friction=-0.1), "floor_friction = -0.1: give"),
-    (lambda: de.simulate_standing(LAYOUT, floor_friction=math.nan), "floor_friction = nan: give"),
-    (lambda: de.simulate_standing(LAYOUT, rtol=0.0), "rtol = 0.0: give a finite number"),
     (lambda: de.verify(LAYOUT, PHYSICS, floors=[-0.3]), "floors[0] = -0.3: give a finite number"),
     (lambda: de.verify(LAYOUT, PHYSICS, engine="mujco"), "engine = 'mujco': choose one of False, "),
     (lambda: de.verify(de.Layout([], 0.0075), PHYSICS), "one domino has no wave"),
@@ -298,18 +285,15 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.Ground(slope=1.0).rise_and_tilt("x", 0.0075), "spacing = 'x': give numbers"),
     (lambda: CURVED.rise_and_tilt([0.01] * 5, [0.0075] * 2),
      "thickness has shape (2,): give (6,), one more than gaps"),
-    (lambda: CURVED.rise_and_tilt([math.nan], [0.0075] * 2), "spacing[0] = nan m: give a finite"),
     (lambda: CURVED.rise_and_tilt([-0.02], [0.0075] * 2), "spacing[0] = -0.02 m: give a finite"),
     (lambda: CURVED.rise_and_tilt(np.ones((1, 1, 1)), 0.1), "spacing has shape (1, 1, 1): give"),
     (lambda: de.Layout(np.ma.array([0.01, 0.03], mask=[0, 1]), 0.0075), "spacing = "),
-    (lambda: BATCH.pullback([[0.0, math.nan]]), "arrival_bar[0, 1]"),
     (lambda: BATCH["a"], "b = 'a': give the index of a wave"),
     (lambda: BATCH[1], "b = 1: give an index less than 1, the number of waves"),
     (lambda: BATCH.wave(0, de.Layout([], 0.0075)), "layout.thickness has shape (1,): give (2,)"),
     (lambda: BATCH.arrival_times.fill(3.0), "assignment destination is read-only"),
     (lambda: de.Layout(Mock(__array__=Mock(side_effect=RuntimeError)), 0.01), "spacing = <Mock id"),
     (lambda: de.simulate_batch([[0.02]], 0.0075, rise=[[1], [1, 2]]), "rise = [[1], [1, 2]]: give"),
-    (lambda: de.steady_wave(0.024, 0.0075, slope=10**30), "slope = 1"),
     (lambda: de.Tempo(20.0, 40.0, tolerance=1e-3).error([0.1]), "arrivals has shape (1,): give"),
     (lambda: de.Stock((0.005,), (3,)).without(math.nan), "no domino of nan m is in the stock"),
     (lambda: LAYOUT.to_csv(""), "path = '': give a name of 1 to 255 characters"),
@@ -319,14 +303,9 @@ def test_arguments_of_another_type_are_rejected(function):
     (lambda: de.fit_friction((0.005,), (60.0,)),
      "rows: x = 0.005 is a gap of -0.0025 m: give more than 0"),
     (lambda: de.fit_friction((0.016,), ()), "1 pitches and 0 frequencies: give one for each"),
-    (lambda: de.Layout(["0.02"], 0.0075), "spacing = ['0.02']: give numbers"),
-    (lambda: de.Ground(slope=1.0).height([0.1, None]), "x = [0.1, None]: give numbers"),
     (lambda: CURVED.height([0.1, math.inf]), "x[1] = inf: give a finite number"),
     (lambda: de.Layout([0.02], 0.0075, height=10**400), "height = 1000"),
-    (lambda: de.Layout.uniform(10**30, pitch=0.02), "count = 100000"),
     (lambda: de.Layout.read(3), "path = 3: give a path, as a string or a pathlib.Path"),
-    (lambda: de.simulate(LAYOUT, rtol=np.full(3, 1e-8)), "rtol = array([1.e-08"),
-    (lambda: de.smallest_push(LAYOUT, rtol=0), "rtol = 0: give a finite number, more than 0"),
     (lambda: de.simulate_standing(LAYOUT, stop=3), "stop = 3: give a function"),
     (lambda: de.Motion(LAYOUT, PHYSICS).angles([np.nan]), "times[0] = nan s: give a finite number"),
     (lambda: de.clicks(LAYOUT), "wave = Layout(2 dominoes"),

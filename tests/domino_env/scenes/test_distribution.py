@@ -87,22 +87,15 @@ def test_a_scene_has_the_numbers_it_was_made_from():
         small.numbers(scene.replace(width=0.03))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("min = 0.0, max = 0.4", "min = 0.5, max = 0.4", "physics.friction.min = 0.5 is more"),
-        ("min = 0.5,", "min = 0.0,", 'give more than 0 for spread = "log"'),
-        ("min_ratio = 2", "min_ratio = 5", "spacing.max = 0.9: give at least min_ratio = 5"),
-        ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
-        (
-            "min = 1.6,",
-            'of = "height", min = 1.6,',
-            "physics.gravity.of = 'height': only for",
-        ),
-        ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
-        ("0.012}", '0.012, min_ratio = 1, of = "height"}', "give `of` in both min and max"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("min = 0.0, max = 0.4", "min = 0.5, max = 0.4", "physics.friction.min = 0.5 is more"),
+    ("min = 0.5,", "min = 0.0,", 'give more than 0 for spread = "log"'),
+    ("min_ratio = 2", "min_ratio = 5", "spacing.max = 0.9: give at least min_ratio = 5"),
+    ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
+    ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': only for"),
+    ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
+    ("0.012}", '0.012, min_ratio = 1, of = "height"}', "give `of` in both min and max"),
+])  # fmt: skip
 def test_invalid_ranges_are_rejected(old, new, words):
     assert old in TEXT
     with pytest.raises(ValueError, match=words):

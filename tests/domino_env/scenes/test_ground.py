@@ -4,20 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from uneven_layouts import POINTS, UNEVEN_SCENE
 
 import domino_env as de
 from domino_env.physics import footing
 from domino_env.scenes.io.reading import read_layout
 from domino_env.scenes.placement import draw_layouts
 
-POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
-UNEVEN = de.Ground(profile=POINTS)
-FREE = de.load_scene("sprint-thickness").replace(
-    name="small", count=9, spacing=(0.008, 0.03), thickness=(0.007, 0.012), first_thickness=0.008,
-    physics=de.Physics(0.25, push=14.0), ground=UNEVEN,
-)  # fmt: skip
-STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
-WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+FREE, UNEVEN = UNEVEN_SCENE, UNEVEN_SCENE.ground
 
 
 def random_sizes(batch: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -64,30 +58,6 @@ def test_scores_on_grounds_of_one_shape_are_the_same(one, other, rtol):
     np.testing.assert_allclose(score, same, rtol=rtol)
     close = 1e-9 if rtol else 0.0
     np.testing.assert_allclose(by, like, rtol=close, atol=1e-2 * close)
-
-
-SCORED = {
-    "mean_speed": FREE,
-    "slope": FREE.replace(ground=de.Ground(slope=-3.0)),
-    "tempo": FREE.replace(objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)),
-    "quantile": FREE.replace(placement=de.Placement(0.0005, 8, 0.3)),
-}
-
-
-@pytest.mark.parametrize("scene", SCORED.values(), ids=SCORED)
-def test_gradients_on_the_ground_match_finite_differences(scene):
-    """All later dominoes move along the ground with a gap or a thickness."""
-    (gaps,), (thick,) = random_sizes(1, seed=2)
-    score, *gradient = evaluated(scene, gaps[None], thick[None], rtol=1e-13)
-    assert score[0] > 0.0
-    size, step = len(gaps), 1e-6
-    moved = (STEPS[:, None, None] * step * np.eye(size)).reshape(-1, size)
-    batches = (gaps + moved, thick), (gaps, thick + moved)
-    for exact, placed in zip(gradient, batches, strict=False):
-        batch = [np.broadcast_to(array, moved.shape) for array in placed]
-        scores = scene.evaluate(scene.batch(*batch, rtol=1e-13)).score
-        difference = WEIGHTS @ scores.reshape(4, size) / step
-        assert np.abs(exact[0] - difference).max() < 1e-9 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("seed", range(4))
