@@ -1,8 +1,8 @@
 """Check published claims about domino waves: python docs/claims.py.
 
 It writes the tables of claims.md, its pictures and claims.csv in half a minute; then
-``python docs/quoted_numbers.py`` writes the numbers in the text. Rigid-body simulations are read
-from claims.csv; ``--simulate`` makes them anew in 20 minutes.
+``python docs/pages.py`` writes the numbers in the text. Rigid-body simulations are read from
+claims.csv; ``--simulate`` makes them anew in 20 minutes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK, PALE
-from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, new_figure, style, write_png
 from domino_env.core.tables import fill_tables, markdown_table, write_csv
 from domino_env.core.types import Floats
 from domino_env.rigid.engine import simulate_in_engine
@@ -154,9 +154,12 @@ def ratios(lines: list[Line], quantity: str = "speed") -> tuple[Floats, Floats]:
 
 def draw_floors(lines: list[Line]) -> Any:
     """Draw the map of the ratio of speeds on the two floors."""
-    (ratio, error), figure = ratios(lines), new_figure(7.5, 3.6)
-    axes = figure.add_subplot(facecolor=PALE)
-    style(axes, "How much faster the wave is on a floor of friction 0.3 than on one of 1.0 [%]")
+    (ratio, error), title = ratios(lines), "How much faster the wave is on a floor of friction 0.3"
+    figure, axes = new_axes(
+        7.5, 3.6, f"{title} than on one of 1.0 [%]", facecolor=PALE,
+        xlabel="gap [mm]; lines: around cells in which the smoother floor is faster",
+        ylabel="friction between dominoes",
+    )  # fmt: skip
     axes.grid(visible=False)
     axes.pcolormesh(np.clip(ratio, -4.5, 4.5), cmap="RdBu_r", vmin=-9.0, vmax=9.0)
     is_faster = np.kron(ratio > error, np.ones((20, 20)))
@@ -166,8 +169,6 @@ def draw_floors(lines: list[Line]) -> Any:
         axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", color=INK, size=9)
     axes.set_xticks(np.arange(10) + 0.5, [*map(str, MAP[1])])
     axes.set_yticks(np.arange(6) + 0.5, [*map(str, MAP[0])])
-    axes.set_xlabel("gap [mm]; lines: around cells in which the smoother floor is faster")
-    axes.set_ylabel("friction between dominoes")
     return figure
 
 
@@ -216,15 +217,10 @@ def growth_table(lines: list[Line]) -> list[str]:
         others = (f"{best_factor(friction, thickness)[0]:.2f}" for thickness in (0.1, 0.25))
         cells.append((f"{friction:g}", f"{best:.3f}", f"{gap:.2f}", *others, *toppled[3 * k :][:3]))
     names = (
-        "friction",
-        "largest factor",
-        "at gap [height]",
-        "largest at thickness 0.1",
-        "at thickness 0.25",
-    )
-    return markdown_table(
-        (*names, "of 8 topple, factor 5 % less", "5 % more", "5 % less, floor 1"), cells
-    )
+        "friction", "largest factor", "at gap [height]", "largest at thickness 0.1",
+        "at thickness 0.25", "of 8 topple, factor 5 % less", "5 % more", "5 % less, floor 1",
+    )  # fmt: skip
+    return markdown_table(names, cells)
 
 
 def draw_growth() -> Any:
@@ -261,9 +257,8 @@ def needed_height(speed: float) -> float:
 def started_height(friction: float) -> float:
     """Return the least height [m] of a row with equal gaps that takes the time with its start."""
     gaps = np.arange(0.04, 0.8, 0.004)[:, None]
-    waves = de.simulate_batch(
-        np.repeat(gaps, 299, axis=1), STANDARD, units(friction, PUSH), height=1
-    )
+    spacing = np.repeat(gaps, 299, axis=1)
+    waves = de.simulate_batch(spacing, STANDARD, units(friction, PUSH), height=1)
     heights = LENGTH / ((gaps + STANDARD) * np.arange(1, 300))  # the row ends at domino 2, 3, …
     return float(heights[waves.arrival_times[:, 1:] * np.sqrt(heights / 9.81) <= TIME].min())
 
@@ -277,20 +272,16 @@ def record_table() -> list[str]:
         heights = *map(needed_height, speeds), started_height(friction)
         cells.append((f"{friction:g}", f"{gap:.3f}", *(f"{height:.2f}" for height in heights)))
     names = (
-        "friction",
-        "best gap [height]",
-        "height there [m]",
-        "at gap 0.2 [m]",
-        "at gap 0.4 [m]",
-        "at gap 0.6 [m]",
-    )
-    return markdown_table((*names, "row of 30 m from a push [m]"), cells)
+        "friction", "best gap [height]", "height there [m]", "at gap 0.2 [m]", "at gap 0.4 [m]",
+        "at gap 0.6 [m]", "row of 30 m from a push [m]",
+    )  # fmt: skip
+    return markdown_table(names, cells)
 
 
 def draw_record() -> Any:
     """Draw the speed of endless chains over the height of the stones."""
-    figure, heights, record = new_figure(7.5, 3.9), np.linspace(0.0, 5.0, 200), LENGTH / TIME
-    axes = figure.add_subplot()
+    figure, axes = new_axes(7.5, 3.9, xlim=(0.0, 5.0), ylim=(0.0, 14.0))
+    heights, record = np.linspace(0.0, 5.0, 200), LENGTH / TIME
     for friction, colour in zip((*FRICTIONS, 0.5), COLOURS, strict=False):
         best, wide = fastest(friction)[0], steady_speed(0.4, friction)
         speeds, height = best * np.sqrt(9.81 * heights), needed_height(best)
@@ -298,7 +289,6 @@ def draw_record() -> Any:
         axes.plot(heights, wide / best * speeds, "--", color=colour, linewidth=1.2)
         axes.plot([height], [record], "o", color=colour)
     axes.axhline(record, color=INK, linewidth=1.0, label=f"record: {record:.2f} m/s")
-    axes.set(xlim=(0.0, 5.0), ylim=(0.0, 14.0))
     title = "Endless chains of standard proportions: best gap; dashed: gap of 0.4 heights"
     label(axes, title, "height of the stones [m]", "speed [m/s]", title="height for the record")
     return figure
@@ -350,7 +340,6 @@ if __name__ == "__main__":
     write_csv(PATH, COLUMNS, ([x.get(name) for name in COLUMNS] for x in quoted(LINES) + LINES))
     PAGE = PATH.with_suffix(".md")
     PAGE.write_text(fill_tables(PAGE.read_text("utf-8"), tables(LINES)), "utf-8")
-    write_png(draw_scaling(), PATH.with_name("claims-scaling.png"))
-    write_png(draw_floors(LINES), PATH.with_name("claims-floors.png"))
-    write_png(draw_growth(), PATH.with_name("claims-growth.png"))
-    write_png(draw_record(), PATH.with_name("claims-record.png"))
+    drawn = {"scaling": draw_scaling(), "floors": draw_floors(LINES)}
+    for name, figure in (drawn | {"growth": draw_growth(), "record": draw_record()}).items():
+        write_png(figure, PATH.with_name(f"claims-{name}.png"))

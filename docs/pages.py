@@ -1,9 +1,10 @@
-"""Fill the tables of scenes, methods and public names into their pages.
+"""Fill the pages with tables and numbers from docstrings, stored results and short simulations.
 
-``python docs/pages.py`` writes the text between the comments ``<!-- name -->`` and ``<!-- end -->``
-of README.md and of docs/scenes/index.md, environments.md, actions-and-rewards.md, methods.md and
-reference.md. MkDocs calls `on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page
-for every scene, with pictures, and pages of the public names, and list them in the navigation.
+``python docs/pages.py`` writes README.md and the pages in docs/: tables, between the comments
+``<!-- name -->`` and ``<!-- end -->``, and numbers that several pages quote. A number is marked by
+an HTML comment with its name directly behind it: 3.2 and ``<!--gain.sprint-->``. MkDocs calls
+`on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with
+pictures, and pages of the public names, and list them in the navigation.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ from domino_env import DominoChain, DominoChainVector
 from domino_env.core.colours import UNIFORM
 from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
+from domino_env.core.types import Floats
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
-from domino_env.scenes.shipping import scene_schema
+from domino_env.scenes.shipping import schema_fields
+from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
 from domino_env.view.comparison import ComparedLayout
 from domino_env.view.figures import DrawnLayout, draw_layouts, draw_with_uniform
@@ -78,6 +81,21 @@ Below, one random order of the pieces: equal gaps, and the layout of the policy 
 the pieces in hand. Means over 200 orders, with the best known layout for each order as hindsight:
 [when to learn](../when-to-learn.md). The best known layout, with {best:.4f} m/s, takes the pieces
 in any order."""
+MARK = re.compile(r"([^\s<>(|*`~]+)<!--([a-z][\w.-]*)-->")
+MEASURED = {
+    # [s] simulation of forty free-standing dominoes on one core (domino simulate --floor 0.5)
+    "seconds.standing.least": "0.1",
+    "seconds.standing.most": "0.2",
+    # [s] first simulation on one core, with compilation (empty the cache, then domino simulate)
+    "seconds.compile.least": "10",
+    "seconds.compile.most": "25",
+    # [µs] de.simulate of forty dominoes on one core: equal ones, random layouts (timeit)
+    "us.equal": "35",
+    "us.most": "80",
+    # simulations that take as long as one with its gradient (make bench)
+    "gradient.least": "3",
+    "gradient.most": "4",
+}
 GALLERY = "<!-- on the site, a gallery of the scenes -->"
 EQUATION = re.compile(r"^\$\$(.+?)(?: \\tag\{(\d+)\})?\$\$$", re.MULTILINE)
 SITE_LINKS = {  # links to files of the repository, and to pages of the site
@@ -191,7 +209,7 @@ def _equation(equation: re.Match[str]) -> str:
 
 
 def filled_pages() -> dict[Path, str]:
-    """Return README and the generated pages with their present tables."""
+    """Return README and the pages with their present tables and numbers."""
     columns = scene_columns()
     tables: dict[str, dict[str, list[str]]] = {
         "README.md": {"scenes": scene_table("domino_env", readme_columns(), README_COLUMNS)},
@@ -210,8 +228,11 @@ def filled_pages() -> dict[Path, str]:
         },
         "docs/reference.md": {package: name_table(package) for package in PACKAGES},
     }
-    pages = {ROOT / page: parts for page, parts in tables.items()}
-    return {path: fill_tables(path.read_text("utf-8"), parts) for path, parts in pages.items()}
+    values, pages = numbers(), {}
+    for path in (ROOT / "README.md", DOCS / "scenes" / "index.md", *sorted(DOCS.glob("*.md"))):
+        text = fill_tables(_text(path), tables.get(path.relative_to(ROOT).as_posix(), {}))
+        pages[path] = with_numbers(text, values)
+    return pages
 
 
 @cache
@@ -245,15 +266,13 @@ def readme_columns() -> dict[str, list[str]]:
     columns = scene_columns() | {README_COLUMNS[2]: []}
     floors = columns["floor 0.5"] = columns["floor 0.5"].copy()
     for i, name in enumerate(columns["scene"]):
-        gain = columns["over equal gaps"][i]
-        scene, policy = de.load_scene(name), REACTING.get(name)
-        by = f", by `{policy}`" if policy else ""
-        if policy:
-            line = references(name)[policy]
-            gain = f"+{float(line['gain']):.1f}%{by}"
-            floors[i] = "–"
+        gain, by = columns["over equal gaps"][i], ""
+        scene, reached = de.load_scene(name), best_known()[name].score
+        if policy := REACTING.get(name):
+            scores, by, floors[i] = benchmark_scores(name), f", by `{policy}`", "–"
+            reached = scores[policy][0]
+            gain = f"{scene.criterion.gain(reached, scores['uniform'][0]):+.1%}{by}"
         if scene.tempo:
-            reached = float(line["score"]) if policy else best_known()[name].score
             errors = (scene.criterion.label(s, 2) for s in (reached, scene.uniform().score))
             error, even = (text.removeprefix("RMS error ") for text in errors)
             gain = f"error {error}, not {even}{by}"
@@ -261,11 +280,21 @@ def readme_columns() -> dict[str, list[str]]:
     return columns
 
 
-def references(name: str) -> dict[str, dict[str, str]]:
-    """Return the lines of uncertainty.csv of the references of a scene, by their policy."""
-    with (DOCS / "uncertainty.csv").open(newline="", encoding="utf-8") as file:
-        lines = [line for line in csv.DictReader(file) if not line["seed"]]
-    return {line["policy"]: line for line in lines if line["scene"] == name}
+@cache
+def benchmark_scores(name: str) -> dict[str, Floats]:
+    """Return the scores of each policy in a scene, of the uniform baseline, and with hindsight."""
+    runs = [run for run in read_csv("benchmark.csv") if run["scene"] == name]
+    scores: dict[str, list[float]] = {}
+    for run in runs:
+        scores["uniform"], scores["hindsight"] = [float(run["uniform"])], [float(run["best_known"])]
+        scores.setdefault(run["algorithm"], []).append(float(run["score"]))
+    return {policy: np.array(values) for policy, values in scores.items()}
+
+
+def read_csv(name: str) -> list[dict[str, str]]:
+    """Return the lines of a table beside this file."""
+    with (DOCS / name).open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def scene_table(package: str, columns: dict[str, list[str]], names: tuple[str, ...]) -> list[str]:
@@ -310,25 +339,20 @@ def floor_cell(floor: float, scene: de.Scene, record: BestKnown) -> str:
         return "–"
     if check.staying_up:
         return not_toppled(check.staying_up)
-    if scene.tempo and not scene.placement:
-        return f"{float(check.score.split()[2]):.1f} ms"
+    if check.error is not None and not scene.placement:
+        return f"{check.error:.1f} ms"
     # a gain of the first dominoes only is another quantity
     return "–" if check.gain is None or verified.first < verified.count else f"{check.gain:+.1%}"
 
 
 def key_table() -> list[str]:
     """Return the table of the keys of a scene file, from its schema."""
-    schema = scene_schema()
     lines = []
-    for table, entry in schema["properties"].items():
-        inside = schema["$defs"].get(entry.get("$ref", "").rpartition("/")[2])
-        fields = inside["properties"] if inside else {table: entry}
-        for key, field in fields.items():
-            default = field.get("default")
-            place = f"[{table}]" if inside else ""
-            choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
-            value = "" if default is None else f"`{default}`"
-            lines.append((place, f"`{key}`", field["description"] + choice, value))
+    for table, key, field in schema_fields():
+        default = field.get("default")
+        choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
+        value = "" if default is None else f"`{default}`"
+        lines.append((f"[{table}]" * bool(table), f"`{key}`", field["description"] + choice, value))
     return markdown_table(("table", "key", "meaning", "default"), lines)
 
 
@@ -351,21 +375,18 @@ def return_table() -> list[str]:
         env, rng = DominoChain(scene), np.random.default_rng(0)
         (size,), (entries,) = env.action_space.shape, env.observation_space.shape
         gain, uniform = scene.criterion.gain, scene.uniform().score
-        others = {
-            policy: gain(np.array(float(line["score"])), uniform)
-            for policy, line in references(name).items()
-            if policy != "uniform"
-        }
-        if not others:
-            others = {"best known": gain(np.array(record.score), uniform)}
+        others = {"best known": gain(record.score, uniform)}
+        if policy := REACTING.get(name):
+            scores = benchmark_scores(name)
+            others = {one: gain(scores[one][0], uniform) for one in ("plan", policy, "hindsight")}
         mean_gains = []
         for spread in (1.0, 0.0):
             seeds = range(4 if scene.simulator.is_slow else 256)
             if spread == 0.0 and len(evaluation_seeds(scene)) == 1:
                 seeds = range(1)
-            policy = partial(_random_actions, rng, spread, size)
+            act = partial(_random_actions, rng, spread, size)
             vector = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
-            mean_gains.append(np.mean(last_infos(policy, vector, "gain", seed=[*seeds])))
+            mean_gains.append(np.mean(last_infos(act, vector, "gain", seed=[*seeds])))
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
         digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
         numbers = (f"{100.0 * value:z.{digits}f}" for value in mean_gains)
@@ -381,8 +402,7 @@ def _random_actions(rng: np.random.Generator, spread: float, size: int, observat
 
 def learning_table() -> list[str]:
     """Return the table of learning-matrix.csv: medians over seeds, with the lowest and highest."""
-    with (DOCS / "learning-matrix.csv").open(newline="", encoding="utf-8") as file:
-        runs = list(csv.DictReader(file))
+    runs = read_csv("learning-matrix.csv")
     cases: dict[tuple[str, ...], dict[str, list[float]]] = {}
     for run in runs:
         case = run["algorithm"], run["actions"], run["rewards"]
@@ -461,6 +481,131 @@ def summary(name: str, source: Path) -> str:
         if text:
             return str(text).partition("\n\n")[0].replace("\n", " ")
     raise ValueError(f"{source}: {name} has no docstring here")
+
+
+# quoted numbers ---------------------------------------------------------------------------------
+
+
+def numbers() -> dict[str, str]:
+    """Return all numbers by name, as they are written."""
+    course = de.load_scene("course")
+    layouts = {"uniform": course.uniform().layout, "best": best_known()["course"].layout}
+    times = {
+        f"seconds.course.{name}": f"{course.simulate(layout).arrival_times[-1]:.3f}"
+        for name, layout in layouts.items()
+    }
+    computed = scene_numbers() | verification_numbers() | source_numbers() | run_numbers()
+    claims = {f"claims.{x['quantity']}": x["value"] for x in read_csv("claims.csv") if not x["gap"]}
+    return MEASURED | times | computed | claims
+
+
+def scene_numbers() -> dict[str, str]:
+    """Return speeds, gains [%] and lengths [mm] of the scenes whose scores are speeds."""
+    (gain,) = re.findall(r"^\| length 997 mm .* \+([\d.]+)% \|", _text(DOCS / "why.md"), re.M)
+    values = {"gain2.sprint.length": gain}
+    for name, record in best_known().items():
+        scene = de.load_scene(name)
+        baseline = scene.uniform()
+        verified = known_verification(record.layout, scene.physics)
+        if scene.unit != "m/s":
+            for check in verified.floors if verified else ():
+                if check.error is not None:
+                    values[f"error.{check.floor}.{name}"] = f"{check.error:.1f}"
+            continue
+        gain = 100.0 * (record.score / baseline.score - 1.0)
+        values |= {
+            f"gain.{name}": f"{gain:.1f}",
+            f"gain2.{name}": f"{gain:.2f}",
+            f"uniform.{name}": f"{baseline.score:.4f}",
+            f"best.{name}": f"{record.score:.4f}",
+            f"best5.{name}": f"{record.score:.5f}",
+            f"gap.{name}": f"{1e3 * baseline.layout.spacing[0]:.1f}",
+            f"length.{name}.uniform": f"{1e3 * scene.row(baseline.layout).length:.0f}",
+            f"length.{name}.best": f"{1e3 * scene.row(record.layout).length:.0f}",
+        }
+        if verified is None or verified.first < verified.count:
+            continue
+        for check in verified.floors:
+            if check.floor is not None and check.gain is not None:
+                values[f"floor.{check.floor}.{name}"] = f"{100.0 * check.gain:.1f}"
+                values[f"floor2.{check.floor}.{name}"] = f"{100.0 * check.gain:.2f}"
+    return values
+
+
+def run_numbers() -> dict[str, str]:
+    """Return results of benchmark.csv: counts on sprint, means in scenes with random events.
+
+    A hindsight score is 0 for the open-loop plan, and 1 where all that is random is known.
+    """
+    values, best = {}, best_known()["sprint"].score
+    for policy, scores in benchmark_scores("sprint").items():
+        values[f"{policy}.runs"] = str(len(scores))
+        values[f"{policy}.near"] = str((scores >= 0.999 * best).sum())
+    for name in REACTING:
+        criterion, runs = de.load_scene(name).criterion, benchmark_scores(name)
+        (uniform,), (plan,), (hindsight,) = (runs[x] for x in ("uniform", "plan", "hindsight"))
+        for policy, scores in runs.items():
+            normalised = (scores - plan) / (hindsight - plan)
+            values |= {
+                f"{name}.{policy}.score": f"{scores.mean():.4f}",
+                f"{name}.{policy}.gain": f"{100.0 * criterion.gain(scores, uniform).mean():.2f}",
+                f"{name}.{policy}.hindsight_score": f"{normalised.mean():.2f}",
+                f"{name}.{policy}.rms_ms": f"{criterion.displayed(scores).mean():.2f}",
+            }
+    return values
+
+
+def verification_numbers() -> dict[str, str]:
+    """Return the agreement of the model with the reference simulator on fixed pivots."""
+    verified = read_verified().values()
+    agreeing = [entry for entry in verified if entry.verdict.startswith("AGREES")]
+    largest = max(entry.checks[0].largest for entry in agreeing)
+    verdicts = re.findall(
+        r"^\| `[\w-]+`, random .*\| (\w+)[^|]*\|$", _text(DOCS / "verified.md"), re.M
+    )
+    return {
+        "known.agree": str(len(agreeing)),
+        "known.all": str(len(verified)),
+        "known.largest": f"{100.0 * largest:.3f}",
+        "random.all": str(len(verdicts)),
+        "random.differ": str(len(verdicts) - verdicts.count("agrees")),
+    }
+
+
+def source_numbers() -> dict[str, str]:
+    """Return results of the comparison with measured chains, differences in speed in percent."""
+    page = _text(DOCS / "measured-sources.md")
+    explained, total = re.findall(r"\*\*(\d+) of (\d+) sources are explained", page)[0]
+    friction, spread = re.findall(r"\(#chapman\) \| 3 \| ([\d.]+) ± ([\d.]+) ", page)[0]
+    chapman = shipped_sources()["chapman"]
+    physics = de.Physics(friction=0.25, gravity=9.8)  # Chapman's measured friction
+    slower = []
+    for chain in chapman.chains:
+        wave = de.steady_wave(chain.x, 0.0075, physics=physics)
+        slower.append(100.0 * (1.0 - wave.speed / chain.x / chain.value))
+    return {
+        "sources.explained": explained,
+        "sources.all": total,
+        "chapman.friction": friction,
+        "chapman.spread": spread,
+        "chapman.least": f"{min(slower):.0f}",
+        "chapman.most": f"{max(slower):.0f}",
+    }
+
+
+def with_numbers(text: str, values: dict[str, str]) -> str:
+    """Return the text of a page with the current values of its marked numbers.
+
+    Raises
+    ------
+    KeyError
+        For a name without a value.
+    """
+    return MARK.sub(lambda mark: f"{values[mark[2]]}<!--{mark[2]}-->", text)
+
+
+def _text(path: Path) -> str:
+    return path.read_text("utf-8")
 
 
 if __name__ == "__main__":

@@ -161,7 +161,7 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
     for k, rigid in enumerate(waves):
         wave = simulate(rigid.layout, scene.physics)
         last, uncertainty = last_difference(wave, rigid), rigid.error_estimate
-        in_speed = scene.unit == "m/s"
+        in_speed, error = scene.unit == "m/s", None
         if not rigid.mean_speed:
             score = f"stops after {rigid.hit} dominoes"
         elif in_speed:  # also if the score is a mean over placement errors
@@ -171,7 +171,10 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             arrivals["time"] = rigid.arrival_times
             rigid_wave = replace(wave, arrivals=arrivals)
             placed = scene.as_placed  # the layout as simulated, without further placement errors
-            score = placed.format_score(placed.score(rigid_wave), rigid_wave)
+            number = placed.score(rigid_wave)
+            score = placed.format_score(number, rigid_wave)
+            if scene.tempo:
+                error = float(scene.criterion.displayed(number))
         # a layout has a gain only if all of its dominoes topple
         is_compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if is_compared else None
@@ -181,7 +184,7 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             largest=common_difference(wave, rigid),
             uncertainty=uncertainty if np.isfinite(uncertainty) else None,
             staying_up=rigid.staying_up, gap=float(rigid.layout.spacing.mean()),
-            score=score, gain=own_gain,
+            score=score, gain=own_gain, error=error,
         ))  # fmt: skip
     return checks
 

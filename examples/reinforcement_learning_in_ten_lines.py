@@ -1,9 +1,9 @@
-"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, its curve and an episode.
+"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, and its curve.
 
     python examples/reinforcement_learning_in_ten_lines.py
 
-It takes a minute and a half of processor time, and writes the two pictures of docs/ten-lines.md and
-the model, ppo-sprint.zip.
+It takes a minute and a half of processor time, and writes docs/ten-lines.png and the model,
+ppo-sprint.zip; `python docs/films.py ppo-sprint.zip` writes an episode of it, docs/ten-lines.gif.
 `examples/ppo_of_stable_baselines3.py` learns in less time, on sampled scenes.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
@@ -21,8 +20,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
 from domino_env.core.colours import BEST_KNOWN, RESULT, SOFT
-from domino_env.core.plot_style import new_figure, style, write_png
-from domino_env.view.animation import placements, write_gif
+from domino_env.core.plot_style import new_axes, write_png
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -61,9 +59,11 @@ def draw_curve(steps, returns):
     """Draw the return of the policy over the steps of the training."""
     scene = de.load_scene(SCENE)
     best = 100.0 * (best_known()[SCENE].score / scene.uniform().score - 1.0)
-    figure = new_figure(7.5, 3.2)
-    axes = figure.add_subplot()
-    style(axes, f"PPO with default hyperparameters on {SCENE}, one seed")
+    figure, axes = new_axes(
+        7.5, 3.2, f"PPO with default hyperparameters on {SCENE}, one seed",
+        xlabel="steps: dominoes placed in training", ylabel="return: gain over equal gaps [%]",
+        ylim=(max(min(returns), -20.0) - 1.0, best + 1.0),
+    )  # fmt: skip
     axes.plot(steps, returns, ".-", color=RESULT)
     for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", BEST_KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
@@ -71,23 +71,7 @@ def draw_curve(steps, returns):
             words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
             xycoords=("axes fraction", "data"), textcoords="offset points",
         )  # fmt: skip
-    axes.set_ylim(max(min(returns), -20.0) - 1.0, best + 1.0)
-    axes.set_xlabel("steps: dominoes placed in training")
-    axes.set_ylabel("return: gain over equal gaps [%]")
     return figure
-
-
-def episode(model):
-    """Return the frames of one episode of the policy, one for each domino that is placed."""
-    env = gymnasium.make(ENVIRONMENT, scene=SCENE)
-    observation, over = env.reset()[0], False
-    while not over:
-        action, _ = model.predict(observation, deterministic=True)
-        observation, _, over, _, info = env.step(action)
-    text = f"score {info['score']:.4f} m/s, gain {info['gain']:+.2%}"
-    print(text)
-    equal = de.load_scene(SCENE).uniform().layout.spacing[0]
-    return placements(info["layout"], equal, text)
 
 
 if __name__ == "__main__":
@@ -97,4 +81,3 @@ if __name__ == "__main__":
         *(f"{step:.0f}: {one:+.2f} %" for step, one in zip(steps, returns, strict=True)), sep="\n"
     )
     write_png(draw_curve(steps, returns), DOCS / "ten-lines.png")
-    write_gif(episode(model), DOCS / "ten-lines.gif", 4.0)

@@ -16,13 +16,15 @@ from scipy.optimize import minimize
 
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK, PALE
-from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, write_png
 from domino_env.core.tables import fill_tables, markdown_table
 from optimize import search
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SPRINT, BEST = de.load_scene("sprint"), best_known()["sprint"].layout.spacing
+EQUAL = SPRINT.uniform()
+GAP = EQUAL.layout.spacing[0]
 RELAY = de.load_scene("relay")
 THICKNESS, NARROW, WIDE = 0.0075, 0.002, 0.040  # [m]
 PARTS = {
@@ -40,8 +42,13 @@ def simulate(spacing, physics=SPRINT.physics):
     return de.simulate(de.Layout(spacing, THICKNESS), physics)
 
 
+def simulate_equal(gaps, pairs, thickness=THICKNESS, physics=SPRINT.physics):
+    """Return the waves of layouts with equal gaps [m], one for each gap."""
+    return de.simulate_batch(np.repeat(gaps[:, None], pairs, axis=1), thickness, physics)
+
+
 def percent(speed, reference):
-    return f"{speed / reference - 1.0:+.2%}"
+    return f"{speed / reference - 1.0:+z.2%}"
 
 
 # parts of the best layout -----------------------------------------------------------------------
@@ -49,23 +56,16 @@ def percent(speed, reference):
 
 def parts():
     """Return the table of gains with a part of the best known gaps alone, and with all others."""
-    equal = SPRINT.uniform()
-    gaps = {"equal": equal.layout.spacing, "best": BEST}
-    lead = {}  # [m] over a point that moves at the mean speed of the equal gaps
-    for name, spacing in gaps.items():
-        times = np.diff(simulate(spacing).arrival_times)
-        lead[name] = spacing + THICKNESS - equal.score * times
     lines = []
-    for name, part in PARTS.items():
-        alone, without = gaps["equal"].copy(), BEST.copy()
-        alone[part], without[part] = BEST[part], gaps["equal"][part]
-        speeds = [percent(simulate(one).mean_speed, equal.score) for one in (alone, without)]
-        ahead = [f"{round(1e3 * lead[one][part].sum(), 1) + 0.0:+.1f}" for one in gaps]
-        lines.append((name, *speeds, *ahead))
-    speed = percent(simulate(BEST).mean_speed, equal.score)
-    lines.append(
-        ("all", speed, "+0.00%", *(f"{round(1e3 * lead[one].sum(), 1) + 0.0:+.1f}" for one in gaps))
-    )
+    for name, part in (PARTS | {"all": slice(None)}).items():
+        alone, without = EQUAL.layout.spacing.copy(), BEST.copy()
+        alone[part], without[part] = BEST[part], GAP
+        gains = [percent(simulate(one).mean_speed, EQUAL.score) for one in (alone, without)]
+        leads = []  # [m] over a point that moves at the mean speed of the equal gaps
+        for spacing in (EQUAL.layout.spacing, BEST):
+            times = np.diff(simulate(spacing).arrival_times)
+            leads.append((spacing + THICKNESS - EQUAL.score * times)[part].sum())
+        lines.append((name, *gains, *(f"{1e3 * lead:+z.1f}" for lead in leads)))
     names = ("gaps", "applied alone", "all but these", "lead, equal gaps [mm]", "lead, best [mm]")
     return markdown_table(names, lines)
 
@@ -75,9 +75,8 @@ def fastest(sizes, starts, physics=SPRINT.physics):
     first = np.cumsum([0, *sizes[:-1]])
 
     def negative_speed(values):
-        wave = de.simulate(
-            de.Layout(np.repeat(1e-3 * values, sizes), THICKNESS), physics, gradient=True
-        )
+        layout = de.Layout(np.repeat(1e-3 * values, sizes), THICKNESS)
+        wave = de.simulate(layout, physics, gradient=True)
         if wave.outcome is not de.Outcome.PROPAGATED:
             return 0.0, np.zeros(len(values))
         gradient = np.add.reduceat(wave.gradient("speed").spacing, first)
@@ -101,43 +100,36 @@ def only_the_start(count, gap, physics=SPRINT.physics):
 
 def freedom():
     """Return the table of gains if only some gaps may differ from the others."""
-    equal, count = SPRINT.uniform(), SPRINT.count - 1
-    gap = equal.layout.spacing[0]
-    lines = []
+    count, lines = SPRINT.count - 1, []
     for name, first, last in (
         ("the first", 1, 0), ("the first 12", START, 0), ("the first 27", 27, 0),
         ("the last 3", 0, 3), ("the last 12", 0, 12), ("all", count, 0),
     ):  # fmt: skip
         sizes = [1] * first + [count - first - last] * (first + last < count) + [1] * last
         starts = []
-        for middle, end in ((0.6 * gap, BEST), (gap, BEST), (gap, np.roll(BEST, 2))):
+        for middle, end in ((0.6 * GAP, BEST), (GAP, BEST), (GAP, np.roll(BEST, 2))):
             start = np.full(count, middle)
             start[:first], start[count - last :] = BEST[:first], end[count - last :]
             starts.append(start)
-        spacing = fastest(sizes, starts)
-        lines.append((name, percent(simulate(spacing).mean_speed, equal.score)))
+        lines.append((name, percent(simulate(fastest(sizes, starts)).mean_speed, EQUAL.score)))
     return markdown_table(("gaps that may differ", "gain"), lines)
 
 
 def continued():
     """Return the table of gains of chains that continue with equal gaps behind the last domino."""
-    equal = SPRINT.uniform()
-    gap = equal.layout.spacing[0]
     layouts = {
-        "equal gaps": equal.layout.spacing,
+        "equal gaps": EQUAL.layout.spacing,
         "best known": BEST,
-        "start free, rest equal": only_the_start(SPRINT.count, gap),
+        "start free, rest equal": only_the_start(SPRINT.count, GAP),
     }
-    ends = SPRINT.count - 1, SPRINT.count + 2, SPRINT.count - 1 + BEHIND
-    leads, lines = {}, []
+    ends = [SPRINT.count - 1, SPRINT.count + 2, SPRINT.count - 1 + BEHIND]
+    lines, equal = [], None
     for name, spacing in layouts.items():
-        spacing = np.r_[spacing, np.full(BEHIND, gap)]
-        wave, positions = simulate(spacing), de.Layout(spacing, THICKNESS).positions
-        speeds = positions[list(ends)] / wave.arrival_times[list(ends)]
-        leads[name] = speeds
-        gains = [percent(a, b) for a, b in zip(speeds, leads["equal gaps"], strict=True)]
+        wave = simulate(np.r_[spacing, np.full(BEHIND, GAP)])
+        speeds = wave.layout.positions[ends] / wave.arrival_times[ends]
+        equal = speeds if equal is None else equal
         released = wave.release_velocity[SPRINT.count - 1]
-        lines.append((name, f"{released:.1f} rad/s", *gains))
+        lines.append((name, f"{released:.1f} rad/s", *map(percent, speeds, equal)))
     names = ("first 39 gaps", "last domino starts with", *(f"to domino {end + 1}" for end in ends))
     return markdown_table(names, lines)
 
@@ -167,8 +159,7 @@ def equal_gaps():
 def clock_started_late(late=200):
     """Return the fastest equal gap [m] of forty dominoes that follow many others."""
     gaps, last = np.arange(0.001, 0.025, 0.0001), late + SPRINT.count - 1
-    spacing = np.repeat(gaps[:, None], last, axis=1)
-    times = de.simulate_batch(spacing, THICKNESS, de.Physics(push=60.0)).arrival_times
+    times = simulate_equal(gaps, last, physics=de.Physics(push=60.0)).arrival_times
     return gaps[np.argmax((gaps + THICKNESS) / (times[:, last] - times[:, late]))]
 
 
@@ -188,8 +179,7 @@ def wide_after(gap):
 def least_gap(thickness):
     """Return the smallest equal gap [m] with which forty dominoes of a thickness [m] complete."""
     gaps = np.arange(0.0005, 0.02, 0.0001)
-    spacing = np.repeat(gaps[:, None], SPRINT.count - 1, axis=1)
-    waves = de.simulate_batch(spacing, thickness, SPRINT.physics)
+    waves = simulate_equal(gaps, SPRINT.count - 1, thickness)
     return gaps[waves.outcome == de.Outcome.PROPAGATED][0]
 
 
@@ -303,21 +293,18 @@ def run_outs(budget=BUDGET, pushes=(4.0, 8.0, 16.0), frictions=(0.1, 0.25)):
 
 def draw_relay():
     """Draw the best known gaps of `sprint` and of `relay`, with its run-out."""
-    figure = new_figure(7.5, 3.4)
-    axes = figure.add_subplot()
-    style(axes, "A row that ends, and a row whose wave must go on (push 8 rad/s, friction 0.25)")
+    figure, axes = new_axes(
+        7.5, 3.4, "A row that ends, and a row whose wave must go on (push 8 rad/s, friction 0.25)",
+        xlabel="number of the gap from the pushed domino", ylabel="gap [mm]", ylim=(0.0, 42.0),
+    )  # fmt: skip
     gaps = best_known()["relay"].layout.spacing
     number = np.arange(1, RELAY.row_count)
     axes.plot(number[: len(BEST)], 1e3 * BEST, ".-", color=COLOURS[1], label="sprint: 40 dominoes")
     label = "relay: 100 designed dominoes"
     axes.plot(number[: len(gaps)], 1e3 * gaps, ".-", color=COLOURS[0], label=label)
     fixed = np.full(RELAY.run_out.count, 1e3 * RELAY.run_out.spacing)
-    axes.plot(
-        number[len(gaps) :], fixed, color=INK, linewidth=1.2, label="relay: run-out, 60 at 3 mm"
-    )
-    axes.set_xlabel("number of the gap from the pushed domino")
-    axes.set_ylabel("gap [mm]")
-    axes.set_ylim(0.0, 42.0)
+    label = "relay: run-out, 60 at 3 mm"
+    axes.plot(number[len(gaps) :], fixed, color=INK, linewidth=1.2, label=label)
     axes.legend(**LEGEND)
     return figure
 
@@ -327,9 +314,10 @@ def draw_relay():
 
 def draw_gaps(budget=BUDGET):
     """Draw the best gaps along the chain for several frictions."""
-    figure = new_figure(7.5, 3.6)
-    axes = figure.add_subplot()
-    style(axes, "The fastest layouts of forty dominoes, push 8 rad/s")
+    x = "number of the gap from the pushed domino; dotted: the best equal gap"
+    title = "The fastest layouts of forty dominoes, push 8 rad/s"
+    labels = {"xlabel": x, "ylabel": "gap [mm]", "ylim": (0.0, 42.0)}
+    figure, axes = new_axes(7.5, 3.6, title, **labels)
     for friction, colour in zip(FRICTIONS, COLOURS, strict=False):
         scene = SPRINT.replace(physics=de.Physics(friction=friction, push=SPRINT.physics.push))
         spacing = BEST if scene == SPRINT else search(scene, budget=budget, seed=0).layout.spacing
@@ -337,9 +325,6 @@ def draw_gaps(budget=BUDGET):
         number = np.arange(1, len(spacing) + 1)
         axes.plot(number, 1e3 * spacing, ".-", color=colour, label=f"friction {friction:g}")
         axes.axhline(equal, color=colour, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("number of the gap from the pushed domino; dotted: the best equal gap")
-    axes.set_ylabel("gap [mm]")
-    axes.set_ylim(0.0, 42.0)
     axes.legend(**LEGEND, ncols=2, loc="upper center")
     return figure
 
@@ -348,17 +333,14 @@ def draw_map(size=240):
     """Draw speed over equal gap and push; grey where the wave stops."""
     gaps = np.linspace(0.0005, 0.047, size)
     pushes = np.linspace(0.5, 16.0, size)
-    spacing = np.repeat(gaps[:, None], SPRINT.count - 1, axis=1)
-    speed = np.full((size, size), np.nan)
-    for line, push in zip(speed, pushes, strict=True):
-        waves = de.simulate_batch(spacing, THICKNESS, de.Physics(push=push))
-        complete = waves.outcome == de.Outcome.PROPAGATED
-        line[complete] = waves.mean_speed[complete]
-    figure = new_figure(7.5, 3.9)
-    axes = figure.add_subplot()
-    style(axes, "Forty dominoes with equal gaps, friction 0.25: mean speed")
+    waves = [simulate_equal(gaps, len(BEST), physics=de.Physics(push=push)) for push in pushes]
+    speed = np.array([np.where(wave.mean_speed > 0.0, wave.mean_speed, np.nan) for wave in waves])
+    figure, axes = new_axes(
+        7.5, 3.9, "Forty dominoes with equal gaps, friction 0.25: mean speed", facecolor=PALE,
+        xlabel="gap between neighbours [mm]",
+        ylabel="push: angular velocity of the first domino [rad/s]",
+    )  # fmt: skip
     axes.grid(visible=False)
-    axes.set_facecolor(PALE)
     image = axes.pcolormesh(1e3 * gaps, pushes, speed, cmap="viridis", rasterized=True)
     completing = ~np.isnan(speed).all(axis=1)
     fastest_place = np.clip(np.nanargmax(speed[completing], axis=1), 1, size - 2)
@@ -372,8 +354,6 @@ def draw_map(size=240):
     axes.plot(1e3 * best, pushes[completing], color=INK, linewidth=1.5)
     axes.annotate("fastest gap for each push", (19.5, 7.5), color=INK, size=9)
     axes.annotate("stops", (1.5, 0.9), color=INK, size=9)
-    axes.set_xlabel("gap between neighbours [mm]")
-    axes.set_ylabel("push: angular velocity of the first domino [rad/s]")
     figure.colorbar(image, label="mean speed [m/s]")
     return figure
 
@@ -383,23 +363,25 @@ def cheap_tables():
     return {"parts": parts(), "freedom": freedom(), "continued": continued(), "equal": equal_gaps()}
 
 
+def quoted():
+    """Return the numbers in the text of docs/why.md, with the words around them."""
+    least = {0.004: "from", THICKNESS: "of 7.5 mm from", 0.012: "of 12 mm from"}
+    return [
+        f"{1e3 * clock_started_late():.1f} mm as well",
+        f"is {1e3 * any_number(EQUAL.layout.length):.1f} mm instead of",
+        "{:.2f}, {:.2f}, {:.2f} and {:.2f} m/s".format(*wide_after(0.011)),
+        f"after gaps of 30 mm {wide_after(0.030)[0]:.2f} m/s",
+        *(f"{words} {1e3 * least_gap(size):.1f} mm" for size, words in least.items()),
+        "(¼, ½, ¼) the gain is {1} instead of {0}".format(*smoothed()),
+    ]
+
+
 if __name__ == "__main__":
     tables = cheap_tables() | {"others": other_scenes(), "run_out": run_outs()}
-    print("\n\n".join("\n".join(table) for table in tables.values()))
-    print(f"\nclock started at domino 200: best equal gap {1e3 * clock_started_late():.1f} mm")
-    length = SPRINT.uniform().layout.length
-    print(f"{length:.3f} m of any number of dominoes: best gap {1e3 * any_number(length):.1f} mm")
-    for gap in (0.011, 0.018, 0.030):
-        print(
-            f"gaps of 30 mm after gaps of {1e3 * gap:g} mm:", *np.round(wide_after(gap), 2), "m/s"
-        )
-    for thickness in (0.004, THICKNESS, 0.012):
-        least = 1e3 * least_gap(thickness)
-        print(f"dominoes of {1e3 * thickness:g} mm complete at gaps from {least:.1f} mm")
+    print("\n\n".join("\n".join(table) for table in tables.values()), "", *quoted(), sep="\n")
     print("local speeds of the best layout:", *np.round(simulate(BEST).local_speed, 2))
-    for mu in (0.0, 0.1, 0.25, 0.5):
+    for mu in FRICTIONS:
         print(f"friction {mu:g}: fastest endless chain at {1e3 * endless_gap(mu):.2f} mm")
-    print("no friction: gains of a search, and with smoothed first gaps:", *smoothed())
     if "--write" in sys.argv:
         page = DOCS / "why.md"
         page.write_text(fill_tables(page.read_text("utf-8"), tables), "utf-8")

@@ -19,7 +19,7 @@ def lines(claims):
 
 
 def test_the_page_has_the_numbers_of_its_program(claims, lines):
-    """`python docs/claims.py` and `python docs/quoted_numbers.py` update it."""
+    """`python docs/claims.py` and `python docs/pages.py` update it."""
     page = claims.PATH.with_suffix(".md").read_text("utf-8")
     assert fill_tables(page, claims.tables(lines)) == page
     stored = claims.PATH.read_text("utf-8").splitlines()

@@ -223,26 +223,13 @@ def test_targets_and_extras_exist():
 # generated pages --------------------------------------------------------------------------------
 
 
-def test_generated_tables_are_up_to_date(pages):
+def test_generated_tables_and_quoted_numbers_are_up_to_date(pages):
     """`python docs/pages.py` writes them."""
     for path, text in pages.filled_pages().items():
         assert path.read_text("utf-8") == text, f"{path}: run python docs/pages.py"
-
-
-def test_quoted_numbers_are_up_to_date(script):
-    """`python docs/quoted_numbers.py` writes them."""
-    quoted = script("docs/quoted_numbers.py")
-    values = quoted.numbers()
-    marked = 0
-    for page, text in PAGES.items():
-        marked += len(quoted.MARK.findall(text))
-        written = quoted.with_numbers(text, values)
-        for line, right in zip(text.splitlines(), written.splitlines(), strict=True):
-            assert line == right, f"{page}: run python docs/quoted_numbers.py"
-    assert marked > 30
     with pytest.raises(KeyError, match="nothing"):
-        quoted.with_numbers("1.0<!--nothing-->", values)
-    assert quoted.with_numbers("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
+        pages.with_numbers("1.0<!--nothing-->", {})
+    assert pages.with_numbers("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
 
 
 def test_the_reference_is_complete(pages):

@@ -47,7 +47,7 @@ EXPECTED: dict[str, str | None] = {
     "sounds/constant.wav": "the recording has no sound that begins or ends",
     "sounds/head_only.wav": "it ends early or is broken",
     "sounds/torn_frame.wav": "cut off amid a sample",
-    "runs/trace_not_finite.csv": "line 2, best_score = nan: give a finite number",
+    "runs/trace_not_finite.csv": "best_score[0] = nan: give a finite number",
     "runs/trace_without_scores.csv": "best_score",
     "runs/verification_number.json": "engine = 1: give a line of text",
     "runs/verification_script.json": None,
@@ -174,16 +174,13 @@ LONG, FAR = de.Layout([0.02] * 5000, 0.0075), de.Layout([3e5], 1e5, height=1e6, 
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: next(frames([ComparedLayout("long", de.simulate(LONG, de.Physics()))])),
      "long: 5,001 dominoes: give at most"),
-    (lambda: next(frames([])), "nothing to show: give at least one layout"),
-    (lambda: next(frames([LONG])), r"compared = Layout\(.*: give ComparedLayout\(name, wave\) for"),
     (lambda: clicks(de.simulate(FAR, de.Physics(gravity=1e-3, push=1e-5))), "a wave of .* samples"),
     (lambda: listen(np.zeros(1000), 44100), "the recording is silent"),
     (lambda: strips(FAR), "a layout of .* m takes .* sheets of paper"),
-    (lambda: strips(FAR, "b5"), "paper = 'b5': choose one of a4, letter"),
     (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "width = 0.5 m: give at most"),
 ])  # fmt: skip
 def test_undrawable_layouts_and_invalid_sounds_are_rejected(call, words):
-    with pytest.raises((ValueError, TypeError), match=words):
+    with pytest.raises(ValueError, match=words):
         call()
 
 

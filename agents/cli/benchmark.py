@@ -1,8 +1,9 @@
-"""Train algorithms on scenes with several seeds, compare them with searches, and write a page.
+"""Benchmark learning algorithms over scenes and seeds.
 
-An algorithm is one of those of `domino train`, a scripted policy (ramp), a search method (cma,
-auto) or a third-party algorithm: `package.module:fit` with a function fit(make_env, steps, seed)
-that returns an object with `predict`.
+Algorithms are trained, and compared with searches on a page. An algorithm is one of those of
+`domino train`, a scripted policy (ramp), a search method (cma, auto) or a third-party algorithm:
+`package.module:fit` with a function fit(make_env, steps, seed) that returns an object with
+`predict`.
 
 Every result is stored in the study when its run ends. Each training of an algorithm of `domino
 train` has a folder in runs/benchmark. The same command executes missing runs, continues stopped
@@ -19,13 +20,11 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 
 from domino_env.cli.options import NATURAL, SECONDS, add_flags, add_options, add_out_option
 from optimize.cli.options import add_study_options, exit_code, split_names
 from optimize.executors import open_executor
 
-SUMMARY = "benchmark learning algorithms over scenes and seeds"
 DEFAULT_FOLDER = "runs/benchmark"
 
 
@@ -58,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, algorithms, arguments.seeds, arguments.steps, arguments.seconds
     )
-    folder, experiment = Path(arguments.out), None
+    folder, experiment = arguments.out, None
     if {*algorithms} & {*ALGORITHMS} and not arguments.page:
         require_learning()
     with open_executor(arguments.workers, arguments.dask) as executor:

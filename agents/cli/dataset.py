@@ -1,4 +1,4 @@
-"""Write a dataset of scenes, of the best layouts of searches, and of episodes that build them.
+"""Write scenes with searched layouts and episodes.
 
 FOLDER receives layouts.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
 README.md, which describes them. 5000 scenes take some tens of minutes on one core; --workers
@@ -13,8 +13,6 @@ import argparse
 from domino_env.cli.options import NATURAL, SEED, add_options, folder, number
 from optimize.cli.options import add_executor_options
 from optimize.executors import open_executor
-
-SUMMARY = "write scenes with searched layouts and episodes"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

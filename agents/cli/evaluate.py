@@ -1,18 +1,18 @@
-"""Compare the layout that a policy builds with the uniform baseline and the best known layout.
+"""Evaluate a trained or scripted policy.
 
-RUN is the folder of a training, the name of a shipped policy (sprint, designer), a scripted policy,
-or an archive (.zip) of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are
-uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule) and rule (takes
-pieces from a hand). Archives with plain multilayer perceptrons are read without running code;
-others need --trust. `designer` designs a layout for a new --scene in milliseconds. --scenes
-evaluates a policy in many scenes that were not used in its training.
+Its layout is compared with the uniform baseline and the best known layout. RUN is the folder of a
+training, the name of a shipped policy (sprint, designer), a scripted policy, or an archive (.zip)
+of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are uniform, greedy,
+ramp, plan (best known layout), controller (keeps a schedule) and rule (takes pieces from a hand).
+Archives with plain multilayer perceptrons are read without running code; others need --trust.
+`designer` designs a layout for a new --scene in milliseconds. --scenes evaluates a policy in many
+scenes that were not used in its training.
 """
 
 from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import LAYOUT_FILE, NATURAL, WHOLE, add_flags, add_options, output
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from agents.policy import ScenePolicy
     from agents.rollout import Rollout
     from agents.scripted import ScriptedPolicy
-
-SUMMARY = "evaluate a trained or scripted policy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +98,7 @@ def _evaluate_scenes(
     evaluation = evaluate_scenes(scenes, policy, known, progress=None)
     print(evaluation.table())
     if arguments.csv:
-        evaluation.save(Path(arguments.csv))
+        evaluation.save(arguments.csv)
         print(f"scenes written to {arguments.csv}")
     return 0
 

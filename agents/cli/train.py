@@ -1,4 +1,4 @@
-"""Train a policy that builds layouts for a scene, one domino after the other.
+"""Train a policy that builds layouts (APG, PPO, ARS, SAC, TD3, TQC).
 
 The command needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume
 continues it.
@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import NATURAL, WHOLE, add_flags, add_options, add_out_option, output
-
-SUMMARY = "train a policy that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,8 +1,8 @@
-"""Measure the error of the simulator and of general ODE solvers against their run time.
+"""Measure errors against run times, or simulate edge cases.
 
-Four standard layouts are simulated. With --stability, the edge cases are simulated instead, and
-outcome, true error and error estimate are compared. The output folder receives a table (CSV) and a
-picture (PNG).
+Four standard layouts are simulated, and solved by general ODE solvers. With --stability, the edge
+cases are simulated instead, and outcome, true error and error estimate are compared. The output
+folder receives a table (CSV) and a picture (PNG).
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import SECONDS, add_flags, add_options, add_out_option
-
-SUMMARY = "measure errors against run times, or simulate edge cases"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure errors, print and write them; return 1 if an edge case has a fault, else 0."""
-    from pathlib import Path
     from typing import Any
 
     from tqdm import tqdm
@@ -33,9 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.validation import accuracy, edge_cases
 
     name = "stability" if arguments.stability else "accuracy"
-    folder = Path(arguments.out)
-    folder.mkdir(parents=True, exist_ok=True)
-    table, picture = folder / f"{name}.csv", folder / f"{name}.png"
+    table, picture = arguments.out / f"{name}.csv", arguments.out / f"{name}.png"
     faulty, records = list[Any](), list[Any]()
     # a status line, which is cleared at the end; disable=None shows it only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:

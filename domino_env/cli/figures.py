@@ -1,4 +1,4 @@
-"""Reproduce the figures and tables of Chapman, The physics of toppling dominoes.
+"""Reproduce Chapman's figures and tables.
 
 They are computed with this simulator, and misprints of the article are marked.
 """
@@ -9,8 +9,6 @@ import argparse
 
 from domino_env.cli.options import add_out_option
 
-SUMMARY = "reproduce Chapman's figures and tables"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino figures`."""
@@ -19,15 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw the figures, and write and print the tables."""
-    from pathlib import Path
-
     from domino_env.core.files import write_text
     from domino_env.validation.chapman import FIGURES, draw, markdown
 
-    folder = Path(arguments.out)
     for name in FIGURES:
-        draw(name, folder / f"{name}.png")
+        draw(name, arguments.out / f"{name}.png")
     tables = markdown()
-    write_text(folder / "tables.md", tables)
-    print(tables + f"\n{len(FIGURES)} figures and tables.md in {folder}")
+    write_text(arguments.out / "tables.md", tables)
+    print(tables + f"\n{len(FIGURES)} figures and tables.md in {arguments.out}")
     return 0

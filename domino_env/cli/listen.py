@@ -1,30 +1,28 @@
-"""Estimate the hit frequency of recorded chains by autocorrelation, with its uncertainty."""
+"""Estimate the hit frequency of a recording, by autocorrelation."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from domino_env.cli.options import SIZE, add_options
-
-SUMMARY = "estimate the hit frequency of a recording"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino listen`."""
-    parser.add_argument("files", metavar="FILE.wav", nargs="+", help="recording of a uniform chain")
+    chain = "recording of a uniform chain"
+    parser.add_argument("files", metavar="FILE.wav", type=Path, nargs="+", help=chain)
     pitch = "distance from pivot to pivot [mm], to print the speed too"
     add_options(parser, ("pitch", SIZE, "MM", None, pitch))
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate and print the hit frequency of each recording."""
-    from pathlib import Path
-
     from domino_env.core.files import errors_with_path
     from domino_env.view.sound import listen, read_wav
 
     for name in arguments.files:
-        samples, rate = read_wav(Path(name))
+        samples, rate = read_wav(name)
         with errors_with_path(name):
             hits = listen(samples, rate)
         line = f"{name}: {hits.frequency:.2f} ± {hits.uncertainty:.2f} hits per second"

@@ -1,8 +1,8 @@
 """The `domino` command, to which each package adds its subcommands.
 
-A subcommand is a module in the entry-point group `domino.commands` with `SUMMARY`,
-`add_arguments(parser)` and `run(arguments) -> int`, which returns the exit status. It imports heavy
-modules inside `run`, so that `domino --help` is fast.
+A subcommand is a module in the entry-point group `domino.commands` with a docstring, whose first
+line `domino --help` shows, `add_arguments(parser)` and `run(arguments) -> int`, which returns the
+exit status. It imports heavy modules inside `run`, so that `domino --help` is fast.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, NoReturn, TextIO
 
 from domino_env import __version__
 from domino_env.core.files import one_line
-from domino_env.core.progress import Advice, WrongUnit
+from domino_env.core.progress import Advice, WrongUnit, notice
 
 GROUP = "domino.commands"
 INTERRUPTED = "interrupted before the end: run the command again"
@@ -57,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
     for purpose, names in (PURPOSES | others).items():
         known = [name for name in names.split() if name in modules]
         lines += [f"\n{purpose}:"] * bool(known)
-        lines += [f"  {name:<11} {modules[name].SUMMARY}" for name in known]
+        lines += [f"  {name:<11} {modules[name].__doc__.splitlines()[0]}" for name in known]
     lines += ["\ndomino COMMAND --help explains a command and its options."]
     parser = _Parser(
         prog="domino", usage="domino COMMAND [OPTIONS]", description="\n".join(lines),
@@ -122,11 +122,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         print(f"domino: {str(error) or INTERRUPTED}", file=sys.stderr)
         return interruption.code
-    except (ValueError, OSError, ImportError, WrongUnit) as error:
-        # a library raised this for the interruption
-        if interruption.signal and (isinstance(error, ImportError) or not str(error)):
+    except Exception as error:
+        if interruption.signal:  # a library raised this for the interruption
             print(f"domino: {INTERRUPTED}", file=sys.stderr)
             return interruption.code
+        if not isinstance(error, ValueError | OSError | ImportError | WrongUnit):
+            raise
         text = " ".join([str(error), *getattr(error, "__notes__", ())])
         message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", text)
         if isinstance(error, OSError) and error.strerror:
@@ -134,29 +135,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             message = f"{place}: {error.strerror}: name another file or folder"
         print(f"domino: {one_line(message, MAX_MESSAGE)}", file=sys.stderr)
         return 2
-    except Exception as error:
-        if not interruption.signal:
-            raise
-        # a library raised this for the interruption, while it handled another error
-        print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
-        return interruption.code
     finally:
         log.removeHandler(notices)
         interruption.restore()
 
 
-def _print_line(line: str) -> None:
-    """Print a line on standard error, above a progress bar if one is shown there."""
-    from tqdm import tqdm
-
-    tqdm.write(line, file=sys.stderr)
-
-
 class _Notices(logging.Handler):
-    """Handler that prints each notice on a line of its own."""
+    """Handler that prints each notice on a line of its own, above a progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        _print_line(record.getMessage())
+        from tqdm import tqdm
+
+        tqdm.write(record.getMessage(), file=sys.stderr)
 
 
 _show_as_python = warnings.showwarning
@@ -168,7 +158,7 @@ def _show_warning(
 ) -> None:  # fmt: skip
     """Print advice as one line, and warnings of libraries as Python does."""
     if issubclass(category, Advice):
-        _print_line(f"domino: {one_line(str(message), MAX_MESSAGE)}")
+        notice(f"domino: {one_line(str(message), MAX_MESSAGE)}")
     else:
         _show_as_python(message, category, filename, lineno, file, line)
 

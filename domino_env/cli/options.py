@@ -97,12 +97,12 @@ def require_deviation(deviation: float, largest_gap: float) -> None:
 
 def folder(name: str) -> Any:
     """Read the name of a folder to write to."""
-    return _check(name, require_writable, Path(name))
+    return _check(Path(name), require_writable, Path(name))
 
 
 def output(*suffixes: str) -> Callable[[str], Any]:
     """Return the reader of an option that names a file to write."""
-    return lambda name: _check(name, require_output, Path(name), *suffixes)
+    return lambda name: _check(Path(name), require_output, Path(name), *suffixes)
 
 
 def require_output(path: Path, *suffixes: str) -> None:
@@ -113,6 +113,12 @@ def require_output(path: Path, *suffixes: str) -> None:
 
 
 LAYOUT_FILE = output(".csv", ".json")
+
+
+def add_layout(parser: argparse.ArgumentParser, name: str = "layout", **options: Any) -> None:
+    """Add the argument LAYOUT, a file or several."""
+    text = "layout file, .csv or .json"
+    parser.add_argument(name, metavar="LAYOUT", type=Path, help=text, **options)
 
 
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
@@ -156,13 +162,13 @@ def _json_file(name: str) -> Any:
     return name if name == "-" else output(".json")(name)
 
 
-def write_json(document: object, file: str) -> None:
+def write_json(document: object, file: Path | str) -> None:
     """Write a document as JSON; "-" prints it."""
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
-    if file == "-":
-        print(text)
+    if isinstance(file, Path):
+        write_text(file, text + "\n")
     else:
-        write_text(Path(file), text + "\n")
+        print(text)
 
 
 @dataclass(frozen=True)
@@ -175,15 +181,16 @@ class ChosenPhysics:
         Scene that is named by --scene or lies beside the layout; None without either.
     physics
         Physics of the scene, or the defaults, with the values of the options.
-    changed
-        Names of those of the options friction, gravity and push that were given.
+    other_physics
+        The physics if one of the options friction, gravity and push was given, else None; a scene
+        gives no score to waves under other physics than its own.
     origin
         Source of the physics, as text.
     """
 
     scene: Scene | None
     physics: Physics
-    changed: tuple[str, ...]
+    other_physics: Physics | None
     origin: str
 
     @property
@@ -238,4 +245,4 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
         origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"
     if given:
         origin += f", but for {', '.join(f'--{name}' for name in given)}"
-    return ChosenPhysics(scene, physics, tuple(given), origin)
+    return ChosenPhysics(scene, physics, physics if given else None, origin)

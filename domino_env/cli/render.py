@@ -10,12 +10,10 @@ import argparse
 
 from domino_env.cli import options
 
-SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    options.add_layout(parser, "layouts", nargs="+")
     options.add_physics_options(parser, uniform=True)
     slow = "slow motion: seconds of the animation for each second of the wave"
     options.add_options(
@@ -32,39 +30,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the animations and the picture."""
-    from pathlib import Path
-
-    from domino_env.core.checks import require_extra
-    from domino_env.core.files import layout_name, one_line
-    from domino_env.physics.wave import simulate
+    from domino_env.core.files import one_line
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
-    from domino_env.view.comparison import ComparedLayout
+    from domino_env.view.report import read_compared
 
-    writers = {arguments.gif: write_gif, arguments.mp4: write_mp4}
-    writers.pop(None, None)
-    if not (writers or arguments.png):
+    writers = ((arguments.gif, write_gif), (arguments.mp4, write_mp4))
+    if not (arguments.gif or arguments.mp4 or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
-    if arguments.mp4:
-        require_extra("a film", "render", "imageio_ffmpeg")
     chosen = options.chosen_physics(arguments, *arguments.layouts)
-    layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
-    if chosen.scene:
-        layouts.append(("uniform baseline", chosen.scene.uniform().layout))
-    print(chosen.line)
+    heading = f"friction {chosen.physics.friction:g}, push {chosen.physics.push:g} rad/s"
     if chosen.scene:
         heading = f"{one_line(chosen.scene.name, 40)}: {one_line(chosen.scene.title, 100)}"
-    else:
-        physics = chosen.physics
-        heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
-    compared = [
-        ComparedLayout(name, simulate(chosen.row(layout), chosen.physics))
-        for name, layout in layouts
-    ]
-    for name, write in writers.items():
-        images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
-        print(f"{name}: {write(images, Path(name), arguments.rate):.1f} s")
+    compared, _ = read_compared(arguments.layouts, chosen.scene, chosen.other_physics)
+    print(chosen.line)
+    for name, write in writers:
+        if name:
+            images = frames(compared, arguments.rate, arguments.slow, arguments.width, heading)
+            print(f"{name}: {write(images, name, arguments.rate):.1f} s")
     if arguments.png:
         picture = poses(compared, arguments.moments, arguments.width, heading)
-        write_png(picture, Path(arguments.png))
+        write_png(picture, arguments.png)
         print(f"{arguments.png}: {picture.width} by {picture.height} px")
     return 0

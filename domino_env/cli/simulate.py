@@ -14,9 +14,9 @@ from domino_env.cli import options
 if TYPE_CHECKING:
     from domino_env.physics.layout import Layout
     from domino_env.physics.wave import Wave
+    from domino_env.rigid.simulation import RigidWave
     from domino_env.scenes.scene import Scene
 
-SUMMARY = "simulate one layout: arrival times, speed and outcome"
 # fields of `Wave` and `RigidWave` in the JSON document
 WAVE_FIELDS = (
     "outcome explanation mean_speed hit toppled reach error_estimate converged flushes releases "
@@ -33,7 +33,7 @@ ENDS = 10  # lines of a longer table that are printed at each of its ends
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
+    options.add_layout(parser)
     options.add_physics_options(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON in SI units")
     tolerance = "relative tolerance of the arrival times"
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.results import document
     from domino_env.physics.wave import simulate
     from domino_env.rigid.simulation import simulate_standing
-    from domino_env.view.summaries import noise_summary, placement_noise, rigid_summary
+    from domino_env.scenes.placement import placement_noise
 
     chosen = options.chosen_physics(arguments, arguments.layout)
     scene = chosen.scene
@@ -62,12 +62,12 @@ def run(arguments: argparse.Namespace) -> int:
         options.require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
     wave = simulate(chosen.row(layout), chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(layout, wave, scene) if scene else {}
-    rigid = None
+    rigid = noise = None
     if arguments.floor is not None:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
-    noise = None
     if arguments.deviation is not None:
-        noise = placement_noise(wave, scene, 1e-3 * arguments.deviation)
+        ground = scene.ground if scene else None
+        noise = placement_noise(wave, ground, 1e-3 * arguments.deviation)
     if arguments.json:
         result = document(wave, WAVE_FIELDS) | document(wave.physics, "friction gravity push")
         result |= document(wave.layout, "positions") | document(wave, DOMINO_FIELDS)
@@ -80,8 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     lines = [*_table(wave), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation, scene) if scene else []
-    lines += rigid_summary(rigid, wave) if rigid else []
-    lines += [noise_summary(noise)] if noise else []
+    lines += _rigid_summary(rigid, wave) if rigid else []
+    lines += [_noise_summary(noise)] if noise else []
     print("\n".join(lines))
     return 0
 
@@ -154,3 +154,40 @@ def _evaluation_lines(result: dict[str, Any], scene: Scene) -> list[str]:
         reference = f"the uniform baseline ({uniform:.6f})"
         comparison = f"no gain over {reference}: a score of 0 or less is no success"
     return [f"{criterion.label(score)} on '{name}', {comparison}"]
+
+
+def _noise_summary(noise: dict[str, float]) -> str:
+    """Return the result of `placement_noise` in one line."""
+    line = (
+        f"placement noise of {1e3 * noise['deviation']:g} mm, {noise['draws']} draws: "
+        f"{100.0 * noise['completes']:.4g} % complete"
+    )
+    if "mean" in noise:
+        line += (
+            f", last domino hit after {noise['mean']:.4f} s, standard deviation "
+            f"{noise['spread']:.4f} s, 5 % before {noise['fastest_5_percent']:.4f} s and 5 % after "
+            f"{noise['slowest_5_percent']:.4f} s"
+        )
+    return line
+
+
+def _rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
+    """Return lines with speed and toppled dominoes of a free-standing layout.
+
+    `wave` is the wave of the same layout with fixed pivots.
+    """
+    count = rigid.layout.count
+    lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]
+    if rigid.mean_speed > 0.0:
+        comparison = ""
+        if wave.mean_speed > 0.0:
+            comparison = f", {rigid.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
+        lines.append(
+            f"mean speed {rigid.mean_speed:.5f} m/s{comparison}, last domino hit after "
+            f"{rigid.arrival_times[-1]:.5f} s"
+        )
+    else:
+        lines.append(f"the wave stops after {rigid.hit} of {count} dominoes were hit")
+    lines.append(f"{rigid.toppled} of {count} toppled")
+    suffix = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
+    return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{suffix}"]

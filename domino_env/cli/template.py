@@ -1,17 +1,18 @@
-"""Write a paper template as PDF: numbered footprints of all dominoes at 1:1, on sheets of paper."""
+"""Write a paper template of a layout at 1:1.
+
+The PDF has the numbered footprints of all dominoes, on sheets of paper.
+"""
 
 from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_options, output
-
-SUMMARY = "write a paper template of a layout at 1:1"
+from domino_env.cli.options import add_layout, add_options, output
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino template`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
+    add_layout(parser)
     size = "size of the sheets (a4)"
     parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help=size)
     template = "output file (LAYOUT with the ending .pdf)"
@@ -20,16 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the template, and print the name of its file and instructions for its use."""
-    from pathlib import Path
-
     from domino_env.core.files import layout_name, one_line
     from domino_env.scenes.io.reading import read_layout, scene_beside
     from domino_env.view.template import write_template
 
-    source = Path(arguments.layout)
+    source = arguments.layout
     scene = scene_beside(source)
     layout = read_layout(source, scene)
-    target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
+    target = arguments.pdf or source.with_suffix(".pdf")
     title, physics = f"Layout {layout_name(source)}", None
     if scene:
         title = f"{one_line(scene.name, 40)}: {one_line(scene.title, 60)}"

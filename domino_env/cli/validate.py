@@ -1,7 +1,8 @@
-"""Compare measured chains with the model: fitted friction, leave-one-out predictions, verdict.
+"""Compare measured chains with the model.
 
-SOURCE is the name of a shipped source, your own .toml file (copy one from
-domino_env/validation/sources), or a chain as PITCH=FREQUENCY in millimetres and hits per second:
+The results are the fitted friction, leave-one-out predictions and a verdict. SOURCE is the name of
+a shipped source, your own .toml file (copy one from domino_env/validation/sources), or a chain as
+PITCH=FREQUENCY in millimetres and hits per second:
 
 domino validate 16=64.4 24=42.3 32=28.1
 """
@@ -9,14 +10,13 @@ domino validate 16=64.4 24=42.3 32=28.1
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import SIZE, add_options, add_out_option
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
-
-SUMMARY = "compare measured chains with the model"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare the sources with the model, print the results and write a page if requested."""
-    from pathlib import Path
-
     from domino_env.core.files import write_text
     from domino_env.core.tables import fill_tables
     from domino_env.validation.measured import validate
@@ -47,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     if len(validations) > 1:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
-        page, plot = Path(arguments.out) / PAGE, Path(arguments.out) / PLOT
+        page, plot = arguments.out / PAGE, arguments.out / PLOT
         # of an existing page only the part between these marks is replaced
         old = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
         draw(validations, plot)
@@ -58,8 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _sources(arguments: argparse.Namespace) -> list[Source]:
     """Return the named sources in order, then one of all chains given as PITCH=FREQUENCY."""
-    from pathlib import Path
-
     from domino_env.validation.source import TEMPLATE, Source, read_source, shipped_sources
 
     shipped, sources, chains = shipped_sources(), [], []
@@ -77,8 +73,8 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
             )
     if chains:
         pitches, frequencies = zip(*chains, strict=True)
-        sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height
-        own = Source.from_frequencies(pitches, frequencies, *sizes, pitch_uncertainty=TEMPLATE)
+        sizes = {name: 1e-3 * getattr(arguments, name) for name in ("thickness", "height")}
+        own = Source.from_frequencies(pitches, frequencies, x_uncertainty=TEMPLATE, **sizes)
         sources.append(own)
     return sources or list(shipped.values())
 

@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 FLOORS = "0.3,0.5,1"  # coefficients of friction by default
-SUMMARY = "simulate layouts with the reference simulator and a third-party engine"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    options.add_layout(parser, "layouts", nargs="+")
     options.add_physics_options(parser)
     floors = "coefficients of friction of the floors; 'free' means 1"
     options.add_options(parser, ("floor", read_floors, "FRICTION,...", FLOORS, floors))

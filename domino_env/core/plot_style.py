@@ -79,6 +79,17 @@ def new_figure(
     return figure
 
 
+def new_axes(
+    width: float, height: float, title: str = "", **properties: Any
+) -> tuple[Figure, Axes]:
+    """Return a figure [in] with one panel after `style`; properties: as for `Axes.set`."""
+    figure = new_figure(width, height)
+    axes = figure.add_subplot()
+    style(axes, title)
+    axes.set(**properties)
+    return figure, axes
+
+
 def new_panels(
     number: int,
     max_columns: int,

@@ -92,22 +92,13 @@ def simulate_in_engine(
         if uncertainty <= RTOL:
             break
     unknown = np.full(layout.count, np.nan)
+    steps = math.ceil(float(np.max(times[np.isfinite(times)])) / finest)
     return simulation.RigidWave(
-        layout=layout,
-        physics=physics,
-        floor_friction=floor_friction,
-        arrival_times=limit,
-        lean=lean,
-        slid=unknown,
-        opened=unknown[1:],
-        opened_at=unknown[1:],
-        error_estimate=uncertainty,
-        converged=uncertainty <= RTOL,
-        rtol=RTOL,
-        steps=math.ceil(float(np.max(times[np.isfinite(times)])) / finest),
-        run_time=time.perf_counter() - start_time,
-        simulator=engine_name(),
-    )
+        layout, physics, floor_friction, arrival_times=limit, lean=lean, slid=unknown,
+        opened=unknown[1:], opened_at=unknown[1:], error_estimate=uncertainty,
+        converged=uncertainty <= RTOL, rtol=RTOL, steps=steps,
+        run_time=time.perf_counter() - start_time, simulator=engine_name(),
+    )  # fmt: skip
 
 
 def run_engine(
@@ -176,13 +167,11 @@ class _Space:
     """Space of the engine, in which dominoes are placed shortly before the wave reaches them."""
 
     def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
-        self._pymunk = _engine()
+        self._pymunk = pymunk = _engine()
         self._layout, self._fixed = layout, floor is None
-        space = self._pymunk.Space()
+        self._space = space = pymunk.Space()
         space.gravity = (0.0, -physics.gravity * MM)
-        space.iterations = sweeps
-        space.collision_slop = OVERLAP
-        self._space = space
+        space.iterations, space.collision_slop = sweeps, OVERLAP
         self.bodies: list[Any] = []
         self._removed_count = 0
         self.advance: Callable[[float], None] = space.step
@@ -190,68 +179,57 @@ class _Space:
         # that of the floor is divided by it.
         self._friction = math.sqrt(max(physics.friction, 1e-6))
         self._floor = None if floor is None else floor / self._friction
+        # of each domino, from its pivot and along the ground to the axes of the space [mm]
+        self._frames = [
+            pymunk.Transform.translation(x * MM, y * MM) @ pymunk.Transform.rotation(-tilt)
+            for (x, y), tilt in zip(layout.pivots.tolist(), layout.tilt.tolist(), strict=True)
+        ]
         if layout.is_flat:
             reach = 2.0 * float(layout.height.max())
-            self._add_floor(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
-        self._pivots = layout.pivots
-        self._directions = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
-        self._rears = self._pivots - layout.thickness[:, None] * self._directions * (1.0, -1.0)
-        self._tipping = np.arctan2(layout.thickness, layout.height)
+            self._add_floor(self._frames[0], -reach * MM, (layout.length + reach) * MM, None)
         self.place_up_to(min(1, layout.count - 1))
-        half_height, half_thickness = layout.height[0] * MM / 2.0, layout.thickness[0] * MM / 2.0
-        self.bodies[0].angular_velocity = -physics.push
-        velocity = physics.push * half_height, physics.push * half_thickness
-        self.bodies[0].velocity = self._rotate_to_ground(0, *velocity)
+        first = self.bodies[0]
+        centre = first.position - self._frames[0] @ (0.0, 0.0)
+        first.angular_velocity = -physics.push
+        first.velocity = physics.push * centre.y, -physics.push * centre.x
 
     def place_up_to(self, last: int) -> None:
         """Place the dominoes up to this one."""
         pymunk, layout = self._pymunk, self._layout
         for i in range(len(self.bodies), last + 1):
             height, thickness = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
-            mass = float(layout.density[i] * layout.height[i] * layout.thickness[i])
+            mass, frame = float(layout.density[i] * height * thickness), self._frames[i]
             body = pymunk.Body(mass, mass * (height * height + thickness * thickness) / 12.0)
-            pivot_x, pivot_y = (float(place) * MM for place in self._pivots[i])
-            ahead, up = self._rotate_to_ground(i, -thickness / 2.0, height / 2.0)
-            body.position, body.angle = (pivot_x + ahead, pivot_y + up), -float(layout.tilt[i])
+            body.position = frame @ (-thickness / 2.0, height / 2.0)
+            body.angle = -float(layout.tilt[i])
             shape = pymunk.Poly.create_box(body, (thickness, height))
             shape.friction, shape.elasticity = self._friction, 0.0
             kinds = KINDS if layout.is_flat else KINDS // 2
             kind = 1 << i % kinds
             partners = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
             if not layout.is_flat:
-                reach = PLANK * height
                 plank = pymunk.ShapeFilter(categories=kind << kinds, mask=kind)
                 partners |= kind << kinds
-                self._add_floor(-reach, reach, (pivot_x, pivot_y), float(layout.tilt[i]), plank)
+                self._add_floor(frame, -PLANK * height, PLANK * height, plank)
             shape.filter = pymunk.ShapeFilter(categories=kind, mask=partners)
             self._space.add(body, shape)
             if self._fixed:
                 static = self._space.static_body
-                hinge = pymunk.PivotJoint(static, body, (pivot_x, pivot_y))
+                hinge = pymunk.PivotJoint(static, body, frame @ (0.0, 0.0))
                 stop = pymunk.RotaryLimitJoint(static, body, -math.pi, body.angle)
                 hinge.collide_bodies = stop.collide_bodies = False
                 self._space.add(hinge, stop)
             self.bodies.append(body)
 
-    def _rotate_to_ground(self, i: int, x: float, y: float) -> tuple[float, float]:
-        """Return a vector on flat ground, rotated to the ground under domino i."""
-        cosine, sine = map(float, self._directions[i])
-        return x * cosine + y * sine, y * cosine - x * sine
-
-    def _add_floor(
-        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, plank: Any
-    ) -> None:
-        """Add a floor from begin to end [mm] along a slope [rad] through a pivot [mm].
+    def _add_floor(self, frame: Any, begin: float, end: float, plank: Any) -> None:
+        """Add a floor from begin to end [mm] along the first axis of a frame.
 
         plank: filter of its collisions; None if it collides with every domino.
         """
         if self._floor is None:
             return
-        turn = self._pymunk.Transform(
-            math.cos(tilt), -math.sin(tilt), math.sin(tilt), math.cos(tilt), *pivot
-        )
         corners = [(begin, -DEPTH), (end, -DEPTH), (end, 0.0), (begin, 0.0)]
-        ground = self._pymunk.Poly(self._space.static_body, corners, turn)
+        ground = self._pymunk.Poly(self._space.static_body, corners, frame)
         ground.friction = self._floor
         if plank is not None:
             ground.filter = plank
@@ -266,20 +244,18 @@ class _Space:
     def let_last_fall(self, step: float, patience: float) -> None:
         """Advance until the last domino passes its tipping angle or rests for `patience` [s]."""
         last, furthest, resting = self.bodies[-1], 0.0, 0.0
-        while resting < patience and -last.angle <= self._tipping[-1]:
+        tipping = math.atan2(self._layout.thickness[-1], self._layout.height[-1])
+        while resting < patience and -last.angle <= tipping:
             self.advance(step)
             resting = 0.0 if -last.angle > furthest + dynamics.AT_REST else resting + step
             furthest = max(furthest, -last.angle)
 
     def tip_distance(self, i: int) -> float:
         """Return the distance from the tip of i to the rear face of i+1, which stands [mm]."""
-        body = self.bodies[i]
-        half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
-        sine, cosine = math.sin(body.angle), math.cos(body.angle)
-        tip_x = body.position.x + half[0] * cosine - half[1] * sine
-        tip_y = body.position.y + half[0] * sine + half[1] * cosine
-        (rear_x, rear_y), (along, down) = self._rears[i + 1], self._directions[i + 1]
-        return float((rear_x * MM - tip_x) * along - (rear_y * MM - tip_y) * down)
+        layout, frame = self._layout, self._frames[i + 1]
+        half = float(layout.thickness[i]) * MM / 2.0, float(layout.height[i]) * MM / 2.0
+        tip = self.bodies[i].local_to_world(half) - (frame.tx, frame.ty)
+        return float(-tip.dot((frame.a, frame.b)) - layout.thickness[i + 1] * MM)
 
 
 def engine_name() -> str:

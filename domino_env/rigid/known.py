@@ -50,6 +50,9 @@ class Check:
     gain
         Speed over that of the uniform baseline of this floor, minus one; None for this baseline,
         for scenes with other scores, and if a domino does not topple.
+    error
+        Root-mean-square error of the scheduled times [ms]; None for a scene without a schedule, and
+        for a wave that stops.
     """
 
     layout: Literal["best", "uniform"]
@@ -62,6 +65,7 @@ class Check:
     gap: float
     score: str
     gain: float | None = None
+    error: float | None = None
 
 
 @dataclass(frozen=True)

@@ -240,16 +240,10 @@ def simulate_standing(
     for values in run:
         values.flags.writeable = False
     return RigidWave(
-        layout=layout,
-        physics=physics,
-        floor_friction=floor_friction,
-        **run._asdict(),
-        error_estimate=uncertainty,
-        converged=uncertainty <= rtol,
-        rtol=rtol,
-        steps=steps,
+        layout, physics, floor_friction, **run._asdict(), error_estimate=uncertainty,
+        converged=uncertainty <= rtol, rtol=rtol, steps=steps,
         run_time=time.perf_counter() - start_time,
-    )
+    )  # fmt: skip
 
 
 def _require_time(elapsed: float, hit_count: int, count: int, floor: str) -> None:

@@ -16,7 +16,7 @@ from domino_env.core.types import Floats, read_only
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import WaveBatch
+from domino_env.physics.wave import Wave, WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import ScoreGradient, Scores
 
@@ -206,3 +206,35 @@ def simulate_draws(
     batch = LayoutBatch(*sizes, layout.width, layout.density, physics, rtol=1e-6, ground=ground)
     errors = placement.replace(draws=draws).errors(layout.count - 1)
     return draw_layouts(batch, errors).simulate()
+
+
+def placement_noise(
+    wave: Wave, ground: Ground | None, deviation: float, draws: int = 256
+) -> dict[str, float]:
+    """Return the fraction of draws that complete and statistics of their total times [s].
+
+    Parameters
+    ----------
+    wave
+        Wave of the layout without errors.
+    ground
+        Ground on which the layout stands; None for flat ground.
+    deviation
+        Standard deviation of the placement error of each gap [m].
+    draws
+        Number of draws.
+
+    Returns
+    -------
+    dict
+        `deviation`, `draws`, `completes`, and if a draw completes `mean`, `spread` (standard
+        deviation), `fastest_5_percent` and `slowest_5_percent` of their times.
+    """
+    waves = simulate_draws(wave.layout, wave.physics, Placement(deviation, draws), ground)
+    times = waves.total_time[waves.mean_speed > 0.0]
+    noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
+    if len(times):
+        fast, slow = np.quantile(times, (0.05, 0.95)).tolist()
+        noise |= {"mean": float(times.mean()), "spread": float(times.std())}
+        noise |= {"fastest_5_percent": fast, "slowest_5_percent": slow}
+    return noise

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,16 @@ def scene_schema() -> dict[str, Any]:
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return head | scene | {"$defs": definitions}
+
+
+def schema_fields() -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield the keys of a scene file: name of the table, "" for none, key, and its schema."""
+    schema = scene_schema()
+    for table, entry in schema["properties"].items():
+        reference = entry.get("$ref", "").rpartition("/")[2]
+        fields = schema["$defs"][reference]["properties"] if reference else {table: entry}
+        for key, field in fields.items():
+            yield table if reference else "", key, field
 
 
 def _number_or_range(field: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from domino_env.core.colours import BLUE, COLOURS, PALE, RED
-from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, write_png
 from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
 from domino_env.physics import steady
@@ -202,9 +202,7 @@ FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
 def draw(name: str, path: Path) -> None:
     """Draw a figure of `FIGURES` into a PNG file."""
     title, plot = FIGURES[name]
-    figure = new_figure(7.0, 4.2)
-    axes = figure.add_subplot()
-    style(axes, title)
+    figure, axes = new_axes(7.0, 4.2, title)
     plot(axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**LEGEND)

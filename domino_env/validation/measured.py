@@ -165,7 +165,7 @@ def model_value(
 
 
 def compare(
-    source: Source, setting: Setting, label: str = "", factors: Sequence[float] | None = None
+    source: Source, setting: Setting, label: str = "", factors: Sequence[float] | float = 1.0
 ) -> Comparison:
     """Compare a source with the model in one reading, at the friction that fits best.
 
@@ -178,7 +178,7 @@ def compare(
     label
         Description of the reading; empty for the source's own.
     factors
-        (K,) factors on the speeds of the model, such as the effect of a floor; None for no effect.
+        (K,) factors on the speeds of the model, such as the effect of a floor.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def compare(
     """
     chains = source.chains_of(setting)
     x, values, sigmas = np.array([(c.x, c.value, c.uncertainty) for c in chains]).T
-    scale = np.ones(len(chains)) if factors is None else np.asarray(factors, dtype=np.float64)
+    scale = np.broadcast_to(np.asarray(factors, dtype=np.float64), len(chains))
 
     def model(friction: float, shift: float = 0.0) -> Floats:
         return np.array([
@@ -291,7 +291,8 @@ def fit_friction(
     >>> round(de.fit_friction([0.016, 0.024, 0.032], [64.4, 42.3, 28.1]).friction, 2)
     0.18
     """
-    source = Source.from_frequencies(pitches, frequencies, thickness, height, gravity)
+    setting = {"thickness": thickness, "height": height, "gravity": gravity}
+    source = Source.from_frequencies(pitches, frequencies, **setting)
     return compare(source, source.setting)
 
 

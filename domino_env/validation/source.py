@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -179,13 +178,7 @@ class Source(Table):
 
     @classmethod
     def from_frequencies(
-        cls,
-        pitches: Sequence[float],
-        frequencies: Sequence[float],
-        thickness: float = 0.0075,
-        height: float = HEIGHT,
-        gravity: float = 9.81,
-        pitch_uncertainty: float = 0.0,
+        cls, pitches: Sequence[float], frequencies: Sequence[float], **setting: float
     ) -> Source:
         """Make a source of hit frequencies, each with a standard uncertainty of 2 %.
 
@@ -193,10 +186,8 @@ class Source(Table):
         ----------
         pitches, frequencies
             (K,) pitch [m] and hits per second [1/s] of each chain.
-        thickness, height, gravity
-            Sizes of all dominoes [m], and acceleration of gravity [m/s²].
-        pitch_uncertainty
-            Standard uncertainty of each pitch [m].
+        **setting
+            Other fields of the `Setting`.
 
         Returns
         -------
@@ -217,13 +208,9 @@ class Source(Table):
             {"x": pitch, "value": value, "uncertainty": FREQUENCY_UNCERTAINTY * value}
             for pitch, value in zip(x, values, strict=True)
         ]
-        setting = {
-            "thickness": thickness, "height": height, "gravity": gravity, "x_is": "pitch",
-            "x_uncertainty": pitch_uncertainty,
-        }  # fmt: skip
         return read_model(cls, {
             "name": "given", "title": "chains that were given", "quantity": "frequency",
-            "unit": "1/s", "setting": setting, "rows": chains,
+            "unit": "1/s", "setting": setting | {"x_is": "pitch"}, "rows": chains,
         })  # fmt: skip
 
     @property
@@ -267,5 +254,5 @@ def read_source(path: Path) -> Source:
 
 def shipped_sources() -> dict[str, Source]:
     """Read all shipped sources, by name."""
-    folder = Path(str(files("domino_env.validation") / "sources"))
+    folder = Path(__file__).with_name("sources")
     return {path.stem: read_source(path) for path in sorted(folder.glob("*.toml"))}

@@ -14,20 +14,9 @@ from PIL import Image
 
 from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
-from domino_env.core.types import Floats
-from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, stack_leans
-from domino_env.view.comparison import ComparedLayout, require_compared
-from domino_env.view.drawing import (
-    MAX_PLACE,
-    Scale,
-    draw_gaps,
-    draw_hand,
-    draw_strip,
-    draw_title,
-    palette,
-    stack_strips,
-)
+from domino_env.physics.motion import Motion
+from domino_env.view import drawing
+from domino_env.view.comparison import ComparedLayout
 from domino_env.view.ground import relief
 
 MAX_DOMINOES = 5_000  # of a chain that can be drawn
@@ -38,49 +27,6 @@ MAX_POSE_PLACE = 0.97  # largest place of the leader in poses, as a fraction of 
 MAX_GIF_RATE = 50.0  # [Hz] viewers slow down images that are shown for less than 20 ms
 LAST_DURATION = 2000.0  # [ms] duration of the last image of a GIF
 REST = 0.08  # [s] shown before the push and after the end, in the time of the wave
-
-
-def placements(
-    layout: Layout, equal: float, ending: str, width: int = 840, hands: Sequence[Floats] = ()
-) -> Iterator[Image.Image]:
-    """Draw a chain on flat ground as an environment places it, an image for each domino.
-
-    The latest domino placed stands ahead of the leading one, which has just been hit. Its gap is
-    marked in the panel below.
-
-    Parameters
-    ----------
-    layout
-        The layout.
-    equal
-        Gap of the uniform baseline [m], drawn as a line.
-    ending
-        Text of the last image.
-    width
-        Width of an image [px].
-    hands
-        Thicknesses of the pieces in hand before each step [m]; empty for none.
-
-    Yields
-    ------
-    Image
-        Next image.
-    """
-    highest, tall = max(equal, float(layout.spacing.max())), float(layout.height.max())
-    scale = Scale.fitting(float(layout.length), tall, width, STRIP_HEIGHT)
-    for n in range(layout.count):
-        last = min(n + 1, layout.count - 1)
-        placed = Layout(
-            layout.spacing[:last], layout.thickness[: last + 1], layout.height[: last + 1]
-        )
-        leans = stack_leans(placed, np.array([n]), np.zeros(1))[0]
-        text = f"domino {last + 1} of {layout.count}: gap {1e3 * layout.spacing[last - 1]:.1f} mm"
-        strip = draw_strip(placed, leans, n, scale, text if last > n else ending, 1.0)
-        if len(hands) and last > n:
-            draw_hand(strip, hands[n], tall, scale, float(layout.thickness[last]))
-        latest = last - 1 if last > n else -1
-        gaps = draw_gaps(placed, equal, scale, "gaps", highest, latest)
-        yield stack_strips([strip, gaps])
 
 
 def frames(
@@ -114,23 +60,20 @@ def frames(
 
     Raises
     ------
-    TypeError
-        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, a rate, time factor or width out of range, an odd width, a chain of more than
-        5 000 dominoes, and more than 500 million pixels.
+        For a width that is odd or out of range, a chain of more than 5 000 dominoes, and more than
+        500 million pixels.
     """
-    require("rate", rate, above=0.0, unit="1/s", hint="films have 25")
-    require("slow", slow, above=0.0, hint="5 is five times slower than real time")
     motions, scale = _motions_and_scale(compared, width, STRIP_HEIGHT)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
-    title = [draw_title(heading, pace, width)] if heading else []
+    title = [drawing.draw_title(heading, pace, width)] if heading else []
     for t in times:
-        yield stack_strips([*title, *_strips(compared, motions, float(t), scale, MAX_PLACE)])
+        strips = _strips(compared, motions, float(t), scale, drawing.MAX_PLACE)
+        yield drawing.stack_strips([*title, *strips])
 
 
 def poses(
@@ -157,21 +100,18 @@ def poses(
 
     Raises
     ------
-    TypeError
-        For anything else than a sequence of compared layouts.
     ValueError
-        For no chain, less than one moment, a width that is odd or out of range, a chain of more
-        than 5 000 dominoes, and more than 500 million pixels.
+        For a width that is odd or out of range, a chain of more than 5 000 dominoes, and more than
+        500 million pixels.
     """
-    require("moments", moments, 1, whole=True)
     motions, scale = _motions_and_scale(compared, width, POSE_HEIGHT)
     _require_pixels(moments * len(compared), scale, "--width or --moments")
     end = max(map(_end, compared))
-    strips = [draw_title(heading, "", width)] if heading else []
+    strips = [drawing.draw_title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
         strips += _strips(compared, motions, t, scale, MAX_POSE_PLACE)
-    return stack_strips(strips)
+    return drawing.stack_strips(strips)
 
 
 def require_drawable(name: str, count: int) -> None:
@@ -272,27 +212,27 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> float:
 
 def _with_palette(image: Image.Image) -> Image.Image:
     """Return an image with the colours of `palette`, one byte per pixel."""
-    return image.quantize(palette=palette(), dither=Image.Dither.NONE)
+    return image.quantize(palette=drawing.palette(), dither=Image.Dither.NONE)
 
 
 def _motions_and_scale(
     compared: Sequence[ComparedLayout], width: int, height: int
-) -> tuple[list[Motion], Scale]:
+) -> tuple[list[Motion], drawing.Scale]:
     """Return the motions of chains, and their common scale in strips of a width and height [px]."""
     require("width", width, 200, MAX_WIDTH, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, which films need")
-    require_compared(compared)
     for entry in compared:
         require_drawable(entry.name, entry.wave.layout.count)
     motions = [Motion(entry.wave.layout, entry.wave.physics) for entry in compared]
     layouts = [entry.wave.layout for entry in compared]
     longest = max(float(layout.length) for layout in layouts)
     tallest = max(float(layout.height.max()) for layout in layouts)
-    return motions, Scale.fitting(longest, tallest, width, height, max(map(relief, layouts)))
+    sizes = longest, tallest, width, height
+    return motions, drawing.Scale.fitting(*sizes, max(map(relief, layouts)))
 
 
-def _require_pixels(strips: int, scale: Scale, options: str) -> None:
+def _require_pixels(strips: int, scale: drawing.Scale, options: str) -> None:
     """Raise ValueError for images that take too much memory; options: those to lower, as a text."""
     pixels = strips * scale.width * scale.height
     if pixels > MAX_PIXELS:
@@ -306,7 +246,7 @@ def _strips(
     compared: Sequence[ComparedLayout],
     motions: Sequence[Motion],
     t: float,
-    scale: Scale,
+    scale: drawing.Scale,
     max_place: float,
 ) -> list[Image.Image]:
     """Draw all chains at an instant [s]; max_place: of the camera, which they share."""
@@ -321,12 +261,11 @@ def _strips(
         camera = max(float(motion.layout.pivots[leader, 0]) for motion, leader in leading)
     strips = []
     for entry, motion, leader in zip(compared, motions, leaders, strict=True):
-        finish = float(motion.layout.pivots[-1, 0])
-        leans, text = motion.angles([t])[0], _status_line(entry, t)
-        drawing = motion.layout, leans, leader, scale
         result = f"{_end(entry):.3f} s" if t >= _end(entry) and entry.wave.mean_speed else ""
-        places: dict[str, Any] = {"camera": camera, "finish": finish, "result": result}
-        strips.append(draw_strip(*drawing, text, max_place, **places))
+        strips.append(drawing.draw_strip(
+            motion.layout, motion.angles([t])[0], leader, scale, _status_line(entry, t), max_place,
+            camera=camera, finish=float(motion.layout.pivots[-1, 0]), result=result,
+        ))  # fmt: skip
     return strips
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import require_type
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
@@ -60,28 +59,6 @@ class ComparedLayout:
     quantity: str = "score [m/s]"
 
 
-def require_compared(compared: Sequence[ComparedLayout]) -> None:
-    """Raise an error for an argument that is not a sequence of at least one compared layout.
-
-    Parameters
-    ----------
-    compared
-        The argument to check.
-
-    Raises
-    ------
-    TypeError
-        For anything else than a sequence, and for another type of entry.
-    ValueError
-        For an empty sequence.
-    """
-    require_type("compared", compared, Sequence, "a list of ComparedLayout")
-    if not compared:
-        raise ValueError("nothing to show: give at least one layout")
-    for entry in compared:
-        require_type("compared", entry, ComparedLayout, "ComparedLayout(name, wave) for each")
-
-
 def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
     """Return the data of the report page.
 
@@ -99,12 +76,9 @@ def comparison_data(compared: Sequence[ComparedLayout]) -> dict[str, Any]:
 
     Raises
     ------
-    TypeError
-        For anything else than a sequence of compared layouts.
     ValueError
-        Without a layout, and for a layout of one domino.
+        For a layout of one domino.
     """
-    require_compared(compared)
     for entry in compared:
         if entry.wave.layout.count < 2:
             raise ValueError(f"{entry.name}: the layout has one domino: give at least two")

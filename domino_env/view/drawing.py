@@ -20,7 +20,6 @@ INK, PALE, SOFT, FALLEN_COLOUR, LEADER_COLOUR = map(
     ImageColor.getrgb, (colours.INK, colours.PALE, colours.SOFT, colours.BLUE, colours.RED)
 )
 TITLE_HEIGHT = 40  # height of the line above all strips [px]
-GAPS_HEIGHT = 120  # height of the panel of gaps below all strips [px]
 MAX_PLACE = 0.72  # largest place of the leader in a moving picture, as a fraction of its width
 ZOOM = 2  # strips are drawn larger by this factor and scaled down, which smooths their edges
 MAX_RELIEF = 2.0  # [strip heights] added for uneven ground; above it the picture follows the leader
@@ -129,7 +128,7 @@ def draw_strip(
     draw = ImageDraw.Draw(image)
     pivots = layout.pivots
     leader_x, leader_z = map(float, pivots[leader])  # [m]
-    left = _left(layout, scale) * ZOOM
+    left = left_end(layout, scale) * ZOOM
     left -= max(0.0, left + (leader_x if camera is None else camera) * k - max_place * w)
     # The lowest ground is at the floor; if the relief is too high, the leader is in the middle.
     surface = ground_line(layout, max(left / k, 0.0), w / k, ground)  # [m], as the next four names
@@ -162,59 +161,9 @@ def draw_strip(
     return image
 
 
-def _left(layout: Layout, scale: Scale) -> float:
+def left_end(layout: Layout, scale: Scale) -> float:
     """Return the place of the first pivot in a picture that does not move [px]."""
     return 20 + 1.2 * float(layout.thickness[0]) * scale.pixels
-
-
-def draw_gaps(
-    layout: Layout, equal: float, scale: Scale, name: str, highest: float, latest: int = -1
-) -> Image.Image:
-    """Draw the gaps of a layout at their places, as a panel below a strip that does not move.
-
-    Parameters
-    ----------
-    layout
-        The layout.
-    equal
-        Gap of the uniform baseline [m], drawn as a line.
-    scale
-        Scale of the strip.
-    name
-        Name of the layout in the legend.
-    highest
-        Largest gap of all panels of an animation [m].
-    latest
-        Index of a gap that is drawn larger; -1 for none.
-
-    Returns
-    -------
-    Image
-        Image of the width of the strip.
-    """
-    w, h, k = scale.width * ZOOM, GAPS_HEIGHT * ZOOM, scale.pixels * ZOOM
-    image = Image.new("RGB", (w, h), BACKGROUND)
-    draw = ImageDraw.Draw(image)
-    base, rise = h - 14 * ZOOM, (h - 48 * ZOOM) / highest  # [px], [px/m]
-    levels = np.arange(0.0, highest, 0.02 if highest > 0.03 else 0.01)  # of the grid [m]
-    for level in levels:
-        draw.line([(0, base - level * rise), (w, base - level * rise)], fill=PALE)
-    draw.line([(0, base - equal * rise), (w, base - equal * rise)], fill=INK, width=ZOOM)
-    x = _left(layout, scale) * ZOOM + layout.positions * k
-    heights = base - layout.spacing * rise
-    points = [(float(a), float(b)) for a, b in zip(0.5 * (x[:-1] + x[1:]), heights, strict=True)]
-    draw.line(points, fill=FALLEN_COLOUR, width=ZOOM, joint="curve")
-    for i, point in enumerate(points):
-        r, colour = (5, LEADER_COLOUR) if i == latest else (2.5, FALLEN_COLOUR)
-        draw.circle(point, r * ZOOM, fill=colour)
-    image = image.resize((scale.width, GAPS_HEIGHT), Image.Resampling.LANCZOS)
-    draw = ImageDraw.Draw(image)
-    draw.text((20, 6), name, fill=FALLEN_COLOUR, font=font(15))
-    draw.text((20 + draw.textlength(name + "   ", font(15)), 6), "equal gaps", INK, font(15))
-    for level in levels:
-        place = scale.width - 6, (base - level * rise) / ZOOM - 2
-        draw.text(place, f"{1e3 * level:g} mm", fill=INK, font=font(13), anchor="rs")
-    return image
 
 
 def draw_hand(

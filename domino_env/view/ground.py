@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
@@ -74,15 +75,9 @@ def _bases(layout: Layout) -> tuple[Floats, Floats]:
 def _ground_curves(layout: Layout) -> Floats:
     """Return the ground from each front edge to the next rear one, (N-1, PIECES + 1, 2) [m]."""
     rear, front = _bases(layout)
-    begin, end = front[:-1, None], rear[1:, None]
+    ends = np.stack([front[:-1], rear[1:]])
     direction = np.stack([np.cos(layout.tilt), -np.sin(layout.tilt)], axis=-1)
-    span = np.linalg.norm(end - begin, axis=-1, keepdims=True)
-    tangent_0, tangent_1 = span * direction[:-1, None], span * direction[1:, None]
-    # cubic Hermite polynomials in u
-    u = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
-    v = 1.0 - u
-    return np.asarray(
-        begin * v * v * (1.0 + 2.0 * u)
-        + end * u * u * (1.0 + 2.0 * v)
-        + u * v * (tangent_0 * v - tangent_1 * u)
-    )
+    span = np.linalg.norm(ends[1] - ends[0], axis=-1, keepdims=True)
+    tangents = span * np.stack([direction[:-1], direction[1:]])
+    curves = CubicHermiteSpline([0.0, 1.0], ends, tangents)(np.linspace(0.0, 1.0, PIECES + 1))
+    return np.asarray(np.moveaxis(curves, 0, 1))

@@ -12,13 +12,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from domino_env.core.files import errors_with_path, one_line, read_text, write_text
+from domino_env.core.checks import require
+from domino_env.core.files import errors_with_path, layout_name, one_line, read_text, write_text
 from domino_env.core.models import Document, Number, read_document
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
@@ -31,7 +31,6 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.comparison import ComparedLayout, comparison_data
 
-UNIFORM_NAME = "uniform baseline"
 MAX_NAME, MAX_TEXT = 100, 1_000  # characters of a layout's name, of a text in a verification.json
 
 
@@ -70,12 +69,11 @@ def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> 
     Raises
     ------
     ValueError
-        Without a layout, and for a layout of one domino.
+        For a layout of one domino.
     """
-    assets = files("domino_env.view") / "assets"
 
     def read(name: str) -> str:
-        return (assets / name).read_text("utf-8")
+        return read_text(Path(__file__).with_name("assets") / name)
 
     data = json.dumps(comparison_data(compared), allow_nan=False, separators=(",", ":"))
     parts = {
@@ -136,7 +134,7 @@ def read_compared(
         layout = read_layout(path, scene)
         require_drawable(one_line(str(path)), layout.count)
         entry = ComparedLayout(
-            one_line(path.resolve().name if folder else path.stem, MAX_NAME),
+            one_line(path.resolve().name, MAX_NAME) if folder else layout_name(path),
             simulate(scene.row(layout) if scene else layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),
@@ -151,7 +149,7 @@ def read_compared(
     if scene and has_baseline:
         baseline = scene.uniform()
         wave = baseline.wave if scoring_scene else simulate(scene.row(baseline.layout), physics)
-        entry = ComparedLayout(UNIFORM_NAME, wave)
+        entry = ComparedLayout("uniform baseline", wave)
         compared.append(_with_score(entry, scene, baseline.score) if scoring_scene else entry)
     return compared, scene.title if scene else "layouts without a scene"
 
@@ -181,9 +179,7 @@ def _curve(
         for column in (x_column, y_column):
             if column not in (table.dtype.names or ()):
                 raise ValueError(f"no column {column}: remove the file, or write that of the run")
-            for line, value in enumerate(table[column], 2):  # line 1 has the names
-                if not np.isfinite(value):
-                    raise ValueError(f"line {line}, {column} = {value}: give a finite number")
+            require(column, table[column], array=True)
         return table[x_column].tolist(), table[y_column].tolist()
 
 

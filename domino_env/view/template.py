@@ -18,7 +18,6 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from domino_env.core.checks import require_choice
 from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import amount, write_bytes
 from domino_env.core.plot_style import escape_dollars
@@ -92,9 +91,8 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     Raises
     ------
     ValueError
-        For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
+        For dominoes wider than the paper, and for more than 1 000 sheets.
     """
-    require_choice("paper", paper, PAPERS)
     wide, high = PAPERS[paper]
     across = layout.width + 2.0 * BESIDE  # width of a strip
     per_sheet = int((high - HEAD - FOOT) / across)  # strips
@@ -159,7 +157,7 @@ def write_template(
     Raises
     ------
     ValueError
-        For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
+        For dominoes wider than the paper, and for more than 1 000 sheets.
     """
     all_strips, designed = strips(layout, paper), designed or layout.count
     total = all_strips[-1].sheet

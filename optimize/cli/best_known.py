@@ -1,4 +1,4 @@
-"""List the best known layouts of the shipped scenes, or write one of them.
+"""List the best known layouts, or write one.
 
 The last column of the list is the largest difference of an arrival time in the reference simulator,
 in which closed contacts may open, on fixed pivots.
@@ -13,8 +13,6 @@ from domino_env.cli.options import LAYOUT_FILE, add_options
 
 if TYPE_CHECKING:
     from optimize.experiments.best_known import BestKnown
-
-SUMMARY = "list the best known layouts, or write one"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,9 +1,10 @@
-"""Compare search methods with each other and with the uniform baseline, with equal budgets.
+"""Compare search methods over seeds, with equal budgets.
 
-SCENE is the name of a shipped scene, a .toml file, or `all`. The folder receives a page of
-Markdown (one table per scene: score, gain over uniform, shortfall from the best known, time to 1 %
-and 0.1 % of it), the runs as CSV, and a picture of the shortfall against run time. Ctrl-C ends it
-with the runs that are complete. `domino studies export` writes their layouts and traces too.
+They are compared with each other and with the uniform baseline. SCENE is the name of a shipped
+scene, a .toml file, or `all`. The folder receives a page of Markdown (one table per scene: score,
+gain over uniform, shortfall from the best known, time to 1 % and 0.1 % of it), the runs as CSV, and
+a picture of the shortfall against run time. Ctrl-C ends it with the runs that are complete. `domino
+studies export` writes their layouts and traces too.
 
 Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
 independent: --workers or --dask distribute them. With --budget the results are bitwise
@@ -20,7 +21,6 @@ import argparse
 from domino_env.cli.options import NATURAL, add_options, add_out_option
 from optimize.cli import options
 
-SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0  # [s]
 
 

@@ -1,4 +1,4 @@
-"""Search for a layout that scores better than the uniform baseline of a scene.
+"""Search for a layout that is better than the uniform baseline.
 
 SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The folder of the run
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
@@ -21,7 +21,6 @@ from optimize.executors import open_executor
 if TYPE_CHECKING:
     from optimize.result import SearchResult
 
-SUMMARY = "search for a layout that is better than the uniform baseline"
 EQUAL_SCORE = 1e-6  # relative shortfall from the best known that counts as none
 
 

@@ -1,4 +1,4 @@
-"""List, show and export studies: the stored results of domino compare and domino sweep.
+"""List, show and export stored results.
 
 domino studies                                    all studies of a store, one line each
 domino studies show NAME                          best and median of each scene and method
@@ -15,8 +15,6 @@ from pathlib import Path
 
 from domino_env.cli.options import add_options
 from optimize.cli.options import STORE
-
-SUMMARY = "list, show and export stored results"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Design a row in the browser: drag dominoes, push the first, make it faster, check, print.
+"""Design a row in the browser: drag, push, improve, print.
 
 SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
 of the page. The page is served on this machine only, until its last tab is closed or until Ctrl-C.
@@ -10,8 +10,6 @@ import argparse
 from contextlib import suppress
 
 from domino_env.cli.options import add_flags, add_options, number
-
-SUMMARY = "design a row in the browser: drag, push, improve, print"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Search many variations of a scene, on a grid over keys of its file.
+"""Search many variations of a scene.
 
     domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12
 
@@ -15,8 +15,6 @@ import argparse
 
 from domino_env.cli.options import NATURAL, add_options, add_out_option
 from optimize.cli import options
-
-SUMMARY = "search many variations of a scene"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

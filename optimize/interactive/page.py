@@ -15,9 +15,9 @@ from bokeh.models import Range1d
 from domino_env.physics.motion import Motion, outlines
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene, scene_names
+from domino_env.scenes.placement import placement_noise
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
-from domino_env.view.summaries import placement_noise
 from optimize.interactive.design import NAMED, SPACING, THICKNESS, Design, known_best
 from optimize.interactive.exchange import FILES, make_file, make_link, read_files
 from optimize.interactive.figures import MM, TITLES, Curve
@@ -429,7 +429,7 @@ class Page:
         self.notify("placing the row 256 times, and letting it fall on a floor …")
 
         def work() -> Callable[[], None]:
-            noise = placement_noise(design.wave, scene, PLACED)
+            noise = placement_noise(design.wave, scene.ground, PLACED)
             rigid = simulate_standing(design.wave.layout, design.wave.physics, floor)
             count, share = rigid.layout.count, noise["completes"]
             least = min(share, rigid.toppled / count)

@@ -3,11 +3,13 @@
 import math
 import tracemalloc
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 from precise import precise_wave
 
+from domino_env.core.files import read_json
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
@@ -93,55 +95,17 @@ def test_long_layouts_do_not_lose_digits(width):
     assert errors[1] < 1e-12 + 30.0 * errors[0]  # √1000, of the error of the time itself
 
 
-def unit_case(
-    gaps: list[float], thickness: float | list[float], density: float | list[float] = 1.0, *,
-    push: float, friction: float = 0.0,
-) -> tuple[Layout, Physics]:  # fmt: skip
-    """Return a case in units of the height."""
-    return Layout(gaps, thickness, 1.0, 1.0, density), Physics(friction, 1.0, push)
-
-
 # cases in which searches found an error above its estimate
-OPTIMISTIC_CASES = {
-    "ends at its tipping angle, hardly moving": unit_case(
-        [1.0] * 10, 0.00036485, push=0.0004468513023334257
-    ),
-    "estimates 1e-7, errs by 2e-6 at 1e-3": unit_case(
-        [0.1, 1e-5, 0.316227766, 1.0, 1.0, 1.0], [1.0, 0.1, *[1.0] * 5],
-        [1.0, 1.0, 10.0, *[1.0] * 4], push=7.882387605032138,
-    ),
-    "both ends agree by chance": (
-        Layout.uniform(40, spacing=0.030911384993333128, thickness=0.00924701313940406),
-        Physics(0.0, push=15.0),
-    ),
-    "a long swing after a short one": (
-        Layout(
-            [0.0003998121950933414, 0.0024307203265825175, 0.00027056174440934574,
-             2.981996535611405e-05, 0.040442350690182254, 7.831118266524827e-05],
-            [0.008497527102326187, 0.00013887970175246816, 0.004195647167169866,
-             0.000557115619964209, 0.012071447579553545, 0.0009131604587606111,
-             7.54051973757832e-05],
-        ),
-        Physics(0.0, push=40.0),
-    ),
-    "a rapid change before a long slow interval": unit_case(
-        [7.49894209e-07, 7.49894210e-02, 1.0, 1.0], 1.0, push=7.882387605032138
-    ),
-    "friction of next to nothing": unit_case(
-        [1.0, 0.1, 1.0, 1.0, 1.0], 1.0, push=7.882387605032138, friction=4.2840694269053945e-60
-    ),
-    "a heavy domino almost touched, error 7e-8, estimate once 1e-8": unit_case(
-        [1e-05, 0.562341326, *[1.0] * 8], 1.0, [1.0, 100.0, *[1.0] * 9], push=78.82387605032137
-    ),
-}  # fmt: skip
+OPTIMISTIC_CASES = read_json(Path(__file__).parents[2] / "data" / "optimistic_cases.json")
 
 
 @pytest.mark.parametrize("name", OPTIMISTIC_CASES)
 def test_estimates_hold_where_searches_found_larger_errors(name):
     case = OPTIMISTIC_CASES[name]
-    tight = simulate(*case, rtol=1e-13)
+    layout, physics = Layout(**case["layout"]), Physics(**case["physics"])
+    tight = simulate(layout, physics, rtol=1e-13)
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
-        wave = simulate(*case, rtol=rtol)
+        wave = simulate(layout, physics, rtol=rtol)
         assert edge_cases.inconsistencies(wave) == []
         assert wave.outcome == tight.outcome
         error = largest_difference(wave.arrival_times, tight.arrival_times)

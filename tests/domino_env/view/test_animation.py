@@ -5,9 +5,9 @@ import pytest
 from PIL import Image, ImageSequence
 
 import domino_env as de
-from domino_env.view.animation import STRIP_HEIGHT, frames, placements, write_gif
+from domino_env.view.animation import STRIP_HEIGHT, frames, write_gif
 from domino_env.view.comparison import ComparedLayout
-from domino_env.view.drawing import FALLEN_COLOUR, GAPS_HEIGHT, LEADER_COLOUR, STANDING_COLOUR
+from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR
 
 
 def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
@@ -57,12 +57,13 @@ def test_a_race_has_one_camera_and_one_finish(count):
     assert (len(places) == 1) == (count == 30)
 
 
-def test_placements_mark_the_gap_and_the_piece_of_each_step():
+def test_placements_mark_the_gap_and_the_piece_of_each_step(script):
+    films = script("docs/films.py")
     layout = de.Layout([0.02, 0.01, 0.03], [0.0075, 0.005, 0.010, 0.0075])
     hands = [np.array([0.005, 0.010]), np.array([0.0075, 0.010]), np.array([0.0075])]
-    images = [np.asarray(image) for image in placements(layout, 0.015, "end", 400, hands)]
+    images = [np.asarray(image) for image in films.placements(layout, 0.015, "end", 400, hands)]
     assert len(images) == layout.count
-    assert images[0].shape == (STRIP_HEIGHT + GAPS_HEIGHT, 400, 3)
+    assert images[0].shape == (STRIP_HEIGHT + films.GAPS_HEIGHT, 400, 3)
     for image, thickness in zip(images[:-1], layout.thickness[1:], strict=True):
         hand, gaps = image[34:90, 200:], image[STRIP_HEIGHT:]
         assert pixels(gaps, LEADER_COLOUR) > 50

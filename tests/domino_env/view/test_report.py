@@ -56,12 +56,8 @@ def test_headline_names_the_best_layout_in_any_order():
     # the best score where scores are no speeds
     (slow,) = (one for one in COMPARED if one is not fast)
     scored = [
-        dataclasses.replace(
-            fast, score=0.2, score_text="RMS error 4 ms", quantity="RMS error [ms]"
-        ),
-        dataclasses.replace(
-            slow, score=0.5, score_text="RMS error 1 ms", quantity="RMS error [ms]"
-        ),
+        dataclasses.replace(one, score=score, score_text=text, quantity="RMS error [ms]")
+        for one, score, text in ((fast, 0.2, "RMS error 4 ms"), (slow, 0.5, "RMS error 1 ms"))
     ]
     assert headline(scored)["winner"] == f"{slow.name.capitalize()} has the best score"
     assert comparison_data(scored)["best"] == 1
@@ -94,8 +90,6 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     scene.uniform().layout.to_csv(other / "layout.csv")
     with pytest.raises(ValueError, match="show layouts of one scene"):
         read_compared([run, other / "layout.csv"])
-    with pytest.raises(ValueError, match="nothing to show"):
-        comparison_data([])
 
 
 @pytest.mark.parametrize(("name", "shown"), [
