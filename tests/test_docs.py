@@ -45,6 +45,7 @@ CHANGED = {
     r" --(workers \d+|dask local)": "",  # tests/optimize/test_executors.py
     "=0:0.5:11": "=0:0.5:2",
     "verify runs/sprint/layout.csv": "verify short.csv",
+    "benchmark varied": "benchmark sprint",  # tests/agents/test_benchmark.py
 }
 ADDED = {
     "domino optimize": "--budget 20",
@@ -53,8 +54,8 @@ ADDED = {
     "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,agent:sprint",
     "domino compare sprint --seconds": "--seconds 0.05 --seeds 1 --methods auto,cma,slsqp",
     "domino compare": "--seconds 0.05 --seeds 1",
-    "domino benchmark [a-z]": "--algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
-    "domino benchmark": "sprint --algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
+    "domino benchmark [a-z]": "--algorithms ramp --seeds 1 --out runs/made",
+    "domino benchmark": "sprint --algorithms ramp --seeds 1 --out runs/made",
     "domino evaluate .*--scenes": "--scenes 2",
     "domino verify": "--no-engine --floor 0.5",
     "domino accuracy": "--quick --seconds 0.01",
