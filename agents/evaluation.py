@@ -332,6 +332,8 @@ def evaluate_scenes(
             start = time.process_time()
             scores[name][i] = score(scene)
             seconds[name][i] = time.process_time() - start
+    if search_scores is not None and len(search_scores) != len(scenes):
+        raise ValueError(f"{len(search_scores)} search_scores: give one for each of the scenes")
     if search_scores is not None and np.isfinite(search_scores).any():
         scores["search"] = search_scores
     uniform = np.array([scene.uniform().score for scene in scenes])

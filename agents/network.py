@@ -95,13 +95,17 @@ class Network:
         ValueError
             If the shapes differ, or if weights are not finite float32 numbers.
         """
-        try:
-            result = self(np.zeros(inputs, np.float32))
-        except (TypeError, ValueError, IndexError) as error:
-            raise ValueError(f"layers do not fit together, or {inputs} inputs: {error}") from None
-        is_valid = result.shape == (outputs,) and result.dtype == np.float32
-        if not (is_valid and np.isfinite(result).all()):
-            raise ValueError(f"the outputs are {result}: expected {outputs} finite float32 numbers")
+        size = inputs
+        for i, (weight, bias) in enumerate(self.layers):
+            if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
+                shapes = f"{weight.shape} and {bias.shape}"
+                raise ValueError(f"layer {i} has shapes {shapes}: expected (n, {size}) and (n,)")
+            for array in (weight, bias):
+                if array.dtype != np.float32 or not np.isfinite(array).all():
+                    raise ValueError(f"layer {i} has values that are not finite float32 numbers")
+            size = weight.shape[0]
+        if not self.layers or size != outputs:
+            raise ValueError(f"the last layer has {size} outputs: expected {outputs}")
         return self
 
 

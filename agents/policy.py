@@ -23,8 +23,8 @@ from agents.algorithms import Hyperparameters
 from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.checks import numbers, require_type
-from domino_env.core.files import read_json
+from domino_env.core.checks import numbers, require, require_type
+from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.types import Singles
@@ -84,7 +84,13 @@ def read_config(folder: Path) -> ConfigDocument:
 def read_summary(folder: Path) -> dict[str, Any]:
     """Read the summary of a training, else that of its best policy; empty if there is none."""
     path = folder / (SUMMARY if (folder / SUMMARY).exists() else BEST)
-    return dict(read_json(path)) if path.exists() else {}
+    if not path.exists():
+        return {}
+    with errors_with_path(path):
+        summary = read_json(path)
+        require_type("the summary", summary, dict, "a table, as domino train writes it")
+        require("seconds", summary.get("seconds", 0.0), 0.0)
+        return dict(summary)
 
 
 @dataclass(frozen=True, eq=False)

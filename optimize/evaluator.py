@@ -280,8 +280,8 @@ class Evaluator:
         ValueError
             If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
-        single = np.ndim(designs) < 2
-        designs = np.atleast_2d(numbers("designs", designs, None))
+        given = numbers("designs", designs, None)
+        single, designs = given.ndim < 2, np.atleast_2d(given)
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []

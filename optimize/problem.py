@@ -148,8 +148,8 @@ class Problem:
         StoppedError
             If `stop` returns True.
         """
-        single = np.ndim(designs) == 1
-        designs = self.check(designs)
+        checked = self.check(designs)
+        single, designs = np.ndim(designs) == 1, checked
         values = self.values(designs)
         sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol

@@ -78,7 +78,7 @@ def _command(arguments: argparse.Namespace) -> str:
     words = ["domino", "benchmark", *arguments.scenes]
     for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
         value = getattr(arguments, name)
-        if value is not None and value != DEFAULT_FOLDER:
+        if value is not None and str(value) != DEFAULT_FOLDER:
             text = {list: ",".join, float: "{:g}".format}.get(type(value), str)
             words += [f"--{name}", text(value)]
     return shlex.join(words)

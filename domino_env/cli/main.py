@@ -123,7 +123,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"domino: {str(error) or INTERRUPTED}", file=sys.stderr)
         return interruption.code
     except Exception as error:
-        if interruption.signal:  # a library raised this for the interruption
+        is_known = isinstance(error, ValueError | OSError | WrongUnit) and str(error)
+        if interruption.signal and not is_known:  # a library raised this for the interruption
             print(f"domino: {INTERRUPTED}", file=sys.stderr)
             return interruption.code
         if not isinstance(error, ValueError | OSError | ImportError | WrongUnit):

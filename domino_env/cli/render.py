@@ -1,7 +1,7 @@
 """Draw toppling chains as an animated GIF, a film or a picture.
 
-Several layouts are drawn one below the other, with the uniform baseline of the scene, if there is
-one, as the last.
+Several layouts are drawn one below the other, the last being the uniform baseline of the scene, if
+it has as many dominoes.
 """
 
 from __future__ import annotations

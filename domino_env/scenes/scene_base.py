@@ -479,7 +479,12 @@ class SceneBase:
         n, count = waves.count, self.row_count
         if n > count or (n < count and waves.propagated.any()):
             raise ValueError(f"waves of {n} dominoes: give {count}, or fewer if they stop")
-        if n < count or self.scoring.follows_wave:
+        if self.scoring.objective.needs_arrivals and not waves.arrivals.shape[1]:
+            raise ValueError("waves without arrivals: simulate with record=True, without gradient")
+        if n < count:
+            falls = np.ceil(waves.reach * count).astype(np.int64)
+            return replace(self.scoring.score(waves), falls=falls)
+        if self.scoring.follows_wave:
             return self.scoring.score(waves)
         arrays, part = waves.arrays, np.s_[:, 1 : self.count]  # without the run-out
         heights = np.broadcast_to(arrays.height, arrays.thickness.shape)

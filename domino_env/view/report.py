@@ -183,10 +183,17 @@ def _curve(
         return table[x_column].tolist(), table[y_column].tolist()
 
 
+def _is_older(path: Path, other: Path | None) -> bool:
+    return bool(other and other.exists() and path.stat().st_mtime < other.stat().st_mtime)
+
+
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """Return the verification in a run folder, else the shipped one; None if there is none."""
-    path = folder / "verification.json" if folder else None
-    if path is None or not path.exists():
+    """Return the verification in a run folder, else the shipped one; None if there is none.
+
+    A verification that is older than the layout is not of this layout.
+    """
+    path, made = (folder / name if folder else None for name in ("verification.json", "layout.csv"))
+    if path is None or not path.exists() or _is_older(path, made):
         known = known_verification(layout, physics)
         if known is None:
             return None

@@ -186,6 +186,8 @@ def run_study(
             raise
         except OSError as error:
             raise OSError(f"{error}; {next_step}") from None
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted: {next_step}") from None
 
 
 def exit_code(experiment: Experiment, next_step: str = "the same command continues") -> int:

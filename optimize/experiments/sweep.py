@@ -25,6 +25,7 @@ from optimize.problem import Problem
 Value = Label | list[Any]
 Point = dict[str, Value]
 
+MAX_NUMBER = 100_000  # values of a key, each of which is at least one scene
 DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
 RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
@@ -76,16 +77,16 @@ def _spread_values(text: str) -> list[str]:
         raise ValueError("give two numbers and the number of values")
     ends = np.array([float(parts[0]), float(parts[1])])
     require("FROM, TO", ends, above=0.0 if log else -math.inf, array=True)
-    require("NUMBER", int(parts[2]), 1, whole=True)
+    require("NUMBER", int(parts[2]), 1, MAX_NUMBER, whole=True)
     spread = (np.geomspace if log else np.linspace)(ends[0], ends[1], int(parts[2]))
     return [f"{value:.12g}" for value in spread]  # 0.3, not 0.30000000000000004
 
 
 def _parse_value(text: str) -> Label:
     """Convert a text to a number if it is one, to an integer if it is whole."""
-    for read in (int, float):
-        with suppress(ValueError):
-            return read(text)
+    with suppress(ValueError):
+        number = float(text)
+        return int(number) if number.is_integer() and abs(number) < 1e15 else number
     return text.strip()
 
 

@@ -258,8 +258,13 @@ class Design:
 
 
 def _round(text: str) -> str:
-    """Return a text with its decimal numbers rounded to three significant digits."""
-    return re.sub(r"\d+\.\d+", lambda match: f"{float(match[0]):#.3g}", text)
+    """Return a text with its decimal numbers rounded to three digits, or to whole numbers."""
+
+    def three_digits(match: re.Match[str]) -> str:
+        number = float(match[0])
+        return f"{number:#.3g}" if number < 100.0 else f"{number:.0f}"
+
+    return re.sub(r"\d+\.\d+", three_digits, text)
 
 
 @lru_cache(8)

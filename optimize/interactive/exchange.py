@@ -103,7 +103,11 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
         For another combination of files, and for the reasons of `open_design`.
     """
     kinds = {name: NAMES.get(Path(name).suffix.lower(), "") for name in files}
-    if not files or "" in kinds.values() or len(set(kinds.values())) < len(files):
+    if (
+        not files
+        or "" in kinds.values()
+        or len({Path(k).stem for k in kinds.values()}) < len(files)
+    ):
         raise ValueError(
             f"{one_line(', '.join(files), 200)}: give a layout (.csv or .json), a scene (.toml), "
             "or one of each"

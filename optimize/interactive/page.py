@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from functools import lru_cache, partial
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -132,7 +133,8 @@ class Page:
         self.design, self._schedule = design, schedule
         self._steps, self._position = [design], 0  # the history, and the step that is shown
         self._pending: dict[Callable[..., object], Any] = {}  # arguments of scheduled calls
-        self._process, self._is_searching = SearchProcess(), False
+        self._process: SearchProcess | None = None
+        self._is_searching = False
         self._scene: Scene | None = None  # the last one with a computed uniform baseline
         self._lock = threading.Lock()  # one baseline is computed at a time
         self._kept: Design | None = None
@@ -188,7 +190,7 @@ class Page:
         self.row.on_msg(receive)
         self.title, self.result, self.message, self.link = html(), html(), html(), html()
         self.compare = pn.widgets.Select(name="", options=[UNIFORM], width=150, margin=0)
-        self.compare.param.watch(lambda _: self._schedule(self._draw), "value")
+        self.compare.param.watch(lambda _: self._schedule(self._redraw), "value")
         pace = pn.widgets.Select.from_param(self.row.param.pace, name="", width=110, margin=0)
         sound = pn.widgets.Checkbox.from_param(self.row.param.sound, name="sound", margin=0)
         self.faster = pn.widgets.Button(
@@ -211,7 +213,7 @@ class Page:
             groups.append(card(title, *(self.controls[c] for c in controls)))
         downloads = [
             pn.widgets.FileDownload(
-                filename=name, label=label, callback=lambda name=name: make_file(self.design, name)
+                filename=name, label=label, callback=partial(self._make_file, name)
             ) for name, (label, _) in FILES.items()
         ]  # fmt: skip
         hint = "Open a layout (.csv, .json), a scene (.toml), or one of each:"
@@ -219,7 +221,7 @@ class Page:
             card("Scenes and files", html(gallery()), hint, upload),
             self.title, self.row, self.result,
             line(self.faster, self.undo, self.redo,
-                 button("Equal gaps", self._edit, lambda d: Design.uniform(d.scene)), self.repair,
+                 button("Equal gaps", self._edit, self._make_uniform), self.repair,
                  button("Will it work?", self._check),
                  button("Search thoroughly", self._search, True)),
             line("Race against", self.compare, button("Keep this row", self._keep), pace, sound),
@@ -301,6 +303,10 @@ class Page:
         )
         self.repair.visible = design.stop is not None
 
+    def _redraw(self) -> None:
+        """Draw the design again; a row that falls goes on."""
+        self._draw(moves=self.row.has_moves)
+
     def _settle(self) -> None:
         """Show the present step of the history; slow computations run in threads."""
         self.notify("")
@@ -335,7 +341,7 @@ class Page:
             if design is self.design:
                 assert design.score is not None  # which the design keeps
                 self._scene = with_baseline(design.scene, FLOOR_SECONDS)
-        return self._draw
+        return self._redraw
 
     @property
     def _uniform(self) -> UniformBaseline | None:
@@ -354,6 +360,11 @@ class Page:
         """Change the design, as a step of the history."""
         self.design = change(self.design, *values)
         self._commit()
+
+    def _make_uniform(self, design: Design) -> Design:
+        """Return the best equal gaps, or those on fixed pivots while the best are computed."""
+        known = self._uniform
+        return Design(design.scene, known.layout) if known else Design.uniform(design.scene)
 
     def _commit(self) -> None:
         """Add the design to the history, unless nothing has changed."""
@@ -380,21 +391,37 @@ class Page:
             self._edit(lambda design: read_files(files, design.scene))
             self.notify(f"opened {', '.join(names)}")
 
+    def _make_file(self, name: str) -> Any:
+        """Return a file of the design to download; empty after an error, which is shown."""
+        try:
+            return make_file(self.design, name)
+        except ValueError as error:
+            self.notify(str(error), "error")
+            return BytesIO()
+
     # in the background --------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Start the process of searches."""
+        self._process = self._process or SearchProcess()
 
     def close(self) -> None:
         """End the process of searches."""
-        self._process.close()
+        if self._process:
+            self._process.close()
+            self._process = None
 
     def _end_search(self) -> None:
         """End a running search, and add what it has found to the history."""
         if self._is_searching:
-            self._process.close()
-            self._process, self._is_searching = SearchProcess(), False
+            self.close()
+            self.open()
+            self._is_searching = False
             self._commit()
 
     def _search(self, thorough: bool = False) -> None:
         """Search, and show layouts that are better than the present one."""
+        self.open()
         first, process = self.design, self._process
         scene = (self._scene if self._uniform else None) or first.scene  # with its baseline
         self._is_searching, self.faster.name = True, "Stop"
@@ -415,6 +442,7 @@ class Page:
                 self.notify(f"searching: {found.text} …")
 
         def work() -> Callable[[], None]:
+            assert process is not None
             assert first.score is not None  # computed here, as it takes a second on a floor
             for found in process.run(scene, thorough=thorough):
                 self._schedule(partial(show, found))
@@ -437,8 +465,9 @@ class Page:
             text = (
                 f"{answer}. Placed to ±{MM * PLACED:g} mm, {share:.0%} of {noise['draws']} rows "
                 f"fall to the end. On a floor of friction {floor:g}, {rigid.toppled} of {count} "
-                f"dominoes fall, at {rigid.mean_speed:.3f} m/s."
+                "dominoes fall"
             )
+            text += f", at {rigid.mean_speed:.3f} m/s." if rigid.mean_speed else "."
             return partial(self.notify, text if self.design is design else "")
 
         self._in_thread(work)

@@ -43,12 +43,13 @@ class Studio:
     def __init__(self, design: Design, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
         self.url, self._port, self._first = "", port, design
-        self._pages: list[Any] = []  # of all tabs
+        self._pages: list[Any] = []  # of all open tabs
+        self._last: Any = None  # the page that was opened last
 
     @property
     def layout(self) -> Layout:
         """Layout of the tab that was opened last; before any, the first one."""
-        return (self._pages[-1].design if self._pages else self._first).layout
+        return (self._last.design if self._last else self._first).layout
 
     def serve(self, callback: Callable[[str], object], *, until_closed: bool = True) -> None:
         """Serve the page until Ctrl-C or, with `until_closed`, until the last tab is closed.
@@ -118,7 +119,12 @@ class Studio:
                 if not self._pages:
                     after_last()
 
-        pn.state.onload(lambda: self._pages.append(page))  # not a request without a tab
+        def begin() -> None:
+            page.open()
+            self._pages.append(page)
+            self._last = page
+
+        pn.state.onload(begin)  # not for a request without a tab
         pn.state.on_session_destroyed(end)
         template = pn.Template(TEMPLATE.read_text("utf-8"))
         template.add_panel("page", page.view)
@@ -128,8 +134,14 @@ class Studio:
         """Serve the page in a thread, and return a frame that shows it."""
         if not self.url:
             ready = threading.Event()
-            arguments = {"callback": lambda _: ready.set(), "until_closed": False}
-            threading.Thread(target=self.serve, kwargs=arguments, daemon=True).start()
+
+            def serve() -> None:
+                try:
+                    self.serve(lambda _: ready.set(), until_closed=False)
+                finally:  # also if the port is in use
+                    ready.set()
+
+            threading.Thread(target=serve, daemon=True).start()
             ready.wait()
         return f'<iframe src="{self.url}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
 

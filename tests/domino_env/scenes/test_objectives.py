@@ -1,6 +1,7 @@
 """Objectives, limits, stock, lists and growth."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -265,3 +266,19 @@ def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
         assert np.array_equal(getattr(evaluation, key), getattr(again, key))
     assert not again.gradient.spacing[evaluation.score <= 0.0].any()
     assert np.all(evaluation.falls > 0)
+
+
+def test_waves_of_incomplete_layouts_count_all_dominoes_and_schedules_need_arrivals():
+    scene = de.load_scene("sprint")
+    spacing = np.full(20, 0.02)
+    spacing[9] = 0.045
+    wave = de.simulate(de.Layout(spacing, scene.first_thickness, scene.height), scene.physics)
+    reach = wave.hit / scene.count
+    batch = wave.as_batch()
+    batch = replace(batch, summary=batch.summary._replace(reach=np.array([reach])))
+    assert scene.evaluate_waves(batch).falls.tolist() == [wave.hit]
+    tempo = de.load_scene("tempo")
+    layout = tempo.uniform().layout
+    waves = tempo.batch(layout.spacing[None], layout.thickness[None, 1:]).simulate(record=False)
+    with pytest.raises(ValueError, match="record=True"):
+        tempo.evaluate_waves(waves)

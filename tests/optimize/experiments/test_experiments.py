@@ -166,7 +166,7 @@ def test_an_axis_has_the_values_of_its_text(text, values):
     ("physics.friction", "a key or its values are missing; write KEY=FROM:TO:NUMBER"),
     ("row.count=3:4", "give two numbers and the number of values; write"),
     ("row.count=3:x:4", "could not convert string to float: 'x'; write KEY="),
-    ("row.count=3:4:0", "NUMBER = 0: give a whole number, at least 1"),
+    ("row.count=3:4:0", "NUMBER = 0: give a whole number from 1 to"),
     (r"physics.push=0:inf:3", r"FROM, TO\[1\] = inf: give a finite number"),
     ("physics.push=0:1:3:log", r"FROM, TO\[0\] = 0.0: give a finite number, more than 0"),
     ("physics.push=4,8,4", "and each value once"),
