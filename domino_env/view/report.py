@@ -183,8 +183,8 @@ def _curve(
         return table[x_column].tolist(), table[y_column].tolist()
 
 
-def _is_older(path: Path, other: Path | None) -> bool:
-    return bool(other and other.exists() and path.stat().st_mtime < other.stat().st_mtime)
+def _is_older(path: Path, other: Path) -> bool:
+    return other.exists() and path.stat().st_mtime < other.stat().st_mtime
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
@@ -192,8 +192,8 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
 
     A verification that is older than the layout is not of this layout.
     """
-    path, made = (folder / name if folder else None for name in ("verification.json", "layout.csv"))
-    if path is None or not path.exists() or _is_older(path, made):
+    path = folder / "verification.json" if folder else None
+    if path is None or not path.exists() or _is_older(path, path.with_name("layout.csv")):
         known = known_verification(layout, physics)
         if known is None:
             return None

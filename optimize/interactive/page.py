@@ -138,6 +138,7 @@ class Page:
         self._scene: Scene | None = None  # the last one with a computed uniform baseline
         self._lock = threading.Lock()  # one baseline is computed at a time
         self._kept: Design | None = None
+        self._pushed: Design | None = None  # the last one
         self.row, self._range = Row(margin=0, **WIDE), Range1d(-1.0, 1.0)
         self.curves = {quantity: Curve(self._range, quantity) for quantity in TITLES}
         for quantity in (SPACING, THICKNESS):
@@ -181,7 +182,7 @@ class Page:
                 self._do(self._search)
 
         actions: dict[str, Callable[..., object]] = {
-            "push": partial(self._draw, moves=True),
+            "push": self._push,
             "commit": self._commit,
             "insert": partial(self._edit, Design.with_domino),
             "remove": partial(self._edit, Design.without_domino),
@@ -190,7 +191,7 @@ class Page:
         self.row.on_msg(receive)
         self.title, self.result, self.message, self.link = html(), html(), html(), html()
         self.compare = pn.widgets.Select(name="", options=[UNIFORM], width=150, margin=0)
-        self.compare.param.watch(lambda _: self._schedule(self._redraw), "value")
+        self.compare.param.watch(lambda _: self._schedule(self._draw), "value")
         pace = pn.widgets.Select.from_param(self.row.param.pace, name="", width=110, margin=0)
         sound = pn.widgets.Checkbox.from_param(self.row.param.sound, name="sound", margin=0)
         self.faster = pn.widgets.Button(
@@ -285,11 +286,12 @@ class Page:
 
     # from the design to the page ----------------------------------------------------------------
 
-    def _draw(self, *, moves: bool = False) -> None:
-        """Draw the design: row, result and curves; with `moves`, the row can fall."""
+    def _draw(self) -> None:
+        """Draw the design: row, result and curves; a row that was pushed goes on falling."""
         design, uniform, name = self.design, self._uniform, self.compare.value
         scene, is_step = design.scene, design is self._steps[self._position]
         other = {UNIFORM: uniform, BEST: known_best(scene), KEPT: self._kept}[name]
+        moves = design is self._pushed
         self.row.show(design, other, name, moves=moves, keep_scale=not is_step)
         extent = self.row.state["extent"]
         self._range.update(start=extent["low"], end=extent["high"])
@@ -302,10 +304,6 @@ class Page:
             f'<p class="details">{escape(design.details(uniform))}</p>'
         )
         self.repair.visible = design.stop is not None
-
-    def _redraw(self) -> None:
-        """Draw the design again; a row that falls goes on."""
-        self._draw(moves=self.row.has_moves)
 
     def _settle(self) -> None:
         """Show the present step of the history; slow computations run in threads."""
@@ -341,7 +339,7 @@ class Page:
             if design is self.design:
                 assert design.score is not None  # which the design keeps
                 self._scene = with_baseline(design.scene, FLOOR_SECONDS)
-        return self._redraw
+        return self._draw
 
     @property
     def _uniform(self) -> UniformBaseline | None:
@@ -360,6 +358,11 @@ class Page:
         """Change the design, as a step of the history."""
         self.design = change(self.design, *values)
         self._commit()
+
+    def _push(self) -> None:
+        """Let the row fall."""
+        self._pushed = self.design
+        self._draw()
 
     def _make_uniform(self, design: Design) -> Design:
         """Return the best equal gaps, or those on fixed pivots while the best are computed."""

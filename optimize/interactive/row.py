@@ -45,11 +45,6 @@ class Row(JSComponent):  # type: ignore[misc]
         __file__
     ).with_name("row.js").read_text("utf-8")
 
-    @property
-    def has_moves(self) -> bool:
-        """Whether the motions have been sent."""
-        return any("falls" in row for row in self.state.get("rows", ()))
-
     def show(self, design: Design, other: Any, name: str, *, moves: bool, keep_scale: bool) -> None:
         """Show a design and the row that it races.
 
