@@ -31,7 +31,7 @@ from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.types import Floats
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
-from domino_env.scenes.shipping import schema_fields
+from domino_env.scenes.io.reading import schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
 from domino_env.view.comparison import ComparedLayout

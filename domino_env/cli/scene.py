@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _with_comments(text: str) -> Iterator[str]:
     """Yield the lines of a scene file, each key of a table with its description."""
-    from domino_env.scenes.shipping import schema_fields
+    from domino_env.scenes.io.reading import schema_fields
 
     descriptions = {(table, key): field["description"] for table, key, field in schema_fields()}
     table = ""

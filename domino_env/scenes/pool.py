@@ -1,6 +1,6 @@
 """Pools of sampled scenes with their uniform baselines, and test sets of scenes.
 
-`python -m domino_env.scenes.shipping NAME …` computes the shipped pools and test sets.
+`python docs/shipped_scenes.py NAME …` computes the shipped pools and test sets.
 """
 
 from __future__ import annotations

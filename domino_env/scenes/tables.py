@@ -1,7 +1,7 @@
 """Tables of a scene's file, made from the fields of `SceneBase`.
 
 The tables check scenes made in Python too. Editors check files by the JSON Schema that
-`domino_env.scenes.shipping` makes from the tables; `SCHEMA` of a table adds relations between its
+`docs/shipped_scenes.py` makes from the tables; `SCHEMA` of a table adds relations between its
 keys to it.
 """
 

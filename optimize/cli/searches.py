@@ -37,18 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     reader = options.number(above=0.0, below=1.0)
     options.add_options(parser, ("tolerance", reader, "GAIN", None, tolerance), options.SEED)
     options.add_out_option(parser, "runs/SCENE", literal=False)
-    options.add_flags(
-        parser,
-        resume="continue the search in the folder; the time it has spent counts",
-        update_best="store a new best known layout in the package",
-    )
+    resume = "continue the search in the folder; the time it has spent counts"
+    options.add_flags(parser, resume=resume)
     add_executor_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and print the result."""
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from optimize.experiments.best_known import store_best
     from optimize.methods.registry import load
     from optimize.run_folder import FILES
     from optimize.searching import search
@@ -70,8 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"the search ended: {result.stop_reason}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
         print(f"best known:       {_best_known(result)}")
-        if arguments.update_best:
-            print(f"new best known: {scene.name if store_best(result) else 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -94,7 +88,7 @@ def _best_known(result: SearchResult) -> str:
     score = scene.format_score(best.score, scene.simulate(best.layout))
     shortfall = (best.score - accurate_score(scene, result.layout)) / abs(best.score)
     if shortfall < -MIN_GAIN:
-        return f"{score}: this search is better; --update-best stores its layout"
+        return f"{score}: this search is better"
     difference = f"shortfall {shortfall:.4%}" if scene.unit else "not reached"
     difference = "reached" if shortfall < EQUAL_SCORE else difference
     return f"{score}, by {best.method}: {difference}"

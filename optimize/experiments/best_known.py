@@ -6,22 +6,17 @@ method, seed, time and version of the search.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from msgspec import Meta
 
-from domino_env import __version__
-from domino_env.core.files import errors_with_path, read_json, write_text
+from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import LARGEST, Number, read_model
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.result import SearchResult
 
-GROUND_PARTS = ("rise", "tilt")  # attributes of a layout that are stored for uneven ground only
 PATH = Path(__file__).with_name("best_known.json")
 RTOL = 1e-12  # relative error allowed in the arrival times of a stored score
 MIN_GAIN = 1e-9  # smallest relative gain with which a layout replaces the best known
@@ -84,40 +79,6 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     with errors_with_path(path):
         entries = read_model(dict[str, Any], document)
         return {name: read_model(BestKnown, entry, name) for name, entry in entries.items()}
-
-
-def store_best(result: SearchResult, path: Path | None = None) -> bool:
-    """Store the layout of a search as the best known of its scene, if it scores more.
-
-    Parameters
-    ----------
-    result
-        Result of the search.
-    path
-        See `best_known`.
-
-    Returns
-    -------
-    bool
-        True if the layout was stored.
-    """
-    path = path or PATH
-    scene, layout = result.scene, result.layout
-    best, score = best_known(path).get(scene.name), accurate_score(scene, layout)
-    if best is not None and score <= best.score + MIN_GAIN * abs(best.score):
-        return False
-    entry = {
-        "score": score, "method": result.method, "seed": result.seed,
-        "seconds": round(result.seconds, 1), "version": __version__,
-        "spacing": layout.spacing.tolist(), "width": layout.width,
-    }  # fmt: skip
-    for part in ("thickness", "height", "density", *([] if layout.is_flat else GROUND_PARTS)):
-        values = getattr(layout, part)
-        equal = np.all(values == values[0])
-        entry[part] = float(values[0]) if equal else values.tolist()
-    document = (read_json(path) if path.exists() else {}) | {scene.name: entry}
-    write_text(path, json.dumps(dict(sorted(document.items())), indent=1) + "\n")
-    return True
 
 
 def accurate_score(scene: Scene, layout: Layout) -> float:

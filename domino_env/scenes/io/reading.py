@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -20,6 +21,7 @@ from domino_env.scenes.scene import Scene
 
 SHIPPED = resources.files("domino_env.scenes") / "shipped"
 DISTRIBUTIONS = resources.files("domino_env.scenes") / "distributions"
+SCHEMA = SHIPPED / "scene.schema.json"
 SCENE = "scene.toml"  # in a run folder; row.scene.toml beside row.csv
 
 
@@ -116,6 +118,16 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     except UnicodeDecodeError:
         files.raise_with_path(path, "not UTF-8 text: save the file as UTF-8")
     return parse_document(content, str(path)), path.stem, str(path)
+
+
+def schema_fields() -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield the keys of a scene file: name of the table, "" for none, key, and its schema."""
+    schema = json.loads(SCHEMA.read_text("utf-8"))
+    for table, entry in schema["properties"].items():
+        reference = entry.get("$ref", "").rpartition("/")[2]
+        fields = schema["$defs"][reference]["properties"] if reference else {table: entry}
+        for key, field in fields.items():
+            yield table if reference else "", key, field
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:

@@ -16,7 +16,7 @@ def shipped(scene):
 def test_every_shipped_baseline_is_current_and_beats_its_neighbours():
     for name in de.scene_names():
         scene = de.load_scene(name)
-        assert shipped(scene), f"{name}: run `python -m domino_env.scenes.shipping`"
+        assert shipped(scene), f"{name}: run `python docs/shipped_scenes.py`"
         point = np.array(shipped(scene))
         layouts, random = UniformLayouts(scene), np.random.default_rng(7)
         if scene.floor_friction is not None:  # its scores are known less closely

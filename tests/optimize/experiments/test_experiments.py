@@ -132,13 +132,14 @@ def test_every_scene_has_a_valid_best_known_layout(name):
     assert score >= scene.uniform().score * (1.0 - known)
 
 
-def test_only_a_better_layout_replaces_the_best_known(scenes, tmp_path):
-    path, scene = tmp_path / "best.json", scenes["both"]
+def test_only_a_better_layout_replaces_the_best_known(script, tmp_path):
+    store, path = script("docs/best_known.py").store, tmp_path / "best.json"
     assert best_known.best_known(path) == {}
-    uniform, better = (search(scene, method, budget=300) for method in ("uniform", "auto"))
-    kept = [best_known.store_best(result, path) for result in (uniform, uniform, better, uniform)]
+    for method in ("uniform", "auto"):
+        better = search("sprint", method, budget=300, folder=tmp_path / method)
+    kept = [store(tmp_path / run, path) for run in ("uniform", "uniform", "auto", "uniform")]
     assert kept == [True, False, True, False]
-    record = best_known.best_known(path)["both"]
+    record = best_known.best_known(path)["sprint"]
     assert (record.method, record.seed) == ("auto", 0)
     assert record.layout == better.layout
     assert record.score == pytest.approx(better.score, rel=1e-9)

@@ -1,14 +1,13 @@
-"""Computation of the shipped files of scenes and distributions.
+"""Write the files that ship with scenes: ``python docs/shipped_scenes.py``.
 
-python -m domino_env.scenes.shipping            JSON Schema and uniform baselines of all scenes
-python -m domino_env.scenes.shipping NAME …     pools and test sets of the named distributions
+Writes the JSON Schema of scene files and the uniform baselines of the shipped scenes; with names of
+distributions, ``python docs/shipped_scenes.py varied``, their pools and test sets instead.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,12 @@ from domino_env.core.progress import progress_bar
 from domino_env.scenes import scene_base, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
-from domino_env.scenes.io.reading import load_scene, scene_names
+from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, POINT, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
-HERE = Path(__file__).parent
-SCHEMA = HERE / "shipped" / "scene.schema.json"
+SCENES = Path(scene_base.__file__).parent
 TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
 # tables in which a number may be a range
 RANGE_TABLES = "RowTable", "SpacingTable", "RangeTable", "PhysicsTable"
@@ -53,16 +51,6 @@ def scene_schema() -> dict[str, Any]:
     return head | scene | {"$defs": definitions}
 
 
-def schema_fields() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield the keys of a scene file: name of the table, "" for none, key, and its schema."""
-    schema = scene_schema()
-    for table, entry in schema["properties"].items():
-        reference = entry.get("$ref", "").rpartition("/")[2]
-        fields = schema["$defs"][reference]["properties"] if reference else {table: entry}
-        for key, field in fields.items():
-            yield table if reference else "", key, field
-
-
 def _number_or_range(field: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a number, or of the range from which it is sampled."""
     shared = {key: field[key] for key in ("description", "default") if key in field}
@@ -84,13 +72,13 @@ def _without_null(schema: Any) -> Any:
 
 def write_scenes() -> None:
     """Write the JSON Schema and the uniform baselines of the shipped scenes."""
-    write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
+    write_text(Path(str(SCHEMA)), json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
     baselines = {
         name: {"stamp": stamp(scene.document()), "point": best_point(scene).tolist()}
         for name, scene in scenes.items()
     }
-    write_text(HERE / "shipped" / POINTS_FILE, json.dumps(baselines, indent=1) + "\n")
+    write_text(SCENES / "shipped" / POINTS_FILE, json.dumps(baselines, indent=1) + "\n")
 
 
 def write_distribution(name: str) -> None:
@@ -109,7 +97,7 @@ def write_distribution(name: str) -> None:
     for kind, (columns, entries) in entries_of.items():
         lines = [make_stamp(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
-        write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
+        write_text(SCENES / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
 
 
 def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[float]]:
