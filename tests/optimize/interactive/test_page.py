@@ -244,6 +244,10 @@ def test_a_search_ends_by_itself_or_by_a_drag_and_keeps_what_it_found(tab: Tab) 
     tab.undo()
     tab.click("Make it faster")
     tab.wait(lambda: "faster than" in tab.result)
+    tab.pointer(tab.domino(0), *PRESS)  # a push ends the search, and the row goes on falling
+    tab.wait(lambda: tab.run("return pointer.visible && pointer.location") > 0.5)
+    tab.click("Make it faster")
+    tab.wait(lambda: "searching:" in tab.status)
     tab.drag(tab.domino(20), 4, 0)
     assert len(tab.changed_gaps()) > 20
     tab.click("Make it faster")  # as no search runs any more
