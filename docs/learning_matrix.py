@@ -121,6 +121,9 @@ def train(case: Case) -> list[object]:
             gamma=chosen.options["gamma"], seed=seed, device="cpu",
         )  # fmt: skip
     else:
+        if algorithm == "td3":  # the noise on target actions of its authors
+            noise = {"target_policy_noise": 0.2, "target_noise_clip": 0.5}
+            chosen = chosen.replace(options=chosen.options | noise)
         model = make_model(target, algorithm, chosen, seed, env=env)
 
     if isinstance(target, SceneDistribution):
