@@ -145,7 +145,6 @@ def test_rewards_are_changes_of_the_gain_expected_with_the_rest_uniform(name):
     assert (speed > 0.0) == (name != "stops")
     if name == "stops":
         times, speed = at / free, free
-    envs = DominoChainVector(1, scene, rtol=1e-10)
     env, rng = DominoChain(scene, rtol=1e-10), np.random.default_rng(2)
     for spread in (0.2, 1.0):
         *_, rewards, info = play(env, at_random(env, rng, -spread, spread))
@@ -157,11 +156,6 @@ def test_rewards_are_changes_of_the_gain_expected_with_the_rest_uniform(name):
         expected = 100.0 * ((x + left) / (t + time) / speed - 1.0)
         np.testing.assert_allclose(np.cumsum(rewards)[:-1], expected, rtol=1e-6, atol=1e-6)
         assert rewards.sum() == pytest.approx(100.0 * gain_of(scene, info["score"]), abs=1e-9)
-    if name != "stops":
-        envs.reset()
-        for _ in range(scene.count - 1):
-            rewards = envs.step(envs.actions_towards(uniform.layout))[1]
-            assert abs(rewards[0]) < 1e-9
 
 
 def test_the_reference_speed_changes_observations_alone():
@@ -179,7 +173,7 @@ def test_the_reference_speed_changes_observations_alone():
 
 
 @pytest.mark.parametrize(
-    "name", ["sprint", "sprint-thickness", "course", "gentle", "hills", "magnify"]
+    "name", ["sprint", "sprint-thickness", "course", "gentle", "hills", "magnify", "jitter"]
 )
 def test_observations_are_as_documented(name):
     window, scene = 3, short(name, 9)
@@ -188,7 +182,8 @@ def test_observations_are_as_documented(name):
     scales, parts = (1, 2, 4, 8), env.observation_layout
     env.reference_speed *= 1.1
     for seed in range(3):
-        _, observations, _, info = play(env, at_random(env, np.random.default_rng(seed)))
+        policy = at_random(env, np.random.default_rng(seed))
+        _, observations, _, info = play(env, policy, seed=seed)
         layout, wave = info["layout"], info["wave"]
         for k, observation in enumerate(observations):
             stopped = k + 1 == len(observations) and wave.outcome != de.Outcome.PROPAGATED

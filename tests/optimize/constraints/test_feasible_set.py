@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
 from domino_env.scenes.rules import Stock
@@ -179,6 +180,8 @@ def test_the_nearest_smooth_layout_agrees_with_cvxpy(length):
 
 # gradients --------------------------------------------------------------------------------------
 
+SLOPE = UNEVEN_SCENE.replace(ground=de.Ground(slope=-3.0))
+ROW = UNEVEN_SCENE.replace(ground=None, spacing=(0.002, 0.04), run_out=de.RunOut(5, 0.004))
 PLAIN = ["spacing", "one-gap", "thickness", "both", "dying", "length", "length-both"]
 SMOOTH = {
     **{name: RULED[name] for name in ("smooth", "length-smooth", "growth-both", "growth")},
@@ -189,6 +192,18 @@ SMOOTH = {
     "noise": replace(RULED["free"], placement=de.Placement(1e-3, 5)),
     "tempo-noise": replace(de.load_scene("tempo-noise"), count=7, placement=de.Placement(1e-3, 5)),
     "in-heights": replace(RULED["growth-both"], growth=None, objective="mean_speed"),
+    "uneven ground": UNEVEN_SCENE,
+    "slope": SLOPE,
+    "schedule on uneven ground": UNEVEN_SCENE.replace(
+        objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)
+    ),
+    "quantile on uneven ground": UNEVEN_SCENE.replace(placement=de.Placement(0.0005, 8, 0.3)),
+    "run-out": ROW,
+    "run-out on a slope": SLOPE.replace(run_out=de.RunOut(5, 0.01)),
+    "run-out after a length": ROW.replace(length=0.2),
+    "run-out with limits": ROW.replace(limits=de.Limits(stall_margin=0.05)),
+    "run-out with noise": ROW.replace(placement=de.Placement(1e-3, 4)),
+    "run-out with a quantile": ROW.replace(placement=de.Placement(1e-3, 4, 0.5)),
 }  # fmt: skip
 
 
