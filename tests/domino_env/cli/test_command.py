@@ -120,17 +120,15 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("compare sprint --methods ,", "methods is empty: give at least one"),
     ("simulate row.csv --rate 2", "unrecognized arguments: --rate 2 (domino simulate --help)"),
     ("simulate row.csv --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
-    ("simulate bad.csv", "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
     ("simulate mm.csv", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall"),
     ("optimize tall.toml", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
     ("simulate .", ".: it is a folder without a layout.csv: name a run folder or a file"),
     ("optimize row.csv", "row.csv: a scene is a .toml file or a name; domino simulate reads"),
     ("click one.csv", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
     ("click row.csv --push 0.1", "row.csv: no domino hits another, so there is no sound: the"),
-    ("click row.csv --wav bad.csv/x.wav", "bad.csv is a file: name a folder"),
+    ("click row.csv --wav one.csv/x.wav", "one.csv is a file: name a folder"),
     ("optimize sprint --method cmae", "method = 'cmae': did you mean 'cma'?"),
     ("validate 0.016=64", "x = 1.6e-05 is a gap of -0.007484 m: give more than 0"),
-    ("validate 5=60", "x = 0.005 is a gap of -0.0025 m: give more than 0 and less than the height"),
     ("validate nobody", "give a source (camera, "),
     ("validate 16=x", "write PITCH=FREQUENCY"),
     ("accuracy --seconds 0", "--seconds = 0.0 s: give a finite number, more than 0"),
@@ -163,7 +161,6 @@ SCENE = "scene --count 40 --thickness 7.5"
 def test_an_error_is_one_line(error_of, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)
     texts = {
-        "bad.csv": "spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n",
         "empty.csv": "",
         "one.csv": "spacing_mm,thickness_mm\n,7.5\n",
         "mm.csv": "spacing,thickness\n18,7.5\n,7.5\n",

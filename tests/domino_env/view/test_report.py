@@ -178,23 +178,16 @@ def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     assert browser.execute_script("return comparison.now() === comparison.end")
 
 
+@pytest.mark.usefixtures("phone")
 def test_page_fits_a_phone_and_follows_the_leader(browser):
-    size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
-        browser.execute_script("comparison.go(comparison.end)")
-        wide = browser.execute_script("return document.documentElement.scrollWidth")
-        assert wide <= 390
-        scrolled = (
-            "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
-        )
-        assert browser.execute_script(scrolled) > 100
-        at_end = browser.execute_script("return comparison.view().shift")
-        browser.execute_script("comparison.go(0)")
-        assert browser.execute_script("return comparison.view().shift") == 0
-        assert (at_end > 0) == browser.execute_script("return comparison.view().follows")
-    finally:
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_script("comparison.go(comparison.end)")
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    scrolled = "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
+    assert browser.execute_script(scrolled) > 100
+    at_end = browser.execute_script("return comparison.view().shift")
+    browser.execute_script("comparison.go(0)")
+    assert browser.execute_script("return comparison.view().shift") == 0
+    assert (at_end > 0) == browser.execute_script("return comparison.view().follows")
 
 
 def test_numbers_can_be_read_as_tables(browser):
