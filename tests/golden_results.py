@@ -14,7 +14,6 @@ import numpy as np
 from golden_layouts import Block, H, batched, blocks, random_scene, scene_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-12)
 EPISODES = 10
@@ -161,7 +160,7 @@ def diagnoses(digests: Digests) -> None:
 def motions(digests: Digests) -> None:
     """Angles of all dominoes over time."""
     for kind, physics, layouts in few_blocks(1):
-        moving = Motion(layouts[0], physics)
+        moving = de.Motion(layouts[0], physics)
         times = np.linspace(0.0, 1.1 * moving.end, 60)
         digests.add(kind, moving.end, moving.leader(times), moving.angles(times))
 

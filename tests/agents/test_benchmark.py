@@ -27,7 +27,6 @@ from optimize.experiments.estimates import (
 from optimize.experiments.experiment import best_of_problems
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import open_store
-from optimize.experiments.task import TaskResult
 
 # normalised scores of five runs on three problems, some of them equal
 SCORES, OTHERS = np.random.default_rng(0).normal(0.5, 0.3, (2, 5, 3)).round(1)
@@ -79,7 +78,7 @@ def test_confidence_intervals(problems, interval):
 class KnownTask(BenchmarkTask):
     """A task with a known result."""
 
-    def run(self, clock=None) -> TaskResult:
+    def run(self, clock=None):
         seconds = 240.0 if self.method == "ppo" else 1.0
         trace = {"steps": [10, 20], "seconds": [0.5 * seconds, seconds], "score": [0.5, 1.0]}
         return self.make_result(trace, 1.0, 0.5, None)

@@ -121,7 +121,6 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("simulate row.csv --rate 2", "unrecognized arguments: --rate 2 (domino simulate --help)"),
     ("simulate row.csv --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
     ("simulate mm.csv", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall"),
-    ("optimize tall.toml", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
     ("simulate .", ".: it is a folder without a layout.csv: name a run folder or a file"),
     ("optimize row.csv", "row.csv: a scene is a .toml file or a name; domino simulate reads"),
     ("click one.csv", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
@@ -164,7 +163,6 @@ def test_an_error_is_one_line(error_of, monkeypatch, file, words, message):
         "empty.csv": "",
         "one.csv": "spacing_mm,thickness_mm\n,7.5\n",
         "mm.csv": "spacing,thickness\n18,7.5\n,7.5\n",
-        "tall.toml": de.load_scene("sprint").replace(height=48.0, spacing=(2.0, 40.0)).to_toml(),
     }
     for name, text in texts.items():
         Path(name).write_text(text)

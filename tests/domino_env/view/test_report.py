@@ -2,14 +2,12 @@
 
 import dataclasses
 import json
-from typing import Any
 
 import numpy as np
 import pytest
 from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion
 from domino_env.view.comparison import ComparedLayout, comparison_data, headline
 from domino_env.view.energy import energies
 from domino_env.view.report import read_compared, write_report
@@ -28,7 +26,7 @@ COMPARED = [
 ], ids=["flat", "hills"])  # fmt: skip
 def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
     smooth, hardly, rough = (
-        energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
+        energies(de.Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
     for one in (smooth, hardly, rough):
         spent = one.kinetic + one.hits + one.flushes + one.friction
@@ -113,7 +111,7 @@ BROWSED = (
 
 
 @pytest.fixture(scope="module")
-def browser(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def browser(chromium, tmp_path_factory):
     page = tmp_path_factory.mktemp("report") / "page.html"
     write_report(BROWSED, "test", page)
     for log in ("browser", "performance"):  # of pages of other tests
@@ -141,7 +139,7 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     write_report(compared, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(compared):
-        motion = Motion(one.wave.layout, one.wave.physics)
+        motion = de.Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
             page = browser.execute_script(f"return comparison.leans(comparison.compared[{k}], {t})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)

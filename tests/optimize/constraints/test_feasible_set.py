@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
-from domino_env.scenes.rules import Stock
-from domino_env.scenes.scene import Scene
 from optimize import METHODS, Problem, search
 from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
@@ -21,11 +19,11 @@ from optimize.methods.gradient.least_squares import compute_lateness
 
 GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
 FEW = (0.002, 0.006, 0.011, 0.02, 0.03)
-BOX = Stock((0.005, 0.0075, 0.010), (3, 4, 2))
+BOX = de.Stock((0.005, 0.0075, 0.010), (3, 4, 2))
 BODIES = float(BOX.without(0.0075).dominoes.sum())
 
 
-def ruled(**rules: object) -> Scene:
+def ruled(**rules: object) -> de.Scene:
     """Return a scene of nine dominoes with some rules."""
     return replace(de.load_scene("sprint"), count=9, name="ruled", **rules)
 
@@ -51,7 +49,7 @@ RULED = {
     "stock": ruled(**BOXED),
     "stock-length": ruled(length=0.16, **BOXED),
     "stock-length-grid": ruled(length=BODIES + 8 * 0.0105, spacing_values=GRID, **BOXED),
-    "stock-more": ruled(**(BOXED | {"stock": Stock(BOX.thickness, (3, 5, 4))})),
+    "stock-more": ruled(**(BOXED | {"stock": de.Stock(BOX.thickness, (3, 5, 4))})),
     "growth": replace(de.load_scene("magnify"), count=7),
     "growth-both": replace(de.load_scene("magnify"), count=7, thickness=(0.1, 0.2),
                            objective="mean_speed"),
@@ -118,7 +116,7 @@ def test_no_allowed_layout_is_nearer(seed, even, length, smooth):
 @given(st.integers(0, 2**32 - 1))
 def test_the_nearest_pieces_of_the_stock_are_taken(seed):
     random = np.random.default_rng(seed)
-    stock = Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
+    stock = de.Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
     dominoes = stock.dominoes
     n = int(random.integers(1, len(dominoes) + 1))
     wanted = random.uniform(0.004, 0.011, n)
@@ -266,7 +264,7 @@ def test_the_gradient_of_lateness_matches_finite_differences():
 
 # conflicts ---------------------------------------------------------------------------------------
 
-PAIRED = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
+PAIRED = {"stock": de.Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
           "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
 
 
