@@ -125,8 +125,6 @@ def test_ctrl_c_before_the_first_layout_is_raised(scenes, monkeypatch):
 
 def test_the_result_has_the_reason_of_the_end(scenes):
     scene = scenes["spacing"]
-    assert search(scene, "random", 7).stop_reason == "limit of 7 layouts reached"
-    assert search(scene, "random", seconds=1e-9).stop_reason == "limit of 1e-09 s reached"
     assert search(scene, "uniform").stop_reason == "done: the method has nothing left to try"
     early = search(scene, "auto", 60).stop_reason
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
