@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import astuple, replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,18 +18,16 @@ PARTS = ("spacing", "thickness", "height", "density", "rise", "tilt")  # flat gr
 grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"])
 
 
-def parts(gradient: de.Gradient) -> list[Any]:
+def parts(gradient):
     """Return the parts of a gradient; on flat ground those of rise and tilt are missing."""
     return [part for part in astuple(gradient) if part is not None]
 
 
-def of_time(layout: de.Layout, physics: de.Physics, rtol: float = 1e-12) -> de.Gradient:
+def of_time(layout, physics, rtol=1e-12):
     return de.simulate(layout, physics, rtol=rtol, gradient=True).gradient()
 
 
-def random_layout(
-    rng: np.random.Generator, count: int, uneven: bool, unequal: bool = True
-) -> de.Layout:
+def random_layout(rng, count, uneven, unequal=True):
     """Return a layout in which contacts become face contacts and separate."""
     if uneven:
         return uneven_layout(int(rng.integers(1, 1000)), count, unequal=True)
@@ -41,11 +38,11 @@ def random_layout(
     return de.Layout(gaps, thick, height, density=10.0 ** rng.uniform(2.5, 3.5, count))
 
 
-def batch_of(layouts: list[de.Layout], uneven: bool) -> dict[str, Any]:
+def batch_of(layouts, uneven):
     return {n: np.stack([getattr(x, n) for x in layouts]) for n in PARTS[: 6 if uneven else 4]}
 
 
-def differences(layout: de.Layout, physics: de.Physics, name: str, uneven: bool, of: str) -> Any:
+def differences(layout, physics, name, uneven, of):
     """Return Richardson's differences by one part of the layout.
 
     They are nan near a kink: where the numbers of face impacts or separations differ, or the
@@ -135,7 +132,7 @@ def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, derivat
 
 
 @pytest.fixture(params=[0.0, 0.25], ids=["without friction", "with friction"])
-def wave(request: pytest.FixtureRequest) -> de.Wave:
+def wave(request):
     layout = random_layout(np.random.default_rng(8), 14, uneven=False)
     wave = de.simulate(layout, de.Physics(request.param, 9.81, 30.0), rtol=1e-12, gradient=True)
     assert wave.outcome == de.Outcome.PROPAGATED
@@ -173,7 +170,7 @@ def test_later_dominoes_cannot_change_earlier_times(wave):
 def test_the_gradient_at_a_kink_is_that_of_one_side():
     physics = de.Physics(0.25, 9.81, 14.0)
 
-    def layout(gap: float) -> de.Layout:
+    def layout(gap):
         return de.Layout([0.012, gap, 0.02, 0.03], 0.0075)
 
     low, high = 0.015, 0.03

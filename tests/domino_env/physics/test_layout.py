@@ -4,7 +4,6 @@ import copy
 import dataclasses
 import pickle
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,7 +100,7 @@ def test_a_tip_above_the_next_top_is_rejected():
 # files ------------------------------------------------------------------------------------------
 
 
-def written(layout: Layout, path: Path) -> Path:
+def written(layout, path):
     (layout.to_csv if path.suffix == ".csv" else layout.to_json)(path)
     return path
 

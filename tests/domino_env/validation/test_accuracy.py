@@ -1,11 +1,10 @@
 """Accuracy: error estimates against true errors, run times against errors."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from golden_layouts import Block, batched, equal_layouts, odd_layouts, usual_layouts
+from golden_layouts import batched, equal_layouts, odd_layouts, usual_layouts
 from uneven_layouts import uneven_layout
 
 import domino_env as de
@@ -13,7 +12,7 @@ from domino_env.validation import accuracy
 from domino_env.validation.edge_cases import EdgeCase
 
 
-def random_layouts() -> Iterator[Block]:
+def random_layouts():
     """Yield random layouts of many kinds."""
     rng = np.random.default_rng(11)
     for k in range(40):

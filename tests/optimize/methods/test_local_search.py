@@ -1,7 +1,5 @@
 """Local searches on scores with kinks; perturbations."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -10,14 +8,14 @@ from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.methods.starts import coarse_matrix
 
 
-def run(arm: LocalSearch | CoarseToFine, objective: Callable) -> None:
+def run(arm, objective):
     """Evaluate candidates until the search is done, at most 2000."""
     while not arm.done and arm.evaluations < 2000:
         assert np.all((arm.candidate >= 0.0) & (arm.candidate <= 1.0))
         arm.update(*objective(arm.candidate))
 
 
-def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
+def quadratic(top, seed=0):
     """Return a concave quadratic of condition 100 with its maximum at `top`."""
     n = len(top)
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, n)))[0]
@@ -29,7 +27,7 @@ def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
     return objective
 
 
-def coarse_to_fine(start: np.ndarray) -> CoarseToFine:
+def coarse_to_fine(start):
     return CoarseToFine(start, [coarse_matrix(1, len(start), 8), coarse_matrix(1, len(start), 20)])
 
 
