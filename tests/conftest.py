@@ -63,6 +63,15 @@ def chromium() -> Iterator[Any]:
 
 
 @pytest.fixture
+def phone(chromium: Any) -> Iterator[None]:
+    """The browser with the screen of a phone."""
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+    chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    yield
+    chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.fixture
 def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     """A function that runs a command which succeeds and returns its output."""
 

@@ -16,6 +16,14 @@ Block = tuple[str, de.Physics, list[de.Layout]]  # kind; layouts of one length a
 H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
 
 
+def batched(layouts: list[de.Layout], physics: de.Physics, rtol: float, **given: bool) -> Any:
+    """Simulate layouts of one length as a batch."""
+    uneven = any(one.rise.any() or one.tilt.any() for one in layouts)
+    names = "spacing", "thickness", "height", "density", *(("rise", "tilt") if uneven else ())
+    arrays = {name: np.array([getattr(one, name) for one in layouts]) for name in names}
+    return de.simulate_batch(**arrays, physics=physics, rtol=rtol, **given)
+
+
 def powers(rng: np.random.Generator, low: float, high: float, size: int | None = None) -> Any:
     return 10.0 ** rng.uniform(low, high, size)
 

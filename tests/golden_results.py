@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from golden_layouts import Block, H, blocks, random_scene, scene_layout
+from golden_layouts import Block, H, batched, blocks, random_scene, scene_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-12)
 EPISODES = 10
@@ -84,14 +83,6 @@ def waves(digests: Digests) -> None:
         for rtol, layout in product(TOLERANCES, layouts):
             wave = de.simulate(layout, physics, rtol=rtol)
             digests.add(f"{rtol:g}, {kind}", *select(wave, WAVE))
-
-
-def batched(layouts: list[de.Layout], physics: de.Physics, rtol: float, **given: bool) -> Any:
-    """Simulate layouts of one length as a batch."""
-    uneven = any(one.rise.any() or one.tilt.any() for one in layouts)
-    names = (*LAYOUT[:4], *(("rise", "tilt") if uneven else ()))
-    arrays = {name: np.array([getattr(one, name) for one in layouts]) for name in names}
-    return de.simulate_batch(**arrays, physics=physics, rtol=rtol, **given)
 
 
 def batches(digests: Digests) -> None:
@@ -169,7 +160,7 @@ def diagnoses(digests: Digests) -> None:
 def motions(digests: Digests) -> None:
     """Angles of all dominoes over time."""
     for kind, physics, layouts in few_blocks(1):
-        moving = Motion(layouts[0], physics)
+        moving = de.Motion(layouts[0], physics)
         times = np.linspace(0.0, 1.1 * moving.end, 60)
         digests.add(kind, moving.end, moving.leader(times), moving.angles(times))
 

@@ -46,14 +46,6 @@ def test_fits_are_those_of_numpy(claims):
     assert residual == pytest.approx(np.sqrt(np.mean((y - np.polyval(line, x)) ** 2)))
 
 
-def test_a_steady_speed_is_that_of_the_oracle(claims):
-    chain = np.full(15, 0.4), np.full(16, 0.15)
-    wave = oracle.topple(*chain, 0.25, gravity=1.0, push=1.3, height=1.0, rtol=1e-9)
-    assert 0.55 / (wave.arrival[-1] - wave.arrival[-2]) == pytest.approx(
-        claims.steady_speed(0.4, 0.25, 0.15), rel=1e-3
-    )
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_a_largest_factor_is_that_of_the_oracle(claims, friction):
     best, gap = claims.best_factor(friction)

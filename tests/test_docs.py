@@ -11,7 +11,6 @@ from contextlib import closing, nullcontext, redirect_stdout
 from importlib.metadata import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -19,7 +18,7 @@ from threadpoolctl import threadpool_limits
 import agents
 import domino_env as de
 import optimize
-from agents.algorithms import Hyperparameters, default_hyperparameters
+from agents.algorithms import default_hyperparameters
 from domino_env.cli.main import build_parser, main
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_from_document
@@ -33,7 +32,7 @@ SNIPPETS = re.compile(r"```python\n(.*?)```", re.DOTALL)
 FENCED = re.compile(r"^```([a-z]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
-def commands(page: str) -> list[str]:
+def commands(page):
     """Return the lines of a page's code that begin with `domino`, without their comments."""
     code = "".join(text for language, text in FENCED.findall(PAGES[page]) if language in ("", "sh"))
     lines = re.findall(r"^domino .*", code, re.MULTILINE)
@@ -75,13 +74,13 @@ PARSED = {
 """Parts of commands that are parsed only, and the reasons."""
 
 
-def few_steps(algorithm: str, target: de.Scene | de.SceneDistribution) -> Hyperparameters:
+def few_steps(algorithm, target):
     """Return hyperparameters of a training that takes a second."""
     return default_hyperparameters(algorithm, target).replace(num_envs=2, steps=160)
 
 
 @pytest.fixture(scope="module")
-def prepared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def prepared_folder(tmp_path_factory):
     """A folder with the files and the earlier runs that the commands name."""
     folder = tmp_path_factory.mktemp("prepared_folder")
     with pytest.MonkeyPatch.context() as patch:
@@ -103,7 +102,7 @@ def prepared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(line: str) -> int:
+def run(line):
     """Return the exit status of a command, whose output may go to a file."""
     command, _, file = line.partition(" > ")
     output = io.StringIO()
@@ -120,7 +119,7 @@ def run(line: str) -> int:
 PACKAGES = {"stable_baselines3": "stable_baselines3", "studio(": "panel", "minari": "minari"}
 
 
-def run_examples(text: str, names: dict[str, Any]) -> None:
+def run_examples(text, names):
     for code in SNIPPETS.findall(text):
         for words, package in PACKAGES.items():
             if words in code:
@@ -132,7 +131,7 @@ def run_examples(text: str, names: dict[str, Any]) -> None:
 def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", "")  # an example sets it
-    names: dict[str, Any] = {}
+    names = {}
     run_examples(PAGES[page], names)
     if page == "README.md":
         result = names["result"]
@@ -144,7 +143,7 @@ def test_every_optimiser_example_beats_equal_gaps(section):
     warnings.simplefilter("ignore")  # warnings of third-party packages
     for package in re.findall(r"^(?:from|import) (\w+)", section, re.M):
         pytest.importorskip(package, reason=f"needs {package}")
-    names: dict[str, object] = {}
+    names = {}
     run_examples(SECTIONS[0], names)
     with threadpool_limits(1, user_api="blas"):
         run_examples(section, names)

@@ -2,9 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +24,7 @@ TRICKS = [
     b"=1+1", b"1e400", b"-1", b"nan", b"1e-320", b"true", b"[" * 20, b"#", b"\x1b[2J", b"../x",
 ]  # fmt: skip
 # words of the message, or None for a good file
-EXPECTED: dict[str, str | None] = {
+EXPECTED = {
     "layouts/deep.json": "nested too deeply",
     "layouts/empty.csv": "the file is empty",
     "layouts/escape.csv": r"'\x1b]0;owned\x07\x1b[2J' is not a number",
@@ -55,7 +53,7 @@ EXPECTED: dict[str, str | None] = {
 
 
 @st.composite
-def mutated(draw: Any, data: bytes) -> bytes:
+def mutated(draw, data):
     """Return valid bytes with some damage: cut, doubled, with unusual bytes."""
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(data)))
@@ -66,7 +64,7 @@ def mutated(draw: Any, data: bytes) -> bytes:
     return data
 
 
-def rejection(read: Callable[[Path], Any], path: Path) -> str | None:
+def rejection(read, path):
     """Return the message with which a reader rejects a file, one line with its name, or None."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -83,7 +81,7 @@ def rejection(read: Callable[[Path], Any], path: Path) -> str | None:
     return message
 
 
-def read_layout(path: Path) -> de.Layout:
+def read_layout(path):
     """Read a layout whose wave has numbers only."""
     layout = de.Layout.read(path)
     if layout.count <= 12:
@@ -93,7 +91,7 @@ def read_layout(path: Path) -> de.Layout:
     return layout
 
 
-def read_scene(path: Path) -> de.Scene:
+def read_scene(path):
     """Read a scene that survives writing and reading, and whose name is safe."""
     scene = de.load_scene(path)
     assert parse_scene(scene.to_toml(), "x", str(path)) == scene
@@ -102,7 +100,7 @@ def read_scene(path: Path) -> de.Scene:
     return scene
 
 
-def read_sound(path: Path) -> object:
+def read_sound(path):
     samples, rate = read_wav(path)
     try:
         return listen(samples, rate)
@@ -110,7 +108,7 @@ def read_sound(path: Path) -> object:
         raise ValueError(f"{path}: {error}") from None
 
 
-def read_run(path: Path) -> ComparedLayout:
+def read_run(path):
     """Write the page of a run with this trace or verification in its folder."""
     run = path.parent / f"run-{path.name}"
     run.mkdir(exist_ok=True)
@@ -125,7 +123,7 @@ def read_run(path: Path) -> ComparedLayout:
     return compared[0]
 
 
-READERS: Any = {
+READERS = {
     "layouts": read_layout, "scenes": read_scene, "sounds": read_sound, "runs": read_run,
 }  # fmt: skip
 

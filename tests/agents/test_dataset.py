@@ -6,7 +6,6 @@ import pytest
 
 from agents import dataset
 from domino_env.cli.main import main
-from optimize.experiments.task import Task
 
 
 def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monkeypatch, capsys):
@@ -14,7 +13,7 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
     minari = pytest.importorskip("minari")
     run_experiment = dataset.run_experiment
 
-    def interrupted(tasks: list[Task], *given: object, **options: object) -> None:
+    def interrupted(tasks, *given, **options):
         run_experiment(tasks[:2], *given, **options)
         raise KeyboardInterrupt
 

@@ -10,7 +10,6 @@ import domino_env as de
 from agents import design, evaluate
 from agents.rollout import EVALUATION_SEEDS, build, complete_layout
 from agents.scripted import SCRIPTED, ScriptedPolicy
-from domino_env import DominoChain, DominoChainVector
 
 NOISY = de.load_scene("sprint").replace(count=12, placement=de.Placement(0.002))
 PIECES = de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3)
@@ -66,7 +65,7 @@ def test_a_ramp_beats_uniform_and_keeps_a_length():
 
 def test_greedy_takes_the_action_with_the_largest_next_reward():
     rollout = SCRIPTED["greedy"](SMALL)
-    env = DominoChain(SMALL)
+    env = de.DominoChain(SMALL)
     env.reset()
     low, high = SMALL.spacing
     action = 2.0 * (rollout.layout.spacing[0] - low) / (high - low) - 1.0
@@ -101,7 +100,7 @@ def test_rollouts_and_the_baseline_are_means_over_the_same_seeds(scene):
     rollout = ScriptedPolicy("uniform").build(scene)
     scores = scene.score_placed(rollout.layout, EVALUATION_SEEDS)
     assert rollout.score == rollout.uniform.score == scores.mean() != scene.uniform().score
-    env = DominoChainVector(3, scene)
+    env = de.DominoChainVector(3, scene)
     env.reset(seed=EVALUATION_SEEDS[0])
     for _ in range(scene.count - 1):
         info = env.step(np.zeros(env.action_space.shape))[4]

@@ -28,7 +28,6 @@ from agents.network import build_actor
 from agents.policy import read_config
 from agents.sb3 import CLASSES, Training, make_model, model_state, restore, save_zip, weights
 from agents.vec_env import DominoVecEnv
-from domino_env import DominoChain
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
@@ -56,7 +55,7 @@ def tiny(algorithm: str, **changes: object) -> Hyperparameters:
 @pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
 def test_the_vector_environment_agrees_with_single_environments(sampled):
     scene = small_scenes() if sampled else SMALL
-    batch, singles = DominoVecEnv(scene, 5), DummyVecEnv([lambda: DominoChain(scene)] * 5)
+    batch, singles = DominoVecEnv(scene, 5), DummyVecEnv([lambda: de.DominoChain(scene)] * 5)
     batch.seed(2)
     singles.seed(2)
     assert np.array_equal(batch.reset(), singles.reset())
@@ -79,7 +78,7 @@ def test_the_vector_environment_agrees_with_single_environments(sampled):
 def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor():
     options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
     batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
-    single = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
+    single = DummyVecEnv([lambda: Monitor(de.DominoChain(SMALL, **options))])
     assert batch.env_is_wrapped(Monitor) == [True, True]
     assert batch.env_is_wrapped(TimeLimit) == [False, False]
     model = PPO("MlpPolicy", batch, n_steps=8, batch_size=16, device="cpu")
@@ -132,7 +131,6 @@ def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeyp
         "scene.toml", "config.json", "progress.csv", "policy.npz", "policy.json", "layout.csv",
         "layout.json", "summary.json", "result.png", "checkpoint.pt",
     }  # fmt: skip
-    assert run.rollout is not None
     assert SMALL.violations(run.rollout.layout) == []
     assert run.rollout.score > run.rollout.uniform.score or algorithm not in ("apg", "ppo")
     assert run.plot().axes[-1].get_xlim() == (0.0, run.curve[-1][0])

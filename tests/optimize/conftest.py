@@ -6,10 +6,6 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
-from domino_env.scenes.layout_batch import LayoutBatch
-from domino_env.scenes.objectives import Scores
-from domino_env.scenes.scene import Scene
-from domino_env.scenes.simulators import Stop
 from optimize.result import SearchResult
 
 KINDS = {
@@ -42,16 +38,14 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[de.Layout, float]]:
     """Every layout that is simulated during a search, with its score."""
     layouts: list[tuple[de.Layout, float]] = []
-    original = Scene.evaluate
+    original = de.Scene.evaluate
 
-    def evaluate(
-        scene: Scene, batch: LayoutBatch, gradient: bool = False, stop: Stop = None
-    ) -> Scores:
+    def evaluate(scene, batch, gradient=False, stop=None):
         result = original(scene, batch, gradient, stop)
         layouts.extend((batch.layout(b), score) for b, score in enumerate(result.score.tolist()))
         return result
 
-    monkeypatch.setattr(Scene, "evaluate", evaluate)
+    monkeypatch.setattr(de.Scene, "evaluate", evaluate)
     return layouts
 
 
@@ -62,7 +56,7 @@ def bits() -> Callable[[SearchResult], list[object]]:
 
 
 @pytest.fixture(scope="session")
-def scenes() -> dict[str, Scene]:
+def scenes() -> dict[str, de.Scene]:
     """Scenes of all kinds, whose uniform baselines are computed once."""
     sprint = de.load_scene("sprint")
     return {

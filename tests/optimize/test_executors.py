@@ -5,8 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,33 +15,33 @@ from optimize import executors, search
 from optimize.executors import ExecutorLost, ProcessExecutor, open_executor
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import Study, open_store
-from optimize.experiments.task import Task, TaskResult
+from optimize.experiments.task import Task
 from optimize.methods import registry
 
 ROOT = Path(__file__).parents[2]
 
 
-def repeatable(result: TaskResult) -> tuple:
+def repeatable(result):
     """Return the parts of a result that do not depend on the process that computes it."""
     trace = [result.trace[name] for name in ("evaluations", "falls", "score")]
     sizes = (result.spacing, result.thickness, result.height)
     return (result.key, result.score, result.uniform_score, sizes, result.work, trace)
 
 
-def results_of(tasks, executor=None, study=None) -> list[tuple]:
+def results_of(tasks, executor=None, study=None):
     done = run_experiment(tasks, executor, study)
     assert done.failures == ()
     return [repeatable(result) for result in done.results]
 
 
 @pytest.fixture(scope="module")
-def tasks(scenes) -> list[Task]:
+def tasks(scenes):
     chosen = [("spacing", "auto"), ("both", "cma"), ("length", "random"), ("dying", "powell")]
     return [Task(scenes[s].to_toml(), m, seed, 60) for s, m in chosen for seed in range(2)]
 
 
 @pytest.fixture(scope="module")
-def expected(tasks) -> list[tuple]:
+def expected(tasks):
     return results_of(tasks)
 
 
@@ -53,31 +52,30 @@ def pool():
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Executor]:
+def cluster():
     pytest.importorskip("distributed")
     with open_executor(workers=2, dask="local") as cluster:
-        assert cluster is not None
         yield cluster
 
 
 # tasks of workers -------------------------------------------------------------------------------
 
 
-def kill_worker_once(marker: str) -> None:
+def kill_worker_once(marker):
     """Kill the process, unless there is a file, which is made."""
     if not Path(marker).exists():
         Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def thread_settings() -> tuple[int, str | None]:
+def thread_settings():
     """Return the threads that Numba and OpenMP may use."""
     import numba
 
     return numba.get_num_threads(), os.environ.get("OMP_NUM_THREADS")
 
 
-def linger(path: str) -> None:
+def linger(path):
     Path(path).write_text(str(os.getpid()))
     time.sleep(60.0)
 
@@ -120,7 +118,6 @@ def test_an_error_of_a_task_fails_no_other_task(tasks, expected, pool):
 def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path):
     pid = tmp_path / "pid"
     with suppress(KeyError), open_executor(workers=1) as executor:
-        assert executor is not None
         calls = [executor.submit(linger, str(pid)), executor.submit(os.getpid)]
         while not pid.exists() or not pid.read_text():
             time.sleep(0.01)

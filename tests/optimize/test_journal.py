@@ -15,7 +15,6 @@ import domino_env as de
 from optimize import METHODS, Evaluator, search
 from optimize.journal import Journal
 from optimize.methods.search import long_layouts
-from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -109,7 +108,7 @@ def test_a_killed_process_resumes_bitwise(bits, problems, tmp_path):
 
 
 def test_a_resumed_search_continues_its_seconds(problems, tmp_path):
-    def run(seconds: float) -> SearchResult:
+    def run(seconds: float):
         ticks = count()  # a clock that advances by a second whenever it is read
         options = {"folder": tmp_path, "resume": True, "clock": lambda: float(next(ticks))}
         return search(problems["both"], "random", seconds=seconds, **options)

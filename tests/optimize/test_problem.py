@@ -67,19 +67,6 @@ def test_scores_are_those_of_the_scene(scenes, name):
     assert problem.evaluate(designs[0]).score == scores[0]
 
 
-def test_a_gradient_at_a_face_of_the_box_is_one_sided(scenes):
-    problem = Problem(scenes["spacing"])
-    x = np.full(problem.dimension, 0.4)
-    x[0], x[1] = 0.0, 1.0
-    gradient = problem.evaluate(x, gradient=True).gradient
-    h = 1e-4
-    for i, sign in ((0, 1.0), (1, -1.0)):
-        y = x.copy()
-        y[i] += sign * h
-        difference = sign * (problem.evaluate(y).score - problem.evaluate(x).score) / h
-        assert gradient[i] == pytest.approx(difference, rel=2e-2)
-
-
 @pytest.mark.parametrize(("name", "designs", "message"), [
     ("evaluate", np.zeros((2, 5)), r"designs has shape \(2, 5\)"),
     ("evaluate", np.full((2, 6), np.nan), r"0 has nan at place 0: give a number in \[0, 1\]$"),

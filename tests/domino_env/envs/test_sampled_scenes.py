@@ -6,7 +6,6 @@ from env_scenes import play
 from sampled_scenes import small_scenes
 
 import domino_env as de
-from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 SMALL = small_scenes()
 
@@ -19,7 +18,7 @@ def actions_of(env, seed):
 @pytest.mark.parametrize("name", ["varied", "varied-course", "varied-thickness", SMALL], ids=str)
 def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
     """The observation of the fixed scene lacks the features."""
-    env = DominoChain(name, window=3)
+    env = de.DominoChain(name, window=3)
     features = len(env.distribution.features)
     for seed in range(3):
         actions = actions_of(env, seed)
@@ -27,7 +26,7 @@ def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
         scene = env.scene
         assert scene is info["scene"]
         assert scene.uniform().score > 0.0
-        fixed = DominoChain(scene, window=3)
+        fixed = de.DominoChain(scene, window=3)
         _, alone, same_rewards, same_info = play(fixed, actions)
         np.testing.assert_array_equal(observations[:, :-features], alone)
         np.testing.assert_allclose(rewards, same_rewards, rtol=0.0, atol=1e-9)
@@ -42,7 +41,7 @@ def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
 
 
 def test_features_of_the_sampled_scene_are_observed():
-    env = DominoChain(SMALL)
+    env = de.DominoChain(SMALL)
     for seed in range(20):
         observations, info = env.reset(seed=seed)
         scene, numbers = info["scene"], observations[env.observation_layout["features"]]
@@ -57,7 +56,7 @@ def test_features_of_the_sampled_scene_are_observed():
 
 
 def test_hidden_numbers_are_left_out_of_the_observation():
-    whole, partial = DominoChain(SMALL), DominoChain(SMALL, hide=("friction", "count"))
+    whole, partial = de.DominoChain(SMALL), de.DominoChain(SMALL, hide=("friction", "count"))
     names, first = list(SMALL.features), whole.observation_layout["features"].start
     hidden = [first + names.index(name) for name in ("friction", "count")]
     for seed in range(3):
@@ -68,17 +67,17 @@ def test_hidden_numbers_are_left_out_of_the_observation():
         np.testing.assert_array_equal(same_rewards, rewards)
     given, _ = partial.reset(options={"scene": whole.scene})
     np.testing.assert_array_equal(given, np.delete(observations[0], hidden))
-    assert "features" not in DominoChain(SMALL, hide=SMALL.features).observation_layout
+    assert "features" not in de.DominoChain(SMALL, hide=SMALL.features).observation_layout
 
 
 def test_the_number_of_scenes_can_be_limited():
-    few = DominoChainVector(64, "varied", num_scenes=3, first_scene=100)
-    envs = DominoChainVector(64, "varied", first_scene=4094)
+    few = de.DominoChainVector(64, "varied", num_scenes=3, first_scene=100)
+    envs = de.DominoChainVector(64, "varied", first_scene=4094)
     few.reset(seed=0)
     envs.reset(seed=0)
     assert {scene.name for scene in few.scenes} == {f"varied-{i}" for i in (100, 101, 102)}
     assert {scene.name for scene in envs.scenes} == {"varied-4094", "varied-4095"}
-    alone = DominoChain("varied", num_scenes=3, first_scene=100)
+    alone = de.DominoChain("varied", num_scenes=3, first_scene=100)
     assert alone.reset(seed=7)[1]["scene"] == few.scenes[7]
     for words, settings in (
         ("num_scenes = 0", {"num_scenes": 0}),
@@ -90,15 +89,15 @@ def test_the_number_of_scenes_can_be_limited():
         ("first_scene = 1: give a whole number from 0 to 0", {"first_scene": 1, "scene": "sprint"}),
     ):
         with pytest.raises(ValueError, match=words):
-            DominoChain(**{"scene": "varied"} | settings)
+            de.DominoChain(**{"scene": "varied"} | settings)
 
 
 def test_reset_takes_scenes_for_some_environments():
     chosen = SMALL.sample(np.random.default_rng(8), "chosen")
-    envs = DominoChainVector(3, SMALL, autoreset_mode="SameStep")
+    envs = de.DominoChainVector(3, SMALL, autoreset_mode="SameStep")
     observations, infos = envs.reset(seed=1, options={"scene": [None, chosen, None]})
     assert infos["scene"][1] is chosen
-    alone, _ = DominoChain(SMALL).reset(options={"scene": chosen})
+    alone, _ = de.DominoChain(SMALL).reset(options={"scene": chosen})
     np.testing.assert_array_equal(observations[1], alone)
     gains = {}
     while len(gains) < 3:  # each builds its own uniform baseline
@@ -110,7 +109,7 @@ def test_reset_takes_scenes_for_some_environments():
 
 
 def test_scenes_that_the_distribution_does_not_cover_are_rejected():
-    env = DominoChain(SMALL)
+    env = de.DominoChain(SMALL)
     scene = env.reset(seed=0)[1]["scene"]
     env.reset(options={"scene": scene})
     far = {"layout": de.Layout([0.5], 0.0075)}
@@ -126,8 +125,8 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         assert env.scene is scene
     assert env.reset(options={"scene": scene.replace(count=18)})[0] in env.observation_space
     with pytest.raises(ValueError, match="unknown reset option 'scene'; accepted: layout"):
-        DominoChain("sprint").reset(options={"scene": scene})
+        de.DominoChain("sprint").reset(options={"scene": scene})
     with pytest.raises(ValueError, match="give one Scene for all, or a list with one for each of"):
-        DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
+        de.DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
     with pytest.raises(ValueError, match="use DominoChain-v2"):
-        DominoLayout(SMALL)
+        de.DominoLayout(SMALL)

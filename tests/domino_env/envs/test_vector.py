@@ -49,13 +49,11 @@ def assert_same(together, alone):
         assert set(together) == set(alone)
         names = sorted(together)
         together, alone = (tuple(part[key] for key in names) for part in (together, alone))
-    if isinstance(together, np.ndarray):
-        assert together.dtype == alone.dtype
     if isinstance(together, tuple) or getattr(together, "dtype", None) is np.dtype(object):
         for pair in zip(together, alone, strict=True):
             assert_same(*pair)
     elif isinstance(together, np.ndarray):
-        np.testing.assert_array_equal(together, alone)
+        np.testing.assert_array_equal(together, alone, strict=True)
     else:
         assert together == alone
         if isinstance(together, de.Wave):

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import domino_env
+import domino_env as de
 from domino_env.kernels import chain, quadrature
 
+ROOT = Path(de.__file__).parents[1]
 PROBE = """
 from domino_env.kernels.contact import at_or_zero
 from domino_env.kernels.jit import entry_point, noinline
@@ -47,25 +48,26 @@ def no_file_may_grow():
     setrlimit(RLIMIT_FSIZE, (0, 0))
 
 
+def start(code, root=ROOT, *, full_disk=False, **environment):
+    """Start Python in a new process, which imports the package of a folder."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    environment = os.environ | {"PYTHONPATH": str(root)} | environment
+    before = no_file_may_grow if full_disk else None
+    program = [sys.executable, "-c", code]
+    return subprocess.Popen(program, cwd=root, env=environment, preexec_fn=before, **pipes)
+
+
 @pytest.fixture
 def copy(tmp_path):
     """A copy of the package with two more entry points; a call returns their results."""
     package = tmp_path / "domino_env"
     litter = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(Path(domino_env.__file__).parent, package, ignore=litter)
+    shutil.copytree(ROOT / "domino_env", package, ignore=litter)
     (package / "kernels" / "probe.py").write_text(PROBE)
 
-    def call(*, full_disk=False, **environment):
-        done = subprocess.run(
-            [sys.executable, "-c", CALL],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path), **environment},
-            capture_output=True,
-            text=True,
-            check=True,
-            preexec_fn=no_file_may_grow if full_disk else None,
-        )
-        return json.loads(done.stdout), done.stderr
+    def call(**options):
+        output, errors = start(CALL, tmp_path, **options).communicate()
+        return json.loads(output), errors
 
     call.package = package
     return call
@@ -118,65 +120,27 @@ def test_only_entry_points_are_called_from_python(function):
         function(*[0] * function.py_func.__code__.co_argcount)
 
 
-WALK = """
-import json, sys
-import numba, numpy as np
-if sys.argv[1] == "plain":
-    numba.version_info = (999, 0)
-from domino_env.kernels import arrays, contact, jit
-from domino_env.kernels.adjoint import contact as backwards
-from domino_env.kernels.contact import contact_at, shape_of, sin_versine
-
-@jit.entry_point
-def walk(row, mu, result):
-    ring = contact.new_ring(row, 8)
-    for i in range(len(row.thickness)):
-        contact.place_domino(ring, 7, i, row, i)
-    s, v = sin_versine(0.1)
-    for i in range(len(row.spacing)):
-        contact.place_contact(ring, 7, i, row, i, i + 1)
-        shape = shape_of(ring[i])
-        s, v, omega, psi, ratio = contact_at(ring[i], s, v, mu)
-        back = backwards.tip_back(s, v, shape, mu, 0.1, 0.2, 0.3, 0.4, 0.5)
-        result[i, :7] = s, v, omega, psi, ratio, back[0], back[2].gap
-    jit.keep_alive(ring)
-
-result = np.zeros((5, 7))
-row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
-walk(arrays.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
-print(json.dumps([result.tolist(), jit._FAST is not None]))
+PLAIN = """
+import numba
+numba.version_info = (999, 0)
+import domino_env as de
+print(*de.simulate(de.Layout([0.01, 0.02, 0.03], 0.0075, tilt=0.02)).arrival_times)
 """
 
 
 def test_plain_compilation_gives_the_same_results(tmp_path):
-    # without the cache of other tests
-    environment = os.environ | {"PYTHONPATH": str(Path(domino_env.__file__).parents[1])}
-    options = {
-        "cwd": tmp_path,
-        "env": environment,
-        "text": True,
-        "stdout": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-    }
-    ways = {
-        way: subprocess.Popen([sys.executable, "-c", WALK, way], **options)
-        for way in ("fast", "plain")
-    }
-    results = {}
-    for way, process in ways.items():
-        output, errors = process.communicate()
-        results[way], fast = json.loads(output)
-        assert fast == (way == "fast")
-        assert ("is compiled by its public functions" in errors) == (way == "plain")
-    np.testing.assert_allclose(results["plain"], results["fast"], rtol=1e-12)
+    times, warnings = start(PLAIN, NUMBA_CACHE_DIR=str(tmp_path)).communicate()
+    assert "is compiled by its public functions" in warnings
+    wave = de.simulate(de.Layout([0.01, 0.02, 0.03], 0.0075, tilt=0.02))
+    np.testing.assert_allclose([*map(float, times.split())], wave.arrival_times, rtol=1e-12)
 
 
 def test_a_long_layout_is_diagnosed():
     # reading arrays of this size after they are freed fails
-    layout = domino_env.Layout.uniform(3000, pitch=0.016)
-    physics = domino_env.Physics(push=8.0)
-    assert domino_env.diagnose(layout, physics, rtol=1e-4).outcome is domino_env.Outcome.PROPAGATED
-    assert domino_env.smallest_push(layout, physics, rtol=1e-4) < 8.0
+    layout = de.Layout.uniform(3000, pitch=0.016)
+    physics = de.Physics(push=8.0)
+    assert de.diagnose(layout, physics, rtol=1e-4).outcome is de.Outcome.PROPAGATED
+    assert de.smallest_push(layout, physics, rtol=1e-4) < 8.0
 
 
 SIMULATE = """
@@ -188,17 +152,13 @@ print(sum(solve_batch.stats.cache_hits.values()))
 
 
 def test_of_two_processes_one_compiles_and_both_tell_the_user(tmp_path):
-    root = str(Path(domino_env.__file__).parents[1])
-    environment = os.environ | {"PYTHONPATH": root, "NUMBA_CACHE_DIR": str(tmp_path)}
+    def start_one():
+        return start(SIMULATE, NUMBA_CACHE_DIR=str(tmp_path))
 
-    def start():
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        return subprocess.Popen([sys.executable, "-c", SIMULATE], env=environment, **pipes)
-
-    both = [process.communicate() for process in (start(), start())]
+    both = [process.communicate() for process in (start_one(), start_one())]
     (compiled, told), (loaded, waited) = sorted(both)
     assert (int(compiled), int(loaded)) == (0, 1)
     assert told.startswith("compiling solve_batch, once: about ")
     assert waited.startswith("compiling solve_batch, once: another process does so")
     assert told.count("\n") == waited.count("\n") == 1
-    assert start().communicate() == ("1\n", "")
+    assert start_one().communicate() == ("1\n", "")

@@ -2,18 +2,14 @@
 
 import pickle
 from dataclasses import astuple, replace
-from typing import Any
 
 import numpy as np
 import pytest
 from precise import precise_wave
 from uneven_layouts import uneven_layout
 
+import domino_env as de
 from domino_env.kernels.adjoint.chain import vjp_batch
-from domino_env.physics.gradient import Gradient
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, Wave, simulate, simulate_batch
 
 STEPS = np.array([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0])  # times the smallest step
 FINE, COARSE = (np.array([0, 1, -8, 8, -1, 0]) / 6.0, np.array([1, -8, 0, 0, 8, -1]) / 12.0)
@@ -22,33 +18,31 @@ PARTS = ("spacing", "thickness", "height", "density", "rise", "tilt")  # flat gr
 grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"])
 
 
-def parts(gradient: Gradient) -> list[Any]:
+def parts(gradient):
     """Return the parts of a gradient; on flat ground those of rise and tilt are missing."""
     return [part for part in astuple(gradient) if part is not None]
 
 
-def of_time(layout: Layout, physics: Physics, rtol: float = 1e-12) -> Gradient:
-    return simulate(layout, physics, rtol=rtol, gradient=True).gradient()
+def of_time(layout, physics, rtol=1e-12):
+    return de.simulate(layout, physics, rtol=rtol, gradient=True).gradient()
 
 
-def random_layout(
-    rng: np.random.Generator, count: int, uneven: bool, unequal: bool = True
-) -> Layout:
+def random_layout(rng, count, uneven, unequal=True):
     """Return a layout in which contacts become face contacts and separate."""
     if uneven:
         return uneven_layout(int(rng.integers(1, 1000)), count, unequal=True)
     gaps = rng.uniform(0.004, 0.044, count - 1)
     if not unequal:
-        return Layout(gaps, 0.0075)
+        return de.Layout(gaps, 0.0075)
     thick, height = rng.uniform(0.003, 0.012, count), rng.uniform(0.04795, 0.04805, count)
-    return Layout(gaps, thick, height, density=10.0 ** rng.uniform(2.5, 3.5, count))
+    return de.Layout(gaps, thick, height, density=10.0 ** rng.uniform(2.5, 3.5, count))
 
 
-def batch_of(layouts: list[Layout], uneven: bool) -> dict[str, Any]:
+def batch_of(layouts, uneven):
     return {n: np.stack([getattr(x, n) for x in layouts]) for n in PARTS[: 6 if uneven else 4]}
 
 
-def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: str) -> Any:
+def differences(layout, physics, name, uneven, of):
     """Return Richardson's differences by one part of the layout.
 
     They are nan near a kink: where the numbers of face impacts or separations differ, or the
@@ -60,7 +54,7 @@ def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: s
     batch = batch_of([layout] * (len(STEPS) * size), uneven)
     moves = STEPS[:, None, None] * np.diag(step)
     batch[name] = batch[name] + moves.reshape(-1, size)
-    waves = simulate_batch(**batch, physics=physics, rtol=1e-13)
+    waves = de.simulate_batch(**batch, physics=physics, rtol=1e-13)
     values = waves.total_time if of == "time" else waves.mean_speed
     values = values.reshape(len(STEPS), size)
     events = (waves.flushes * 1000 + waves.releases).reshape(len(STEPS), size)
@@ -77,9 +71,9 @@ def test_gradients_match_finite_differences(friction, uneven):
     checked = kinks = flushes = releases = 0
     while checked < 20:
         layout = random_layout(rng, 9, uneven, unequal=checked % 2 == 0)
-        physics = Physics(friction, 9.81, rng.uniform(10.0, 40.0))
-        wave = simulate(layout, physics, rtol=1e-12, gradient=True)
-        if wave.outcome != Outcome.PROPAGATED or wave.stall_margin.min() < 1e-3:
+        physics = de.Physics(friction, 9.81, rng.uniform(10.0, 40.0))
+        wave = de.simulate(layout, physics, rtol=1e-12, gradient=True)
+        if wave.outcome != de.Outcome.PROPAGATED or wave.stall_margin.min() < 1e-3:
             continue
         of = "speed" if checked % 4 > 1 else "time"
         gradient = wave.gradient(of)
@@ -102,9 +96,9 @@ def test_the_gradient_matches_multi_precision_solutions(friction, uneven):
 
     The scaling laws relate gravity and push to the other derivatives.
     """
-    flat = Layout([0.004, 0.03, 0.02], np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3)
-    layout, physics = uneven_layout(7, 3) if uneven else flat, Physics(friction, push=14.0)
-    wave = simulate(layout, physics, rtol=1e-13, gradient=True)
+    flat = de.Layout([0.004, 0.03, 0.02], np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3)
+    layout, physics = uneven_layout(7, 3) if uneven else flat, de.Physics(friction, push=14.0)
+    wave = de.simulate(layout, physics, rtol=1e-13, gradient=True)
     assert wave.flushes > 0
     rng, gradient = np.random.default_rng(0), wave.gradient()
     way = {"spacing": 1e-9, "thickness": 1e-9} | ({"rise": 1e-9, "tilt": 1e-7} if uneven else {})
@@ -127,8 +121,8 @@ def test_the_gradient_matches_multi_precision_solutions(friction, uneven):
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip
 def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, derivative):
-    layout, physics = Layout([0.011, 0.009], 0.0075), Physics(friction, push=push)
-    wave = simulate(layout, physics, rtol=1e-10, gradient=True)
+    layout, physics = de.Layout([0.011, 0.009], 0.0075), de.Physics(friction, push=push)
+    wave = de.simulate(layout, physics, rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
     assert wave.gradient().push == pytest.approx(derivative, rel=1e-6)
     assert abs(derivative) > 1e4 * abs(of_time(layout, physics.replace(push=2.0 * push)).push)
@@ -138,10 +132,10 @@ def test_the_gradient_near_a_stall_is_large_and_accurate(friction, push, derivat
 
 
 @pytest.fixture(params=[0.0, 0.25], ids=["without friction", "with friction"])
-def wave(request: pytest.FixtureRequest) -> Wave:
+def wave(request):
     layout = random_layout(np.random.default_rng(8), 14, uneven=False)
-    wave = simulate(layout, Physics(request.param, 9.81, 30.0), rtol=1e-12, gradient=True)
-    assert wave.outcome == Outcome.PROPAGATED
+    wave = de.simulate(layout, de.Physics(request.param, 9.81, 30.0), rtol=1e-12, gradient=True)
+    assert wave.outcome == de.Outcome.PROPAGATED
     assert wave.flushes > 0
     return wave
 
@@ -174,17 +168,17 @@ def test_later_dominoes_cannot_change_earlier_times(wave):
 
 
 def test_the_gradient_at_a_kink_is_that_of_one_side():
-    physics = Physics(0.25, 9.81, 14.0)
+    physics = de.Physics(0.25, 9.81, 14.0)
 
-    def layout(gap: float) -> Layout:
-        return Layout([0.012, gap, 0.02, 0.03], 0.0075)
+    def layout(gap):
+        return de.Layout([0.012, gap, 0.02, 0.03], 0.0075)
 
     low, high = 0.015, 0.03
-    flushes = [simulate(layout(gap), physics).flushes for gap in (low, high)]
+    flushes = [de.simulate(layout(gap), physics).flushes for gap in (low, high)]
     assert flushes[0] != flushes[1]
     while high - low > 1e-15:
         middle = 0.5 * (low + high)
-        same = simulate(layout(middle), physics, rtol=1e-13).flushes == flushes[0]
+        same = de.simulate(layout(middle), physics, rtol=1e-13).flushes == flushes[0]
         low, high = (middle, high) if same else (low, middle)
     sides = [of_time(layout(gap), physics).spacing[1] for gap in (low - 1e-9, high + 1e-9)]
     for gap in (low, high):
@@ -198,14 +192,14 @@ def test_equal_and_nearly_equal_gaps_have_the_same_gradient(friction):
 
     A 1e-12 difference in one gap takes another path through the code, to the same gradient.
     """
-    together = Layout(np.r_[np.full(6, 0.005), np.full(6, 0.02)], 0.0075)
-    g = of_time(together, Physics(friction, 9.81, 24.0))
+    together = de.Layout(np.r_[np.full(6, 0.005), np.full(6, 0.02)], 0.0075)
+    g = of_time(together, de.Physics(friction, 9.81, 24.0))
     assert all(np.isfinite(part).all() for part in parts(g))
-    even, physics = Layout.uniform(60, pitch=0.016), Physics(friction, 9.81, 8.0)
+    even, physics = de.Layout.uniform(60, pitch=0.016), de.Physics(friction, 9.81, 8.0)
     gaps = even.spacing.copy()
     gaps[-1] *= 1.0 + 1e-12
     for rtol, tolerance in ((1e-12, 1e-8), (1e-6, 1e-3)):
-        shared, general = of_time(even, physics, rtol), of_time(Layout(gaps, 0.0075), physics, rtol)
+        shared, general = (of_time(x, physics, rtol) for x in (even, de.Layout(gaps, 0.0075)))
         for a, b in zip(parts(shared), parts(general), strict=True):
             assert a == pytest.approx(b, rel=tolerance, abs=tolerance * np.abs(b).max())
 
@@ -215,15 +209,15 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
     rng = np.random.default_rng(3)
     layouts = [random_layout(rng, 12, uneven, unequal=uneven) for _ in range(40)]
     layouts[7] = replace(layouts[7], spacing=np.full(11, 0.06))
-    batch = simulate_batch(**batch_of(layouts, uneven), physics=Physics(), rtol=1e-8, gradient=True)
-    assert batch.outcome[7] == Outcome.OUT_OF_REACH
+    batch = de.simulate_batch(**batch_of(layouts, uneven), rtol=1e-8, gradient=True)
+    assert batch.outcome[7] == de.Outcome.OUT_OF_REACH
     bars = rng.standard_normal((40, 12))
     compiled = vjp_batch.signatures
     pulled = pickle.loads(pickle.dumps(batch)).pullback(np.asfortranarray(bars))
     assert vjp_batch.signatures == compiled  # neither needs kernels of its own
     for b, layout in enumerate(layouts):
-        one = simulate(layout, Physics(), rtol=1e-8, gradient=True)
-        if one.outcome != Outcome.PROPAGATED:
+        one = de.simulate(layout, de.Physics(), rtol=1e-8, gradient=True)
+        if one.outcome != de.Outcome.PROPAGATED:
             assert not any(np.any(part[b]) for part in (*parts(batch.gradient), *parts(pulled)))
             continue
         assert batch.total_time[b] == one.arrival_times[-1]
@@ -234,9 +228,9 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
 
 
 def test_the_pullback_of_a_stopped_wave_covers_the_dominoes_reached():
-    layout = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
-    wave = simulate(layout, Physics(0.25, push=10.0), gradient=True)
-    assert wave.outcome == Outcome.OUT_OF_REACH
+    layout = de.Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
+    wave = de.simulate(layout, de.Physics(0.25, push=10.0), gradient=True)
+    assert wave.outcome == de.Outcome.OUT_OF_REACH
     g = wave.pullback([0.0, 0.0, 1.0, 0.0, 0.0])
     assert g.spacing[:2].all()
     assert not g.spacing[2:].any()

@@ -4,7 +4,6 @@ import copy
 import dataclasses
 import pickle
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,7 +100,7 @@ def test_a_tip_above_the_next_top_is_rejected():
 # files ------------------------------------------------------------------------------------------
 
 
-def written(layout: Layout, path: Path) -> Path:
+def written(layout, path):
     (layout.to_csv if path.suffix == ".csv" else layout.to_json)(path)
     return path
 
@@ -180,6 +179,8 @@ def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
     ("{", "not JSON"),
     ('{"width": 0.02, "spacing": [], "width": 0.03}', "the key 'width' is given twice; keep one"),
     ("[1, 2]", "this is [1, 2]: give a table of spacing, thickness, height"),
+    ('{"spacing": [0.01], "thickness": "x"}', "thickness = 'x': give a finite number from 1e-09 to "
+     "1e+09 or a list, each a finite number from 1e-09 to 1e+09"),
     ('{"spacing": [0.01], "thickness": 0.0075, "heigth": 0.05}', "did you mean 'height'?"),
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
 ])  # fmt: skip

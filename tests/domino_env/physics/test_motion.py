@@ -5,19 +5,17 @@ import oracle
 import pytest
 from uneven_layouts import uneven_layout
 
-from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, outlines
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, simulate
+import domino_env as de
+from domino_env.physics.motion import outlines
 
 LAYOUTS = {
-    "flushes": Layout(np.random.default_rng(2).uniform(0.002, 0.04, 20), 0.0075),
-    "unequal": Layout(
+    "flushes": de.Layout(np.random.default_rng(2).uniform(0.002, 0.04, 20), 0.0075),
+    "unequal": de.Layout(
         np.random.default_rng(3).uniform(0.006, 0.03, 12),
         np.random.default_rng(4).uniform(0.003, 0.012, 13),
         np.random.default_rng(5).uniform(0.0478, 0.0482, 13),
     ),
-    "releases": Layout([0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], 0.0075),
+    "releases": de.Layout([0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], 0.0075),
     "uneven ground": uneven_layout(3, 10),
 }
 layouts = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
@@ -27,8 +25,8 @@ layouts = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_neighbours_touch_and_never_overlap(layout, friction):
     """Behind the leader a tip lies on a rear face or an edge on a front."""
-    wave = simulate(layout, Physics(friction, push=24.0))
-    motion = Motion(layout, wave.physics)
+    wave = de.simulate(layout, de.Physics(friction, push=24.0))
+    motion = de.Motion(layout, wave.physics)
     times = np.linspace(0.0, wave.arrival_times[wave.hit - 1], 60)
     leaders, _ = motion.leader(times)
     touching = separate = 0
@@ -48,8 +46,8 @@ def test_neighbours_touch_and_never_overlap(layout, friction):
 
 @layouts
 def test_the_leader_follows_the_arrival_times_and_leans_only_grow(layout):
-    wave = simulate(layout, Physics(0.25, push=24.0))
-    motion = Motion(layout, wave.physics)
+    wave = de.simulate(layout, de.Physics(0.25, push=24.0))
+    motion = de.Motion(layout, wave.physics)
     arrivals = wave.arrival_times[: wave.hit]
     leader, angle = motion.leader(arrivals * (1.0 + 1e-9))
     assert leader.tolist() == list(range(wave.hit))
@@ -64,22 +62,22 @@ def test_the_leader_follows_the_arrival_times_and_leans_only_grow(layout):
 
 
 def test_many_pieces_agree_with_few(monkeypatch):
-    layout, physics = LAYOUTS["flushes"], Physics(0.25, push=12.0)
-    few = Motion(layout, physics)
+    layout, physics = LAYOUTS["flushes"], de.Physics(0.25, push=12.0)
+    few = de.Motion(layout, physics)
     monkeypatch.setattr("domino_env.physics.motion.PIECES", 512)
-    many = Motion(layout, physics)
+    many = de.Motion(layout, physics)
     assert few.end == pytest.approx(many.end, rel=1e-3)  # the last lies down after the wave
-    times = np.linspace(0.0, simulate(layout, physics).arrival_times[-1], 500)
+    times = np.linspace(0.0, de.simulate(layout, physics).arrival_times[-1], 500)
     assert few.angles(times) == pytest.approx(many.angles(times), abs=2e-4)
 
 
 def test_a_wave_that_stops_stays_where_it_stopped():
-    layout = Layout.uniform(8, spacing=0.002)
-    wave, motion = simulate(layout, Physics()), Motion(layout, Physics())
-    assert wave.outcome == Outcome.STALLED
+    layout = de.Layout.uniform(8, spacing=0.002)
+    wave, motion = de.simulate(layout, de.Physics()), de.Motion(layout, de.Physics())
+    assert wave.outcome == de.Outcome.STALLED
     leader, angle = motion.leader(np.array([motion.end, motion.end + 1.0]))
     assert leader.tolist() == [wave.hit - 1] * 2
     assert 0.0 < angle[0] == angle[1] < np.arcsin(0.002 / 0.048)
-    motion = Motion(Layout([0.02, 0.06, 0.02], 0.0075), Physics())
+    motion = de.Motion(de.Layout([0.02, 0.06, 0.02], 0.0075), de.Physics())
     assert motion.angles([motion.end])[0, 1] == pytest.approx(1.55)
     assert not motion.angles([motion.end])[0, 2:].any()

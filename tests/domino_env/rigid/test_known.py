@@ -1,7 +1,6 @@
 """Stored verifications of the shipped layouts."""
 
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -15,7 +14,7 @@ AGAIN = "run: python docs/verified.py --best"
 
 
 @pytest.fixture(scope="module")
-def page_script(script) -> ModuleType:
+def page_script(script):
     return script("docs/verified.py")
 
 

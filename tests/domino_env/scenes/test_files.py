@@ -58,6 +58,7 @@ BAD = [
     ({"top": "objective = 'time'"}, "row.length is missing: objective = 'time' needs a fixed"),
     ({"top": "objective = 'magnify'"}, "the table [growth] is missing: objective = 'magnify'"),
     ({"row": "count = 8"}, "row.first_thickness is missing"),
+    ({"row": "height = 0.05"}, "row.count is missing: give a whole number from 2 to 100000"),
     ({"row": "count = 8\nheight = 1" + "0" * 5000}, "not TOML"),
     ({"spacing": "fixed = 0.01\nmax = 0.03"}, "spacing: it has fixed and max: give either fixed"),
     ({"spacing": "min = 4\nmax = 30"},
@@ -69,6 +70,9 @@ BAD = [
      "physics.floor_friction and objective = 'toppled': free-standing layouts are scored by their "
      "speed; choose objective = 'mean_speed' or 'time'"),
     ({"ground": "profile = [[0, 0], [0, 1]]"}, "ground.profile[1] lies at x = 0 m"),
+    ({"ground": "profile = [[0, 0], [1]]"}, "ground.profile[1] = [1]: give a list of 2 entries"),
+    ({"placement": "deviation = 0.001\nquantile = 2"},
+     "placement.quantile = 2: give a finite number, more than 0, at most 1 (share of the draws"),
     ({"ground": "slope = 3\nprofile = [[0, 0], [1, 0]]"}, "ground: give either slope"),
     ({"ground": "profile = [[0, 0], [300, 20], [600, 0]]"},
      "ground.profile ends at x = 600 m, and the longest layout at 0.28 m: points are in"),

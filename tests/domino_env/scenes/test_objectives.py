@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from golden_layouts import scene_layout
 
 import domino_env as de
 from domino_env.scenes.placement import LEAST_GAP, add_errors
@@ -251,16 +252,9 @@ def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length():
 @pytest.mark.parametrize("limits", [None, de.Limits(0.3, 0.02)])
 def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
     scene = de.load_scene(name).replace(limits=limits)
-    random = np.random.default_rng(3)
-    low, high = scene.spacing
-    gaps = random.uniform(low, low + 0.5 * (high - low), (6, scene.count - 1))
-    thick = random.uniform(*scene.thickness, gaps.shape)
-    tall = None
-    if scene.growth is not None:
-        tall = scene.height * np.cumprod(random.uniform(1.0, 1.3, gaps.shape), axis=1)
-        before = np.concatenate([np.full((6, 1), scene.height), tall[:, :-1]], axis=1)
-        gaps, thick = gaps * before, thick * tall
-    batch = scene.batch(gaps, thick, tall, rtol=1e-8)
+    layouts = [scene_layout(np.random.default_rng(seed), scene) for seed in range(6)]
+    sizes = zip(*((x.spacing, x.thickness[1:], x.height[1:]) for x in layouts), strict=True)
+    batch = scene.batch(*map(np.array, sizes), rtol=1e-8)
     evaluation, again = scene.evaluate(batch), scene.evaluate(batch, gradient=True)
     for key in ("score", "reach", "falls"):
         assert np.array_equal(getattr(evaluation, key), getattr(again, key))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env import DominoChainVector
 from optimize import search
 
 FREE = de.Scene(
@@ -68,7 +67,7 @@ def test_a_wave_that_ends_in_the_run_out_is_a_failure():
     assert wave.outcome != de.Outcome.PROPAGATED
     assert 9 / 14 <= wave.reach + 1 / 14 < 1.0
     assert scene.score(layout) == wave.reach - 1.0
-    env = DominoChainVector(1, scene, autoreset_mode="Disabled")
+    env = de.DominoChainVector(1, scene, autoreset_mode="Disabled")
     env.reset()
     for _ in range(8):
         info = env.step(env.actions_towards(layout))[4]

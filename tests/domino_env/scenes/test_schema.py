@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from typing import Any
 
 import jsonschema
 import pytest
@@ -31,7 +30,7 @@ def test_shipped_files_name_the_schema_and_are_valid(path):
         VALIDATOR.validate(de.load_scene(path).document())
 
 
-def sprint(**tables: Any) -> dict[str, Any]:
+def sprint(**tables):
     return de.load_scene("sprint").document() | tables
 
 

@@ -1,48 +1,37 @@
 """Accuracy: error estimates against true errors, run times against errors."""
 
 import math
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
-from golden_layouts import equal_layouts, odd_layouts, usual_layouts
+from golden_layouts import batched, equal_layouts, odd_layouts, usual_layouts
 from uneven_layouts import uneven_layout
 
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import simulate_batch
+import domino_env as de
 from domino_env.validation import accuracy
 from domino_env.validation.edge_cases import EdgeCase
 
 
-def _random_layouts() -> Iterator[tuple[str, Physics, dict[str, Any]]]:
-    """Yield batches of random layouts of many kinds."""
+def random_layouts():
+    """Yield random layouts of many kinds."""
     rng = np.random.default_rng(11)
     for k in range(40):
         friction = (0.0, 0.25, 0.6, 1.0)[k % 4]
-        yield _batch(*odd_layouts(rng, 25, friction))
-        yield _batch(*usual_layouts(rng, 25, friction))
-        yield _batch(*equal_layouts(rng, 25, friction))
+        yield odd_layouts(rng, 25, friction)
+        yield usual_layouts(rng, 25, friction)
+        yield equal_layouts(rng, 25, friction)
         uneven = [uneven_layout(25 * k + seed, 20, True) for seed in range(25)]
-        yield _batch("uneven ground", Physics(friction, push=14.0), uneven)
-
-
-def _batch(
-    kind: str, physics: Physics, layouts: list[Layout]
-) -> tuple[str, Physics, dict[str, Any]]:
-    names = "spacing", "thickness", "height", "density", "rise", "tilt"
-    return kind, physics, {name: np.array([getattr(x, name) for x in layouts]) for name in names}
+        yield "uneven ground", de.Physics(friction, push=14.0), uneven
 
 
 def test_estimates_and_tolerances_hold_for_random_layouts():
     ratios, small = [], 0
-    for name, physics, layouts in _random_layouts():
-        exact = simulate_batch(**layouts, physics=physics, rtol=1e-13)
+    for name, physics, layouts in random_layouts():
+        exact = batched(layouts, physics, 1e-13)
         struck = np.isfinite(exact.arrival_times) & (exact.arrival_times > 0.0)
         slack = exact.error_estimate
         for rtol in (1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
-            waves = simulate_batch(**layouts, physics=physics, rtol=rtol)
+            waves = batched(layouts, physics, rtol)
             assert not np.isnan([*waves.arrival_times.T, waves.error_estimate]).any()
             margin = np.minimum(waves.lowest_stall_margin, exact.lowest_stall_margin)
             same = (waves.outcome == exact.outcome) & (waves.hit == exact.hit)
@@ -57,7 +46,7 @@ def test_estimates_and_tolerances_hold_for_random_layouts():
     assert np.median(ratios) < 100.0
 
 
-SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())
+SIX = EdgeCase("short", "six", de.Layout.uniform(6, pitch=0.016), de.Physics())
 
 
 def test_every_solver_is_measured_and_finer_settings_reduce_its_error():

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from precise import precise_wave
 
+import domino_env as de
 from domino_env.core.files import read_json
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, simulate
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation import edge_cases
 from domino_env.validation.ode import integrate
@@ -30,7 +28,7 @@ def test_errors_are_within_estimate_and_tolerance(case):
 @pytest.mark.parametrize("name", SHORT)
 def test_the_tightest_tolerance_agrees_with_the_stored_digits(name):
     case, true = SHORT[name], edge_cases.reference_waves()[name]
-    wave = simulate(case.layout, case.physics, rtol=1e-13)
+    wave = de.simulate(case.layout, case.physics, rtol=1e-13)
     error = true.relative_error(wave.arrival_times)
     assert error <= wave.error_estimate
     if true.lowest > 1e-3:
@@ -56,7 +54,7 @@ EASY_TO_STEP = [case for case in CASES if not any(word in str(case) for word in 
 
 @pytest.mark.parametrize("case", EASY_TO_STEP, ids=str)
 def test_time_steps_give_the_same_outcome_and_times(case):
-    wave = simulate(case.layout, case.physics, rtol=1e-12)
+    wave = de.simulate(case.layout, case.physics, rtol=1e-12)
     swing = math.sqrt(case.layout.height.min() / case.physics.gravity)
     last = wave.arrival_times[wave.hit - 1] / wave.hit
     step = min(last, swing) / 150.0 if last > 0.0 else swing / 1e4
@@ -67,18 +65,18 @@ def test_time_steps_give_the_same_outcome_and_times(case):
 
 
 def test_a_fault_names_the_expected_outcome():
-    layout = Layout.uniform(3, pitch=0.016)
-    case = edge_cases.EdgeCase("group", "name", layout, Physics(), (Outcome.JAMMED,))
+    layout = de.Layout.uniform(3, pitch=0.016)
+    case = edge_cases.EdgeCase("group", "name", layout, de.Physics(), (de.Outcome.JAMMED,))
     assert edge_cases.examine(case).faults == "expected JAMMED"
 
 
 def test_a_million_dominoes_need_little_more_than_their_results():
-    layout = Layout.uniform(1_000_000, pitch=0.016)
+    layout = de.Layout.uniform(1_000_000, pitch=0.016)
     tracemalloc.start()
-    wave = simulate(layout, Physics(), rtol=1e-6)
+    wave = de.simulate(layout, de.Physics(), rtol=1e-6)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert wave.outcome == Outcome.PROPAGATED
+    assert wave.outcome == de.Outcome.PROPAGATED
     assert wave.converged
     assert peak < 1.5 * 4 * 8 * 1_000_000  # four numbers per domino
 
@@ -87,8 +85,8 @@ def test_a_million_dominoes_need_little_more_than_their_results():
 def test_long_layouts_do_not_lose_digits(width):
     rng, errors = np.random.default_rng(6), []
     for count in (100, 100_000):
-        layout = Layout(0.0085 + width * rng.uniform(0.15, 1.15, count - 1), 0.0075)
-        waves = (simulate(layout, Physics(), rtol=rtol) for rtol in (1e-13, 1e-10))
+        layout = de.Layout(0.0085 + width * rng.uniform(0.15, 1.15, count - 1), 0.0075)
+        waves = (de.simulate(layout, de.Physics(), rtol=rtol) for rtol in (1e-13, 1e-10))
         fine, time = (wave.arrival_times[-1] for wave in waves)
         errors.append(abs(time / fine - 1.0))
     assert max(errors) < 1e-10
@@ -102,10 +100,10 @@ OPTIMISTIC_CASES = read_json(Path(__file__).parents[2] / "data" / "optimistic_ca
 @pytest.mark.parametrize("name", OPTIMISTIC_CASES)
 def test_estimates_hold_where_searches_found_larger_errors(name):
     case = OPTIMISTIC_CASES[name]
-    layout, physics = Layout(**case["layout"]), Physics(**case["physics"])
-    tight = simulate(layout, physics, rtol=1e-13)
+    layout, physics = de.Layout(**case["layout"]), de.Physics(**case["physics"])
+    tight = de.simulate(layout, physics, rtol=1e-13)
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
-        wave = simulate(layout, physics, rtol=rtol)
+        wave = de.simulate(layout, physics, rtol=rtol)
         assert edge_cases.inconsistencies(wave) == []
         assert wave.outcome == tight.outcome
         error = largest_difference(wave.arrival_times, tight.arrival_times)

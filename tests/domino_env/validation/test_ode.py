@@ -5,15 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, simulate
+import domino_env as de
 from domino_env.rigid.simulation import largest_difference
 from domino_env.validation.edge_cases import short_cases
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
 CASES = {case.name: (case.layout, case.physics) for case in short_cases()}
-LAYOUTS = {"uniform": (Layout.uniform(8, pitch=0.016), Physics(push=8.0))} | {
+LAYOUTS = {"uniform": (de.Layout.uniform(8, pitch=0.016), de.Physics(push=8.0))} | {
     name: CASES[name]
     for name in (
         "μ = 0.25, two in one face impact", "μ = 0.25, contacts open",
@@ -24,9 +22,9 @@ LAYOUTS = {"uniform": (Layout.uniform(8, pitch=0.016), Physics(push=8.0))} | {
 
 def _error(name: str, method: str, setting: float) -> float:
     layout, physics = LAYOUTS[name]
-    exact = simulate(layout, physics, rtol=1e-13)
+    exact = de.simulate(layout, physics, rtol=1e-13)
     outcome, arrival_times = integrate(layout, physics, method, setting)
-    assert outcome == exact.outcome == Outcome.PROPAGATED
+    assert outcome == exact.outcome == de.Outcome.PROPAGATED
     return largest_difference(arrival_times, exact.arrival_times)
 
 
@@ -65,17 +63,17 @@ ENDS = {
     for name in ("μ = 0.25, stalls in a tight gap", "μ = 0.25, out of reach", "jams")
 } | {
     "jams at a face impact": (
-        Layout([0.015, 0.001, *[0.015] * 6], 0.0075), Physics(1.0, push=20.0)
+        de.Layout([0.015, 0.001, *[0.015] * 6], 0.0075), de.Physics(1.0, push=20.0)
     ),
-    "one domino": (Layout([], 0.0075), Physics()),
-    "one domino, too weak a push": (Layout([], 0.0075), Physics(push=1.0)),
+    "one domino": (de.Layout([], 0.0075), de.Physics()),
+    "one domino, too weak a push": (de.Layout([], 0.0075), de.Physics(push=1.0)),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
 @pytest.mark.parametrize("name", ENDS)
 def test_solvers_and_simulator_have_the_same_outcome(name, method):
-    wave = simulate(*ENDS[name])
+    wave = de.simulate(*ENDS[name])
     outcome, times = integrate(*ENDS[name], method, 1e-4 if method in FIXED else 1e-8)
     assert outcome == wave.outcome
     np.testing.assert_array_equal(np.isfinite(times), np.isfinite(wave.arrival_times))

@@ -2,14 +2,12 @@
 
 import dataclasses
 import json
-from typing import Any
 
 import numpy as np
 import pytest
 from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion
 from domino_env.view.comparison import ComparedLayout, comparison_data, headline
 from domino_env.view.energy import energies
 from domino_env.view.report import read_compared, write_report
@@ -28,7 +26,7 @@ COMPARED = [
 ], ids=["flat", "hills"])  # fmt: skip
 def test_energies_balance_and_small_friction_takes_little_energy(layout, push):
     smooth, hardly, rough = (
-        energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
+        energies(de.Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
     for one in (smooth, hardly, rough):
         spent = one.kinetic + one.hits + one.flushes + one.friction
@@ -113,7 +111,7 @@ BROWSED = (
 
 
 @pytest.fixture(scope="module")
-def browser(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def browser(chromium, tmp_path_factory):
     page = tmp_path_factory.mktemp("report") / "page.html"
     write_report(BROWSED, "test", page)
     for log in ("browser", "performance"):  # of pages of other tests
@@ -141,7 +139,7 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     write_report(compared, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(compared):
-        motion = Motion(one.wave.layout, one.wave.physics)
+        motion = de.Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
             page = browser.execute_script(f"return comparison.leans(comparison.compared[{k}], {t})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
@@ -178,23 +176,16 @@ def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     assert browser.execute_script("return comparison.now() === comparison.end")
 
 
+@pytest.mark.usefixtures("phone")
 def test_page_fits_a_phone_and_follows_the_leader(browser):
-    size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
-        browser.execute_script("comparison.go(comparison.end)")
-        wide = browser.execute_script("return document.documentElement.scrollWidth")
-        assert wide <= 390
-        scrolled = (
-            "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
-        )
-        assert browser.execute_script(scrolled) > 100
-        at_end = browser.execute_script("return comparison.view().shift")
-        browser.execute_script("comparison.go(0)")
-        assert browser.execute_script("return comparison.view().shift") == 0
-        assert (at_end > 0) == browser.execute_script("return comparison.view().follows")
-    finally:
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_script("comparison.go(comparison.end)")
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    scrolled = "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
+    assert browser.execute_script(scrolled) > 100
+    at_end = browser.execute_script("return comparison.view().shift")
+    browser.execute_script("comparison.go(0)")
+    assert browser.execute_script("return comparison.view().shift") == 0
+    assert (at_end > 0) == browser.execute_script("return comparison.view().follows")
 
 
 def test_numbers_can_be_read_as_tables(browser):

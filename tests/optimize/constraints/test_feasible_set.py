@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
-from domino_env.scenes.rules import Stock
-from domino_env.scenes.scene import Scene
 from optimize import METHODS, Problem, search
 from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
@@ -20,11 +19,11 @@ from optimize.methods.gradient.least_squares import compute_lateness
 
 GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
 FEW = (0.002, 0.006, 0.011, 0.02, 0.03)
-BOX = Stock((0.005, 0.0075, 0.010), (3, 4, 2))
+BOX = de.Stock((0.005, 0.0075, 0.010), (3, 4, 2))
 BODIES = float(BOX.without(0.0075).dominoes.sum())
 
 
-def ruled(**rules: object) -> Scene:
+def ruled(**rules: object) -> de.Scene:
     """Return a scene of nine dominoes with some rules."""
     return replace(de.load_scene("sprint"), count=9, name="ruled", **rules)
 
@@ -50,7 +49,7 @@ RULED = {
     "stock": ruled(**BOXED),
     "stock-length": ruled(length=0.16, **BOXED),
     "stock-length-grid": ruled(length=BODIES + 8 * 0.0105, spacing_values=GRID, **BOXED),
-    "stock-more": ruled(**(BOXED | {"stock": Stock(BOX.thickness, (3, 5, 4))})),
+    "stock-more": ruled(**(BOXED | {"stock": de.Stock(BOX.thickness, (3, 5, 4))})),
     "growth": replace(de.load_scene("magnify"), count=7),
     "growth-both": replace(de.load_scene("magnify"), count=7, thickness=(0.1, 0.2),
                            objective="mean_speed"),
@@ -117,7 +116,7 @@ def test_no_allowed_layout_is_nearer(seed, even, length, smooth):
 @given(st.integers(0, 2**32 - 1))
 def test_the_nearest_pieces_of_the_stock_are_taken(seed):
     random = np.random.default_rng(seed)
-    stock = Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
+    stock = de.Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
     dominoes = stock.dominoes
     n = int(random.integers(1, len(dominoes) + 1))
     wanted = random.uniform(0.004, 0.011, n)
@@ -179,6 +178,8 @@ def test_the_nearest_smooth_layout_agrees_with_cvxpy(length):
 
 # gradients --------------------------------------------------------------------------------------
 
+SLOPE = UNEVEN_SCENE.replace(ground=de.Ground(slope=-3.0))
+ROW = UNEVEN_SCENE.replace(ground=None, spacing=(0.002, 0.04), run_out=de.RunOut(5, 0.004))
 PLAIN = ["spacing", "one-gap", "thickness", "both", "dying", "length", "length-both"]
 SMOOTH = {
     **{name: RULED[name] for name in ("smooth", "length-smooth", "growth-both", "growth")},
@@ -189,6 +190,18 @@ SMOOTH = {
     "noise": replace(RULED["free"], placement=de.Placement(1e-3, 5)),
     "tempo-noise": replace(de.load_scene("tempo-noise"), count=7, placement=de.Placement(1e-3, 5)),
     "in-heights": replace(RULED["growth-both"], growth=None, objective="mean_speed"),
+    "uneven ground": UNEVEN_SCENE,
+    "slope": SLOPE,
+    "schedule on uneven ground": UNEVEN_SCENE.replace(
+        objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)
+    ),
+    "quantile on uneven ground": UNEVEN_SCENE.replace(placement=de.Placement(0.0005, 8, 0.3)),
+    "run-out": ROW,
+    "run-out on a slope": SLOPE.replace(run_out=de.RunOut(5, 0.01)),
+    "run-out after a length": ROW.replace(length=0.2),
+    "run-out with limits": ROW.replace(limits=de.Limits(stall_margin=0.05)),
+    "run-out with noise": ROW.replace(placement=de.Placement(1e-3, 4)),
+    "run-out with a quantile": ROW.replace(placement=de.Placement(1e-3, 4, 0.5)),
 }  # fmt: skip
 
 
@@ -251,7 +264,7 @@ def test_the_gradient_of_lateness_matches_finite_differences():
 
 # conflicts ---------------------------------------------------------------------------------------
 
-PAIRED = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
+PAIRED = {"stock": de.Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
           "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 import csv
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,16 +12,15 @@ from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
 from optimize.experiments import best_known, pictures, report
-from optimize.experiments.experiment import Experiment
 from optimize.experiments.sweep import make_scene, parse_axis, plan_sweep
 
 
-def read_csv(path: Path) -> list[dict[str, str]]:
+def read_csv(path):
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
 @pytest.fixture
-def folder(scenes, tmp_path: Path, monkeypatch) -> Path:
+def folder(scenes, tmp_path, monkeypatch):
     """A working folder with a scene."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(scenes["spacing"].to_toml())
@@ -33,7 +31,7 @@ def folder(scenes, tmp_path: Path, monkeypatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def compared(scenes) -> Experiment:
+def compared(scenes):
     chosen = [scenes["spacing"], scenes["length"]]
     return compare(chosen, ["auto", "random", "uniform"], range(2), seconds=0.15)
 
@@ -82,7 +80,6 @@ def test_the_report_of_a_comparison_has_all_runs(compared, tmp_path):
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
     (["sprint"], ["cma"], 3, 1, r"seeds = 3: give several, such as range\(5\)"),
     (["sprint"], ["cma"], ["a"], 1, "seed = 'a': give a whole number, at least 0"),
-    ("sprnt", "cma", [0], 1, "there is no scene 'sprnt': did you mean 'sprint'"),
     ("sprint", "cmaes", [0], 1, "method = 'cmaes': did you mean 'cma'"),
     (["sprint"], ["cma"], [0], None, "budget = None, seconds = None: give exactly one"),
 ])  # fmt: skip
@@ -181,7 +178,7 @@ def test_invalid_axes_are_rejected(text, message):
 def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     base = scenes["spacing"]
 
-    def changed(scene: de.Scene, point: dict) -> de.Scene:
+    def changed(scene, point):
         return make_scene(scene.document(), scene.name, point)
 
     scene = changed(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
@@ -200,8 +197,6 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
     ("row.length=0.1,100", {}, r"row.length = 100: row.length = 100 m cannot be met"),
     ("row.count.more=1", {}, "row.count.more = 1: unknown key 'row.count'"),
-    ("physics.push=4,8", {"methods": []}, "methods is empty"),
-    ("physics.push=4,8", {"methods": "cmaes"}, "method = 'cmaes': did you"),
     ("physics.push=4,8", {"seeds": 0.5}, "seeds = 0.5: give a whole number, at least 1"),
 ])  # fmt: skip
 def test_impossible_sweeps_are_rejected(scenes, axis, more, message):
@@ -226,7 +221,7 @@ def test_only_the_points_of_a_file_must_be_possible(scenes, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def swept(scenes) -> Experiment:
+def swept(scenes):
     axes = ["physics.friction=0.1,0.3", "physics.push=6:10:3"]
     return sweep(scenes["spacing"], axes, methods=["auto", "random"], seeds=2, budget=40)
 
@@ -278,7 +273,7 @@ def test_sweeps_of_words_and_without_gains_are_drawn(scenes, scene, axes, tmp_pa
 
 
 def test_two_settings_have_a_curve_for_each_value_of_the_other(scenes, tmp_path, monkeypatch):
-    drawn: list[str] = []
+    drawn = []
     monkeypatch.setattr(pictures, "draw_curves", lambda *arguments: drawn.extend(arguments[-1]))
     swept = sweep(scenes["spacing"], ["physics.push=5,8", "row.count=5"], ["uniform"], budget=1)
     pictures.draw_over_settings(swept, tmp_path)

@@ -1,30 +1,21 @@
-"""Local searches on scores with kinks, in lockstep and of few numbers; perturbations."""
-
-from collections.abc import Callable
+"""Local searches on scores with kinks; perturbations."""
 
 import numpy as np
 import pytest
 
-from optimize import Evaluator, Problem
-from optimize.methods.gradient.local_search import (
-    CoarseToFine,
-    LocalSearch,
-    advance,
-    run_local_searches,
-)
-from optimize.methods.gradient.lockstep import run_in_lockstep
+from optimize.methods.gradient.local_search import CoarseToFine, LocalSearch
 from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.methods.starts import coarse_matrix
 
 
-def run(arm: LocalSearch | CoarseToFine, objective: Callable) -> None:
+def run(arm, objective):
     """Evaluate candidates until the search is done, at most 2000."""
     while not arm.done and arm.evaluations < 2000:
         assert np.all((arm.candidate >= 0.0) & (arm.candidate <= 1.0))
         arm.update(*objective(arm.candidate))
 
 
-def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
+def quadratic(top, seed=0):
     """Return a concave quadratic of condition 100 with its maximum at `top`."""
     n = len(top)
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, n)))[0]
@@ -36,7 +27,7 @@ def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
     return objective
 
 
-def coarse_to_fine(start: np.ndarray) -> CoarseToFine:
+def coarse_to_fine(start):
     return CoarseToFine(start, [coarse_matrix(1, len(start), 8), coarse_matrix(1, len(start), 20)])
 
 
@@ -97,25 +88,6 @@ def test_a_local_search_stops_at_a_jump_of_the_score():
     assert arm.design[0] == pytest.approx(0.6, abs=1e-3)
     assert arm.design[0] <= 0.6
     assert arm.score >= 1.1 > 0.3  # it began at 0.3
-
-
-def test_searches_in_lockstep_share_every_batch_and_have_the_results_of_each_alone(scenes):
-    problem = Problem(scenes["both"])
-    starts = np.random.default_rng(0).random((3, problem.dimension))
-    counts: list[list[int]] = [[], []]
-    evaluators = [
-        Evaluator(problem, callback=lambda e, numbers=numbers: numbers.append(e.evaluations))
-        for numbers in counts
-    ]
-    together = [LocalSearch(start) for start in starts]
-    run_local_searches(evaluators[0], together, 30)
-    # the end of the first search ends all: the longest comes first
-    order = sorted(range(3), key=lambda i: -together[i].evaluations)
-    single = [LocalSearch(starts[i]) for i in order]
-    run_in_lockstep(evaluators[1], [advance([search], 30) for search in single])
-    assert counts[0] == counts[1]
-    assert single[0].score == together[order[0]].score
-    assert len(counts[0]) == single[0].evaluations < sum(search.evaluations for search in single)
 
 
 # perturbations ----------------------------------------------------------------------------------
