@@ -7,7 +7,7 @@ from env_scenes import SCENES, play, size_of
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout
 
-NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magnify")
+NAMES = ("sprint", "sprint-thickness", "course", "free course", "magnify")
 
 
 @pytest.mark.parametrize("name", [*NAMES, "tempo-noise"])
