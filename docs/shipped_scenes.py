@@ -27,7 +27,7 @@ from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 SCENES = Path(scene_base.__file__).parent
 TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
 # tables in which a number may be a range
-RANGE_TABLES = "RowTable", "SpacingTable", "RangeTable", "PhysicsTable"
+RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable"
 
 
 def scene_schema() -> dict[str, Any]:

@@ -40,14 +40,14 @@ class Problem:
     vector has one entry for each free gap, then for each free thickness, then for each growth
     (height over that of the domino before). 0 stands for the least value and 1 for the largest. The
     layout of a design vector is the nearest one (in metres) that keeps all rules of the scene. If
-    a length, a largest change, a list of values or a stock ties entries together, `coupled` is
-    true: many design vectors stand for the same layout, and `project` returns the one of these that
-    has its values. No layout that breaks a rule is simulated.
+    a length, a list of values or a stock ties entries together, `coupled` is true: many design
+    vectors stand for the same layout, and `project` returns the one of these that has its values.
+    No layout that breaks a rule is simulated.
 
     A problem has no state and no randomness: equal design vectors have bitwise equal scores. It can
     be pickled for other processes, and threads may share it. Batches are faster than single design
-    vectors. Its attributes, `evaluate`, `project`, `layout`, `design`, `equality`, `linear` and
-    `coupled` are a stable interface.
+    vectors. Its attributes, `evaluate`, `project`, `layout`, `design`, `equality` and `coupled` are
+    a stable interface.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Problem:
         except ValueError as error:  # lists may contradict a length; other rules are always met
             raise ValueError(
                 f"scene '{scene.name}' with its length of {scene.length:.10g} m: {error}: change "
-                "the length, a list or spacing.largest_change"
+                "the length or a list"
             ) from None
         self.dimension = len(self.low)
         self.discrete = self._feasible.discrete
@@ -201,19 +201,9 @@ class Problem:
         return self.high - self.low, self._feasible.total - float(self.low.sum())
 
     @property
-    def linear(self) -> tuple[Floats, Floats] | None:
-        """Matrix A (m, n) and right side b (m,) of A x ≤ b [m]; None without a largest change."""
-        if not self._feasible.limits_changes:
-            return None
-        tied = np.flatnonzero(np.isfinite(self._feasible.change))
-        change = np.diff(np.eye(self.dimension), axis=0)[tied]
-        matrix, limit = np.concatenate([change, -change]), np.tile(self._feasible.change[tied], 2)
-        return matrix * (self.high - self.low), limit - matrix @ self.low
-
-    @property
     def coupled(self) -> bool:
         """True if several design vectors stand for the same layout, see `project`."""
-        return self.scene.length is not None or self.discrete or self._feasible.limits_changes
+        return self.scene.length is not None or self.discrete
 
     @property
     def is_continuous(self) -> Bools:

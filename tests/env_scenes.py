@@ -67,8 +67,6 @@ def demanding():
     jitter = de.load_scene("jitter")
     return {
         "grid": thick.replace(spacing_values=grid, thickness_values=(0.004, 0.0075, 0.012)),
-        "smooth": thick.replace(largest_change=0.003),
-        "smooth grid": thick.replace(largest_change=0.0031, spacing_values=grid),
         "box": short("stock", 9).replace(
             name="box", stock=de.Stock((0.01, 0.005, 0.0075), (3, 4, 2))
         ),

@@ -84,9 +84,7 @@ def require_kind(scene: Scene) -> None:
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,
         "its dominoes are from a stock or list, or grow": restrictions != (None,) * 3,
-        "its gaps are listed or tied to each other": (
-            (scene.spacing_values, scene.largest_change) != (None, None)
-        ),
+        "its gaps are listed": scene.spacing_values is not None,
         "it limits the wave": scene.limits is not None,
         f"it has {scene.count} dominoes": scene.count < 4,
     }

@@ -400,7 +400,6 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
         "gap_high": scene.spacing[1],
         "thickness_low": scene.thickness[0],
         "thickness_high": scene.thickness[1],
-        "largest_change": scene.largest_change or 0.0,
         "least_placed": LEAST_GAP,
         "growth_low": growth[0],
         "growth_high": growth[1],
@@ -433,12 +432,12 @@ def _check_scene(scene: Scene) -> None:
             f"scene '{scene.name}' has [placement], and {reason}: leave one out, or search with "
             "`optimize`"
         )
-    rules = scene.spacing_values, scene.thickness_values, scene.largest_change, scene.stock
+    rules = scene.spacing_values, scene.thickness_values, scene.stock
     if scene.length is not None and any(rule is not None for rule in rules):
         raise ValueError(
-            f"scene '{scene.name}' has a length and also lists, a stock or a largest change: "
-            "an environment cannot compute after which actions the length can still be met; leave "
-            "one out, or search with `optimize`"
+            f"scene '{scene.name}' has a length and also lists or a stock: an environment cannot "
+            "compute after which actions the length can still be met; leave one out, or search "
+            "with `optimize`"
         )
 
 

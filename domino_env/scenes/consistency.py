@@ -97,7 +97,7 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
         yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
     if not tables.in_heights:
         return
-    for name in ("row.length", "[stock]", "spacing.largest_change"):
+    for name in ("row.length", "[stock]"):
         if tables.value_at(name) is not None:
             yield f'{name} is in metres: leave it out, or leave out of = "height"'
     for name, table in (("spacing", tables.spacing), ("thickness", tables.thickness)):

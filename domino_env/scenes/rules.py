@@ -18,7 +18,6 @@ Values = tuple[float, ...]  # all allowed values, in increasing order
 
 GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
 LIST_TOLERANCE = 1e-9  # [m] largest difference from a listed value
-CHANGE_TOLERANCE = 1e-12  # [m] excess over the largest change that counts as rounding
 
 
 def bounds_violations(
@@ -50,16 +49,6 @@ def list_violations(name: str, values: Floats, allowed: Values | None, first: in
 def is_listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
     """Return a mask (…) of the values (…) that are among `allowed`, which increase."""
     return np.abs(values - find_nearest(values, np.array(allowed))) <= LIST_TOLERANCE
-
-
-def change_violations(spacing: Floats, largest_change: float | None) -> list[str]:
-    """Return a sentence if neighbouring gaps differ by too much; None allows any change."""
-    if largest_change is None:
-        return []
-    change = np.diff(spacing)
-    allowed = f"a change of at most {largest_change} m"
-    is_allowed = np.abs(change) <= largest_change + CHANGE_TOLERANCE
-    return _violations("spacing[{1}] - spacing[{0}]", change, is_allowed, allowed)
 
 
 def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
@@ -99,14 +88,14 @@ def _violations(
 ) -> list[str]:
     """Return a sentence about the first value that is not allowed, with the number of others.
 
-    `place` is a format of the value's name with fields for its index and the next one.
+    `place` is a format of the value's name with a field for its index.
     """
     if is_allowed.all():
         return []
     violating = np.flatnonzero(~is_allowed)
     i = int(violating[0])
     more = f" (and {len(violating) - 1} more)" if len(violating) > 1 else ""
-    given = f"{place.format(i + first, i + first + 1)} = {values[i]:.13g} {unit}".strip()
+    given = f"{place.format(i + first)} = {values[i]:.13g} {unit}".strip()
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 

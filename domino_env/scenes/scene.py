@@ -58,8 +58,6 @@ class Scene(SceneBase):
         All allowed gaps in increasing order [m]; None for any within the bounds.
     thickness_values
         All allowed thicknesses in increasing order [m]; None for any within the bounds.
-    largest_change
-        Largest change from one gap to the next [m]; None for any.
     stock
         Stock from which all dominoes are taken, the first one included; None for no stock.
     growth

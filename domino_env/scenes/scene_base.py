@@ -77,7 +77,6 @@ class SceneBase:
     spacing_values: Values | None = None
     thickness: Bounds = DERIVED
     thickness_values: Values | None = None
-    largest_change: Annotated[Amount | None, about("largest change from gap to gap [m]")] = None
     in_heights: bool = False
     stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
     growth: Bounds | None = None
@@ -346,7 +345,6 @@ class SceneBase:
             thicknesses, unit = thicknesses / layout.height[1:], "heights"
         violations += rules.bounds_violations("spacing", gaps, self.spacing, 0, unit)
         violations += rules.list_violations("spacing", gaps, self.spacing_values, 0)
-        violations += rules.change_violations(gaps, self.largest_change)
         if self.stock is not None:
             violations += self.stock.violations(layout.thickness)
         else:

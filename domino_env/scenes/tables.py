@@ -138,10 +138,6 @@ class GrowthTable(Table, kw_only=True):
             raise ValueError(f"min = {self.min} is more than max = {self.max}: give min <= max")
 
 
-class SpacingTable(_with_fields(RangeTable, "largest_change")):  # type: ignore[misc]
-    """Free gaps."""
-
-
 class PhysicsTable(_with_fields(Physics, "floor_friction")):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
@@ -150,7 +146,7 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
     """Design problem: dominoes, allowed values, objective."""
 
     row: RowTable
-    spacing: SpacingTable
+    spacing: RangeTable
     thickness: RangeTable | None = None
     growth: GrowthTable | None = None
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
@@ -198,7 +194,6 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
             "first_thickness": self.first_thickness(),
             "spacing": spacing, "spacing_values": spacing_values,
             "thickness": thickness, "thickness_values": thickness_values,
-            "largest_change": self.spacing.largest_change,
             "growth": (self.growth.min, self.growth.max) if self.growth else None,
             "in_heights": self.in_heights,
             "settings": self.value_at(self.objective),
@@ -210,10 +205,9 @@ def make_document(scene: Any) -> dict[str, Any]:
     require_physics(scene.physics)
     require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
-    gaps, change = (scene.spacing, scene.spacing_values), scene.largest_change
     tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP + TABLES} | {
         "row": {name: getattr(scene, name) for name in ROW},
-        "spacing": RangeTable.from_bounds("spacing", *gaps, largest_change=change, of=of),
+        "spacing": RangeTable.from_bounds("spacing", scene.spacing, scene.spacing_values, of=of),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
     if scene.stock is None and scene.thickness is not None:

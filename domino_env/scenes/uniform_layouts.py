@@ -121,9 +121,6 @@ class UniformLayouts:
             self.one_pitch = scene.spacing_values is None and pitch[0] <= mean <= pitch[1]
             if scene.hand:  # the order of drawing is random, so one gap is used for all
                 self.thicknesses, self.one_pitch = self.orders[0], False
-            if scene.largest_change is not None and pairs > 1:
-                largest = float(np.abs(np.diff(self.thicknesses)).max())
-                self.one_pitch = self.one_pitch and largest <= scene.largest_change
             if self.one_pitch:  # the gaps follow from the thicknesses
                 first = pitch
         self.low, self.high = np.array([first, second]).T.copy()

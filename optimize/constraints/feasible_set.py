@@ -7,12 +7,10 @@ import numpy as np
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Bools, Floats
 from domino_env.scenes.scene import Scene
-from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
 ROUNDING = 1e-13  # shift by the projection, relative to the largest range, that counts as zero
-LIMIT_TOLERANCE = 1e-9  # relative distance to the largest change that counts as zero
 
 
 class FeasibleSet:
@@ -41,10 +39,6 @@ class FeasibleSet:
         (n,) True for values from a list or the stock.
     discrete
         True if some values are discrete.
-    change
-        (n-1,) largest differences of neighbouring values [m]; inf for any.
-    limits_changes
-        True if some differences are limited.
 
     Raises
     ------
@@ -77,10 +71,6 @@ class FeasibleSet:
             self.total = scene.length - pairs * fixed
         n = len(bounds)
         self.gap_count = gap_count = pairs * scene.free_spacing
-        self.change = np.full(n - 1, np.inf)
-        if scene.largest_change is not None:
-            self.change[: max(gap_count - 1, 0)] = scene.largest_change
-        self.limits_changes = bool(np.isfinite(self.change).any())
         stock = scene.stock if n > gap_count else None
         self.stock = None if stock is None else stock.without(scene.first_thickness)
         thicknesses = scene.thickness_values if stock is None else None
@@ -91,9 +81,8 @@ class FeasibleSet:
         self.discrete = bool(self.is_discrete.any())
         self.lists: Lists | None = None
         if is_listed.any():
-            change = self.change[is_listed[:-1] & is_listed[1:]]
             values = [values for values in lists if values is not None]
-            self.lists = Lists(values, change, self._total_of_lists())
+            self.lists = Lists(values, self._total_of_lists())
 
     def _total_of_lists(self) -> tuple[float, float] | None:
         """Return the range of the sum of the listed values in which the others can meet `total`."""
@@ -134,9 +123,6 @@ class FeasibleSet:
     def _project(self, values: Floats, mask: Bools, total: float | None) -> Floats:
         """Project the entries (B, k) that `mask` (n,) selects, none of them discrete."""
         low, high = self.low[mask], self.high[mask]
-        change = self.change[mask[:-1] & mask[1:]]
-        if np.isfinite(change).any():
-            return nearest_smooth(values, low, high, change, total)
         values = np.clip(values, low, high)
         return values if total is None else nearest_with_sum(values, low, high, total)
 
@@ -145,11 +131,10 @@ class FeasibleSet:
     ) -> Floats:
         """Convert gradients with respect to allowed values to those with respect to the targets.
 
-        Neighbours whose difference is at its limit move together, and a given length ties all
-        values; values at a bound do not move. If the targets are allowed themselves, only the
-        length ties them, so that the gradient can point from a corner in every direction. Values
-        from a list or the stock do not change with a small change of the targets: their gradient is
-        0.
+        A given length ties all values; values at a bound do not move. If the targets are allowed
+        themselves, only the length ties them, so that the gradient can point from a corner in every
+        direction. Values from a list or the stock do not change with a small change of the targets:
+        their gradient is 0.
 
         Parameters
         ----------
@@ -171,7 +156,7 @@ class FeasibleSet:
         if relaxed and self.discrete:
             return gradients
         by_target = np.where(self.is_discrete, 0.0, gradients)
-        if self.total is None and not self.limits_changes:
+        if self.total is None:
             return by_target
         rounding = ROUNDING * float((self.high - self.low).max())
         for b in range(len(gradients)):
@@ -179,15 +164,7 @@ class FeasibleSet:
             is_inside = (values[b] > self.low) & (values[b] < self.high)
             is_fixed = (~is_inside & (shift != 0.0)) | self.is_discrete
             is_projected = np.abs(shift).max() > rounding
-            if self.limits_changes and is_projected:
-                has_discrete = self.is_discrete[:-1] | self.is_discrete[1:]
-                is_at_limit = np.abs(np.diff(values[b])) >= self.change * (1.0 - LIMIT_TOLERANCE)
-                group = np.concatenate([[0], np.cumsum(~is_at_limit | has_discrete)])
-                is_fixed = (np.bincount(group, weights=is_fixed) > 0.0)[group]
-                mean = np.bincount(group, weights=by_target[b]) / np.bincount(group)
-                by_target[b] = mean[group]
-            if self.total is not None:
-                free = is_inside & ~is_fixed
-                by_target[b] -= by_target[b][free].mean() if free.any() else 0.0
+            free = is_inside & ~is_fixed
+            by_target[b] -= by_target[b][free].mean() if free.any() else 0.0
             by_target[b, is_fixed if is_projected else self.is_discrete] = 0.0
         return by_target

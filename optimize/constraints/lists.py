@@ -1,10 +1,9 @@
 """Exact projection onto values from lists, such as a grid or a few thicknesses.
 
-A place is the index of a value in the layout, and each place has its own list. Without a length and
-a largest change, the nearest values are found place by place. A length couples all places: on grids
-of one step, the least expensive single steps up are chosen, which is exact because the cost is
-convex; on other lists, a dynamic programme over the sum so far finds the values. A largest change
-couples neighbours: the state of the programme then includes the last value.
+A place is the index of a value in the layout, and each place has its own list. Without a length,
+the nearest values are found place by place. A length couples all places: on grids of one step, the
+least expensive single steps up are chosen, which is exact because the cost is convex; on other
+lists, a dynamic programme over the sum so far finds the values.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from domino_env.kernels.jit import compile_alone
 
 QUANTUM = 1e-9  # [m] a length and the values of a list are whole multiples of it
 LARGEST_TABLE = 40_000_000  # entries of the table of a dynamic programme, some 300 MB
-SLACK = 1e-12  # [m] rounding error by which a largest change may be exceeded
 
 
 class Lists:
@@ -28,8 +26,6 @@ class Lists:
     ----------
     values
         Allowed values of each place, rising [m].
-    change
-        (n-1,) largest change from a place to the next [m]; inf for any.
     total
         Least and largest sum of all values [m]; None for any.
 
@@ -40,19 +36,14 @@ class Lists:
     """
 
     def __init__(
-        self,
-        values: Sequence[tuple[float, ...]],
-        change: Floats,
-        total: tuple[float, float] | None = None,
+        self, values: Sequence[tuple[float, ...]], total: tuple[float, float] | None = None
     ) -> None:
         n, longest = len(values), max(len(v) for v in values)
         self.sizes = np.array([len(v) for v in values])
         self.values = np.full((n, longest), np.inf)  # inf beyond the end of a list
         for i, v in enumerate(values):
             self.values[i, : len(v)] = v
-        self.change = change
-        self.limits_changes = bool(np.isfinite(change).any())
-        # [m] step if all lists are grids of one step and no change is limited; otherwise 0
+        # [m] step if all lists are grids of one step; otherwise 0
         self.grid_step = 0.0
         # sums and values as multiples of a unit; all 0 if any sum is allowed
         self.low_sum = self.high_sum = 0
@@ -74,8 +65,8 @@ class Lists:
         self.low_sum = int(np.ceil((total[0] - base - QUANTUM) / step))
         self.high_sum = int(np.floor((total[1] - base + QUANTUM) / step))
         is_grid = bool(np.all((self.multiples == np.arange(longest)) | ~is_listed))
-        self.grid_step = step if is_grid and not self.limits_changes else 0.0
-        size = n * (self.high_sum + 1) * (longest if self.limits_changes else 1)
+        self.grid_step = step if is_grid else 0.0
+        size = n * (self.high_sum + 1)
         if self.grid_step == 0.0 and size > LARGEST_TABLE:
             raise ValueError(
                 f"a length with values on lists this fine (shared unit {step:g} m) takes a table "
@@ -88,18 +79,18 @@ class Lists:
         Raises
         ------
         ValueError
-            If no allowed values have the sum and keep the largest changes.
+            If no allowed values have the sum.
         """
-        if self.total is None and not self.limits_changes:
+        if self.total is None:
             levels = self._place_by_place(targets)
         elif self.grid_step > 0.0:
             levels = self._by_single_steps(targets)
         else:
-            lists = self.values, self.sizes, self.multiples, self.change + SLACK
+            lists = self.values, self.sizes, self.multiples
             sums = self.low_sum, self.high_sum
             levels = np.array([_by_dynamic_programme(values, *lists, *sums) for values in targets])
         if levels.size and levels.min() < 0:  # -1: there are none
-            raise ValueError("no layout of the allowed values has this length and these changes")
+            raise ValueError("no layout of the allowed values has this length")
         return np.take_along_axis(self.values, levels.T, axis=1).T
 
     def _place_by_place(self, targets: Floats) -> Ints:
@@ -134,44 +125,33 @@ class Lists:
 
 @compile_alone
 def _by_dynamic_programme(
-    targets: Floats, values: Floats, sizes: Ints, multiples: Ints, change: Floats,
-    low_sum: int, high_sum: int,
-) -> Ints:  # fmt: skip
-    """Find the indices (n,) of the nearest values by sum and, if changes are limited, last value.
-
-    Multiples and sums are 0 if any sum is allowed. All indices are -1 if no values are possible.
-    """
-    n, width = values.shape
+    targets: Floats, values: Floats, sizes: Ints, multiples: Ints, low_sum: int, high_sum: int
+) -> Ints:
+    """Find the indices (n,) of the nearest values by sum; all are -1 if no values are possible."""
+    n = len(values)
     level = np.full(n, -1)
     if high_sum < 0:
         return level
-    states = width if np.isfinite(change).any() else 1
-    cost = np.full((high_sum + 1, states), np.inf)
-    cost[0, 0] = 0.0
-    # best value and the state before it, as value · states + state; -1 if the sum is out of reach
-    choice = np.full((n, high_sum + 1, states), -1, dtype=np.int64)
+    cost = np.full(high_sum + 1, np.inf)
+    cost[0] = 0.0
+    # best value; -1 if the sum is out of reach
+    choice = np.full((n, high_sum + 1), -1, dtype=np.int64)
     for i in range(n):
-        next_cost = np.full((high_sum + 1, states), np.inf)
+        next_cost = np.full(high_sum + 1, np.inf)
         for k in range(sizes[i]):
             multiple, square = multiples[i, k], (values[i, k] - targets[i]) ** 2
-            state = k if states > 1 else 0
-            for previous in range(states):
-                is_limited = states > 1 and i > 0
-                if is_limited and abs(values[i, k] - values[i - 1, previous]) > change[i - 1]:
-                    continue
-                for total in range(multiple, high_sum + 1):
-                    c = cost[total - multiple, previous] + square
-                    if c < next_cost[total, state]:
-                        next_cost[total, state], choice[i, total, state] = c, k * states + previous
+            for total in range(multiple, high_sum + 1):
+                c = cost[total - multiple] + square
+                if c < next_cost[total]:
+                    next_cost[total], choice[i, total] = c, k
         cost = next_cost
-    total, state = -1, -1
+    total = -1
     for s in range(max(low_sum, 0), high_sum + 1):
-        for last in range(states):
-            if cost[s, last] < np.inf and (total < 0 or cost[s, last] < cost[total, state]):
-                total, state = s, last
+        if cost[s] < np.inf and (total < 0 or cost[s] < cost[total]):
+            total = s
     if total < 0:
         return level
     for i in range(n - 1, -1, -1):
-        level[i], state = divmod(choice[i, total, state], states)
+        level[i] = choice[i, total]
         total -= multiples[i, level[i]]
     return level

@@ -1,9 +1,8 @@
 """Methods of SciPy: local solvers restarted from one point after the other, and global ones.
 
 - `l-bfgs`: L-BFGS-B on exact gradients (Byrd, Lu, Nocedal, Zhu 1995).
-- `slsqp`: a quadratic programme for each step, on exact gradients (Kraft 1988). A given length and
-  a largest change are its constraints. The time of a step grows with the cube of the number of
-  variables.
+- `slsqp`: a quadratic programme for each step, on exact gradients (Kraft 1988). A given length is
+  its constraint. The time of a step grows with the cube of the number of variables.
 - `trust-constr`: an interior point method in trust regions, on exact gradients (Byrd, Hribar,
   Nocedal 1999).
 - `cobyqa`: quadratic models through known scores, without gradients (Ragonneau 2022).
@@ -125,7 +124,7 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
         arguments["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
         arguments["hess"] = optimize.BFGS() if len(x) <= MAX_BFGS else optimize.SR1()
     elif solver == "SLSQP":
-        arguments["constraints"] = _linear_rules(evaluator.problem)
+        arguments["constraints"] = _length_rule(evaluator.problem)
     elif solver == "COBYQA":
         options = options | {"maxfev": COBYQA_EVALUATIONS * (len(x) + 1)}
     elif solver == "Nelder-Mead":
@@ -143,18 +142,13 @@ def _restart(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
             descend(solver, evaluator, start)
 
 
-def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
-    """Return the given length and the largest change as linear constraints."""
-    rules = []
-    if problem.equality is not None:
-        coefficients, total = problem.equality
-        size = np.abs(coefficients).max()
-        rules.append(optimize.LinearConstraint(coefficients / size, total / size, total / size))
-    if problem.linear is not None:
-        matrix, limit = problem.linear
-        size = np.abs(matrix).max()
-        rules.append(optimize.LinearConstraint(matrix / size, -np.inf, limit / size))
-    return rules
+def _length_rule(problem: Problem) -> list[optimize.LinearConstraint]:
+    """Return the given length as a linear constraint; none without a given length."""
+    if problem.equality is None:
+        return []
+    coefficients, total = problem.equality
+    size = np.abs(coefficients).max()
+    return [optimize.LinearConstraint(coefficients / size, total / size, total / size)]
 
 
 l_bfgs = partial(_restart, "L-BFGS-B")

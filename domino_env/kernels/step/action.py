@@ -93,15 +93,12 @@ def thickness_bounds(rules, pairs_left, distance):
 
 
 @always_inline
-def gap_bounds(rules, spacing, n, distance, thickness):
-    """Return the bounds of gap n for a given thickness of the domino ahead of it."""
+def gap_bounds(rules, pairs_left, distance, thickness):
+    """Return the bounds of the next gap for a given thickness of the domino ahead of it."""
     low, high = rules.gap_low, rules.gap_high
     if rules.length > 0.0:
-        least, most = pitch_bounds(rules, len(spacing) - n, distance)
-        low, high = narrow_bounds(low, high, least - thickness, most - thickness)
-    if rules.largest_change > 0.0 and n > 0:
-        before, change = spacing[n - 1], rules.largest_change
-        low, high = max(low, before - change), min(high, before + change)
+        least, most = pitch_bounds(rules, pairs_left, distance)
+        return narrow_bounds(low, high, least - thickness, most - thickness)
     return low, high
 
 
@@ -221,7 +218,7 @@ def decode(action, rules, batch, b, n, distance, layout):
             thickness = batch.kinds[0, nearest_kind(batch.kinds[0], thickness)]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, thickness)
+        low, high = gap_bounds(rules, len(spacing) - n, distance, thickness)
         gap = scale_entry(action[0], low, high, uniform.gap)
         if len(batch.gap_values) > 0:
             gap = nearest_within(batch.gap_values, low, high, gap)
@@ -262,7 +259,7 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
     elif rules.thickness_low < rules.thickness_high:
         action[column] = entry_for(thickness, low, high, uniform.thickness)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, min(max(thickness, low), high))
+        low, high = gap_bounds(rules, len(spacing) - n, distance, min(max(thickness, low), high))
         action[0] = entry_for(gap, low, high, uniform.gap)
 
 
@@ -307,16 +304,16 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
 
     uniform: UNIFORM of domino n. kinds: number of kinds of a stock. distance: from pivot 0 to pivot
     n. bars: direct derivatives by gap, thickness and height.
-    later_bars: derivatives through later dominoes by the distance to pivot n+1, gap n and the
-    height of n+1; replaced by those by the distance to pivot n, gap n-1 and the height of n.
+    later_bars: derivatives through later dominoes by the distance to pivot n+1 and the height of
+    n+1; replaced by those by the distance to pivot n and the height of n.
     The choice of a value of a list counts as the identity; entries for kinds have derivative 0.
     """
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]
     gap, thickness = spacing[n], layout.thickness[n + 1]
-    distance_bar, height_bar = later_bars[0], bars[2] + later_bars[2]
-    gap_bar, thickness_bar = bars[0] + distance_bar + later_bars[1], bars[1] + distance_bar
-    before_bar, behind_bar = 0.0, 0.0
+    distance_bar, height_bar = later_bars[0], bars[2] + later_bars[1]
+    gap_bar, thickness_bar = bars[0] + distance_bar, bars[1] + distance_bar
+    behind_bar = 0.0
     if rules.in_heights:
         least = min(behind, ahead)
         gap, thickness = gap / least, thickness / ahead
@@ -329,7 +326,7 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
     pitch_low, pitch_high = pitch_bounds(rules, len(spacing) - n, distance)
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, distance, thickness)
+        low, high = gap_bounds(rules, len(spacing) - n, distance, thickness)
         own = low == rules.gap_low if action[0] < 0.0 else high == rules.gap_high
         action_bar[0], low_bar, high_bar = scale_entry_back(
             action[0], low, high, uniform.gap, own, gap_bar
@@ -341,9 +338,6 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
             )  # fmt: skip
             distance_bar -= shift_bar
             thickness_bar -= shift_bar
-        if rules.largest_change > 0.0 and n > 0:
-            before_bar += low_bar if low > rules.gap_low else 0.0
-            before_bar += high_bar if high < rules.gap_high else 0.0
     if not kinds and rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
@@ -363,7 +357,7 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
                 action[column], rules.growth_low, rules.growth_high, uniform.growth, True,
                 behind * height_bar,
             )  # fmt: skip
-    later_bars[0], later_bars[1], later_bars[2] = distance_bar, before_bar, behind_bar
+    later_bars[0], later_bars[1] = distance_bar, behind_bar
 
 
 @entry_point

@@ -23,7 +23,6 @@ RULES = record_type(  # of a scene
     gap_high=float,
     thickness_low=float,
     thickness_high=float,
-    largest_change=float,  # of a gap from the one before [m], 0 if it is free
     least_placed=float,  # least gap that placement errors leave [m]
     growth_low=float,
     growth_high=float,

@@ -254,7 +254,7 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
 
     bars: (B, N-1, 3) derivatives by each gap, and by thickness and height of the domino after it.
     """
-    view, actions, later_bars = borrow(batch), borrow(actions), np.zeros(3)
+    view, actions, later_bars = borrow(batch), borrow(actions), np.zeros(2)
     distances = np.zeros(actions.shape[1] + 1)
     for b in range(first, last):
         rules, uniform, layout = rules_of(view, b), uniform_of(view, b), layout_in(view, b)
@@ -287,7 +287,7 @@ def encode_batch(first, last, batch, target, actions):
 def next_bounds(batch, b):
     """Return low and high of the next gap, for the middle thickness, and of the next thickness."""
     rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
-    n, distance = episode.placed, episode.distance
-    thinnest, thickest = action.thickness_bounds(rules, len(spacing) - n, distance)
-    low, high = action.gap_bounds(rules, spacing, n, distance, 0.5 * (thinnest + thickest))
+    pairs_left, distance = len(spacing) - episode.placed, episode.distance
+    thinnest, thickest = action.thickness_bounds(rules, pairs_left, distance)
+    low, high = action.gap_bounds(rules, pairs_left, distance, 0.5 * (thinnest + thickest))
     return low, high, thinnest, thickest

@@ -1,9 +1,8 @@
 """Sequential convex programming: a concave model of the score in a trust region, by cvxpy.
 
 The model is the minimum of several planes, which are tangent to the score at the current point and
-at points nearby, so that it represents both sides of a kink. Every linear rule of the scene is a
-constraint of the step. The programme is built once with parameters, so that only numbers change
-from step to step.
+at points nearby, so that it represents both sides of a kink. A given length is a constraint of the
+step. The programme is built once with parameters, so that only numbers change from step to step.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class TrustRegionStep:
     Parameters
     ----------
     problem
-        Problem with the linear rules that the step keeps.
+        Problem with the length that the step keeps, if it is given.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -62,10 +61,6 @@ class TrustRegionStep:
             coefficients, _ = self._equality
             self._residual, self._size = cp.Parameter(), float(np.abs(coefficients).max())
             rules.append(coefficients / self._size @ self._step == self._residual)
-        self._linear = problem.linear
-        if self._linear is not None:
-            self._slack = cp.Parameter(len(self._linear[1]))
-            rules.append(self._linear[0] @ self._step <= self._slack)
         self._program = cp.Problem(cp.Maximize(rise), rules)
 
     def best(
@@ -95,8 +90,6 @@ class TrustRegionStep:
         if self._equality is not None:
             coefficients, total = self._equality
             self._residual.value = (total - float(coefficients @ design)) / self._size
-        if self._linear is not None:
-            self._slack.value = np.maximum(self._linear[1] - self._linear[0] @ design, 0.0)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about an answer that is not exact

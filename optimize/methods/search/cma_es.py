@@ -33,8 +33,8 @@ POPULATION_FACTOR = 2  # first population, over the usual one: more runs end in 
 MAX_GROWTH = 64  # largest population, over the first
 MAX_NARROWING = 1.5  # decimal orders by which the first step of a small run may be narrower
 MARGIN = 0.02  # least distance of a start to the faces of the box
-# With a given length or a largest change many design vectors stand for the same layout. Without a
-# penalty on the distance to the one that is projected on itself, the search drifts among them.
+# With a given length many design vectors stand for the same layout. Without a penalty on the
+# distance to the one that is projected on itself, the search drifts among them.
 PENALTY_FACTOR = 100.0  # penalty over the mean square distance and the score of the baseline
 
 
@@ -74,7 +74,7 @@ def _run_once(
         points = strategy.ask()
         designs = np.array(points)[:, :n]
         costs = -evaluator.evaluate(designs).score
-        if problem.equality is not None or problem.linear is not None:
+        if problem.equality is not None:
             costs += penalty * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(points, costs)
     return evaluator.evaluations - start_evaluations

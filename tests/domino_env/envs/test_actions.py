@@ -6,7 +6,7 @@ from env_scenes import SCENES, play, size_of
 
 import domino_env as de
 
-NAMES = ("sprint", "sprint-thickness", "course", "free course", "smooth", "magnify")
+NAMES = ("sprint", "sprint-thickness", "course", "free course", "magnify")
 
 
 @pytest.mark.parametrize("name", [*NAMES, "tempo-noise"])

@@ -11,7 +11,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from env_scenes import SCENES, courses, demanding, play, scaled, short
+from env_scenes import SCENES, courses, play, scaled, short
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from sampled_scenes import small_scenes
@@ -250,7 +250,7 @@ def test_equal_pieces_are_observed_as_equal_at_every_place():
 # bounds of actions --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scene", [courses()["free course"], demanding()["smooth"]])
+@pytest.mark.parametrize("scene", [courses()["free course"], SCENES["sprint-thickness"]])
 def test_extreme_actions_reach_the_bounds_ahead(scene):
     env, rng = de.DominoChain(scene), np.random.default_rng(6)
     env.reset()
@@ -316,7 +316,7 @@ def test_invalid_calls_are_rejected(kind):
         ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
         ("sprint", {"rtol": 0.1}, r"rtol = 0\.1: give a finite number from 1e-13 to 0.001"),
         (de.load_scene("sprint").replace(spacing=(0.02, 0.02)), {}, "leaves nothing free"),
-        (de.load_scene("course").replace(largest_change=0.001), {}, "has a length and also"),
+        (de.load_scene("course").replace(spacing_values=(0.002, 0.04)), {}, "has a length and"),
     ):
         with pytest.raises(ValueError, match=words):
             kind(scene, **options)

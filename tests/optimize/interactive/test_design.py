@@ -16,7 +16,6 @@ SCENES = {
     "bounds": SPRINT,
     "length": COURSE,
     "list": LISTED,
-    "change": SPRINT.replace(largest_change=0.002),
     "stock": de.load_scene("stock"),
     "thickness": de.load_scene("sprint-thickness"),
     "slope": de.load_scene("downhill"),
