@@ -195,7 +195,7 @@ def output_of_new_process(table: str, cache: str) -> str:
     cache
         Folder of compiled code, which the process reads and writes.
     """
-    command = [sys.executable, "-m", "tests.bench", table]
+    command = [sys.executable, "-m", "benchmarks", table]
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     return done.stdout
