@@ -82,9 +82,6 @@ def test_vector_and_single_environments_agree_across_episode_ends(kind, name, mo
         if mask.any():
             options = [{"reset_mask": mask.copy()} for _ in range(2)]
             assert_same(batch.reset(options=options[0]), singles.reset(options=options[1]))
-        if kind == "chain" and step == 30:
-            batch.reference_speed = 1.3
-            singles.set_attr("reference_speed", 1.3)
         actions = next(draw)
         answer = batch.step(actions)
         assert_same(answer, singles.step(actions))
