@@ -201,7 +201,6 @@ class DominoChain(DominoEnv):
       plus thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
       smallest thickness). The thickness is bounded so that a gap exists for such a pitch, and the
       gap is bounded for the chosen thickness; the last pitch is the remaining length.
-      `bounds_ahead()` returns these bounds.
     - A largest change: the gap differs from the previous gap by at most this value.
     - Lists, steps: the nearest allowed value is taken.
     - A stock: of the pieces that are left in the stock, or in the hand if the scene has one, the
@@ -397,15 +396,3 @@ class DominoChain(DominoEnv):
             1, scene, None, rtol, window, num_scenes=num_scenes, first_scene=first_scene, hide=hide
         )
         super().__init__(vector, render_mode)
-
-    def bounds_ahead(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next gap and of the next thickness.
-
-        Returns
-        -------
-        dict
-            (low, high) of "spacing" and "thickness" [m, or heights if the scene has `in_heights`].
-            In a scene with a length the bounds of the gap depend on the thickness that the same
-            action chooses; these are for the middle of the range of thickness.
-        """
-        return self._vector.bounds_ahead(0)

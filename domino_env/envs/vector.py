@@ -466,28 +466,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     # planning -------------------------------------------------------------------------------------
 
-    def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next gap and of the next thickness in one environment.
-
-        Parameters
-        ----------
-        env
-            Index of the environment.
-
-        Returns
-        -------
-        dict
-            Bounds, see `DominoChain.bounds_ahead`.
-
-        Raises
-        ------
-        ValueError
-            For an index that no environment has.
-        """
-        require("env", env, 0, self.num_envs - 1, whole=True)
-        low, high, thinnest, thickest = kernels.next_bounds(self._batch, env)
-        return {"spacing": (low, high), "thickness": (thinnest, thickest)}
-
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
         """Return actions that place the next domino of every environment as in a layout.
 

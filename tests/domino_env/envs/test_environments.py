@@ -246,16 +246,26 @@ def test_equal_pieces_are_observed_as_equal_at_every_place():
 
 
 @pytest.mark.parametrize("scene", [courses()["free course"], demanding()["smooth"]])
-def test_extreme_actions_reach_the_bounds_ahead(scene):
+def test_extreme_actions_reach_the_narrowed_bounds(scene):
     env, rng = DominoChain(scene), np.random.default_rng(6)
     env.reset()
-    for _ in range(min(env.scene.count - 2, 20)):
-        ahead = env.bounds_ahead()
+    for n in range(min(scene.count - 2, 20)):
+        before = env.snapshot().layout
+        gaps, pitches = np.array(scene.spacing), np.array([-np.inf, np.inf])
+        if scene.length is not None:
+            later = (scene.count - 2 - n) * np.add(scene.spacing, scene.thickness)
+            pitches = scene.length - before.length - later[::-1]
+        if scene.largest_change is not None and n > 0:
+            change = np.array([-1.0, 1.0]) * scene.largest_change
+            gaps = np.clip(before.spacing[-1] + change, *scene.spacing)
         for edge, part in product((0, 1), ("spacing", "thickness")):
             twin, end = copy.deepcopy(env), 2.0 * edge - 1.0
             twin.step([end, 0.0] if part == "spacing" else [0.0, end])
-            placed = getattr(twin.snapshot().layout, part)[-1]
-            assert placed == pytest.approx(ahead[part][edge], abs=1e-15)
+            layout = twin.snapshot().layout
+            bound = np.clip(pitches[edge] - layout.thickness[-1], *gaps)
+            if part == "thickness":
+                bound = np.clip(pitches[edge] - gaps[1 - edge], *scene.thickness)
+            assert getattr(layout, part)[-1] == pytest.approx(bound, abs=1e-12)
         env.step(rng.uniform(-1.0, 1.0, 2))
 
 
