@@ -210,18 +210,9 @@ def _number(kind: str, cell: str, per_unit: float, separator: str) -> float:
 def _split_table(path: Path, text: str) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
     lines = text.splitlines(keepends=True)
-    first = next((line for line in lines if line.strip()), "")
-    # some spreadsheets name the separator on a line of its own
-    declared = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
-    # otherwise the one that gives most names; in a tie the first, as a name may contain a comma
-    if declared:
-        separator = declared[1]
-    else:
-        separator = max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
-    cells = _cells(path, lines, separator)
-    if declared:
-        next(cells)  # that line is not part of the table
-    return separator, cells
+    # the separator that gives most names; in a tie the first, as a name may contain a comma
+    separator = max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
+    return separator, _cells(path, lines, separator)
 
 
 def _cells(path: Path, lines: list[str], separator: str) -> Iterator[tuple[int, list[str]]]:
