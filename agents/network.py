@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.files import errors_with_path, read_bytes
-from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Singles
 
 Policy = Callable[[Singles], NDArray[Any]]
@@ -58,8 +57,6 @@ class Network:
     layers: tuple[tuple[Singles, Singles], ...]
     activation: ArrayFunction = np.tanh
     squashed: bool = False
-
-    __repr__ = dataclass_repr
 
     def __call__(self, observations: Singles) -> Singles:
         """Return the outputs (…, outputs) for observations (…, inputs)."""

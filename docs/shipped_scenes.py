@@ -20,23 +20,30 @@ from domino_env.scenes import scene_base, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Place, Range
 from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
-from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, POINT, ScenePool, make_stamp
+from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
 SCENES = Path(scene_base.__file__).parent
 TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
+POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 # tables in which a number may be a range
 RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable"
+RANGE_FORMS = [{"required": ["fixed"]}, {"required": ["values"]}, {"required": ["min", "max"]}]
+# relations between the keys of a table, which its class checks
+RELATIONS: dict[str, dict[str, Any]] = {
+    "SceneFile": {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]},
+    "RangeTable": {"oneOf": RANGE_FORMS},
+    "Ground": {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]},
+    "Limits": {"minProperties": 1},
+    "Tempo": {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]},
+}
 
 
 def scene_schema() -> dict[str, Any]:
     """Return the JSON Schema of scene files, draft 2020-12."""
     schema_of_file = msgspec.json.schema(tables.SceneFile)
-    settings = {kind.table.__name__: kind.table for kind in OBJECTIVES.values() if kind.table}
-    classes = vars(tables) | vars(scene_base) | settings
     definitions: dict[str, dict[str, Any]] = {
-        name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
+        name: _without_null(schema) | RELATIONS.get(name, {})
         for name, schema in schema_of_file["$defs"].items()
     }
     for schema in definitions.values():  # only the first paragraph of the docstring

@@ -25,7 +25,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.rigid import known
 from domino_env.rigid.engine import engine_name, simulate_in_engine
-from domino_env.rigid.known import Check, StoredVerification, not_toppled
+from domino_env.rigid.known import Check, StoredVerification
 from domino_env.rigid.simulation import RigidWave, floor_name, simulate_standing
 from domino_env.rigid.verification import (
     FLOORS,
@@ -36,7 +36,7 @@ from domino_env.rigid.verification import (
 )
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import best_uniform_on, gain
+from domino_env.scenes.uniform import best_uniform_on
 from optimize.experiments.best_known import best_known
 
 SEED, LAYOUTS = 18, 6
@@ -177,14 +177,13 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
                 error = float(scene.criterion.displayed(number))
         # a layout has a gain only if all of its dominoes topple
         is_compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
-        own_gain = gain(rigid.mean_speed, waves[1].mean_speed) if is_compared else None
+        own_gain = rigid.mean_speed / waves[1].mean_speed - 1.0 if is_compared else None
         checks.append(Check(
             layout="uniform" if k == 1 else "best", simulator=rigid.simulator,
             floor=rigid.floor_friction, last=last if np.isfinite(last) else None,
             largest=common_difference(wave, rigid),
             uncertainty=uncertainty if np.isfinite(uncertainty) else None,
-            staying_up=rigid.staying_up, gap=float(rigid.layout.spacing.mean()),
-            score=score, gain=own_gain, error=error,
+            staying_up=rigid.staying_up, score=score, gain=own_gain, error=error,
         ))  # fmt: skip
     return checks
 
@@ -209,7 +208,8 @@ def known_table(verified_by_scene: dict[str, StoredVerification]) -> list[str]:
 
 def _score(check: Check) -> str:
     """Return the score, with the number of dominoes that do not topple."""
-    return check.score + (f" ({not_toppled(check.staying_up)})" if check.staying_up else "")
+    n = check.staying_up
+    return check.score + (f" ({n} {'does' if n == 1 else 'do'} not topple)" if n else "")
 
 
 def _difference(reference: Check, engine: Check | None) -> str:

@@ -65,7 +65,7 @@ LAYOUT = ("spacing", "thickness", "height", "density", "width")
 STEADY = ("exists", "speed", "frequency", "omega_release", "omega_impact", "fall_times")
 DIAGNOSIS = (
     "outcome", "least_contact_force", "least_hit_impulse", "least_flush_impulse", "floor_friction",
-    "least_load", "flush_loss", "stall_margin", "separating_contacts", "lifting_dominoes",
+    "least_load", "flush_loss", "stall_margin",
 )  # fmt: skip
 
 
@@ -150,11 +150,20 @@ def pushes(digests: Digests) -> None:
             digests.add(kind, de.smallest_push(layout, physics))
 
 
+def weak_places(diagnosis: de.Diagnosis) -> list[Any]:
+    """Return the indices of contacts that would separate, and of pivots that would lift off."""
+    impulse = np.fmin(diagnosis.least_hit_impulse, diagnosis.least_flush_impulse)
+    least = np.fmin(diagnosis.least_contact_force, impulse)
+    opened = np.flatnonzero(least < -1e-9 * np.nanmax(np.abs(least), initial=0.0))
+    return [opened, np.flatnonzero(diagnosis.least_load < 0.0)]
+
+
 def diagnoses(digests: Digests) -> None:
     """Forces between dominoes."""
     for kind, physics, layouts in few_blocks(3):
         for layout in layouts:
-            digests.add(kind, select(de.diagnose(layout, physics), DIAGNOSIS))
+            diagnosis = de.diagnose(layout, physics)
+            digests.add(kind, [*select(diagnosis, DIAGNOSIS), *weak_places(diagnosis)])
 
 
 def motions(digests: Digests) -> None:

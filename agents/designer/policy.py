@@ -28,7 +28,6 @@ from agents.policy import DESIGNER, POLICIES, POLICY
 from agents.rollout import Rollout, make_rollout
 from domino_env import Layout, Scene, load_scene
 from domino_env.core.checks import require, require_type
-from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from domino_env.view.notebook import SceneResult
 from optimize.methods.gradient.local_search import LocalSearch
@@ -82,8 +81,6 @@ class Designer:
 
     layout: Network
     tight: Network
-
-    __repr__ = dataclass_repr
 
     def propose(self, scene: Scene, tries: int = TRIES) -> tuple[Layout, int]:
         """Return the best of the layouts that the networks propose.

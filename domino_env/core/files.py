@@ -6,7 +6,6 @@ import json
 import os
 import reprlib
 import secrets
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -34,20 +33,11 @@ def read_json(path: Path) -> Any:
     """Return the document of a JSON file; raise a ValueError with the path for other text."""
     with errors_with_path(path):
         try:
-            return json.loads(read_text(path), object_pairs_hook=_unique)
+            return json.loads(read_text(path))
         except RecursionError:
             raise ValueError("not JSON: nested too deeply; use fewer levels") from None
         except json.JSONDecodeError as error:
             raise ValueError(f"not JSON: {error}") from None
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object of JSON; raise a ValueError for a key that is given twice."""
-    keys = [key for key, _ in pairs]
-    if len(set(keys)) < len(keys):
-        twice = Counter(keys).most_common(1)[0][0]
-        raise ValueError(f"the key '{twice}' is given twice; keep one")
-    return dict(pairs)
 
 
 def read_text(path: Path) -> str:

@@ -201,7 +201,6 @@ class DominoChain(DominoEnv):
       plus thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
       smallest thickness). The thickness is bounded so that a gap exists for such a pitch, and the
       gap is bounded for the chosen thickness; the last pitch is the remaining length.
-      `bounds_ahead()` returns these bounds.
     - Lists, steps: the nearest allowed value is taken.
     - A stock: of the pieces that are left in the stock, or in the hand if the scene has one, the
       kind with the largest preference is taken; of equal ones that of the uniform baseline, else
@@ -211,16 +210,17 @@ class DominoChain(DominoEnv):
     with a length and also lists or a stock are rejected.
 
     ## Observation space
-    `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
-    number of dominoes, k the number placed after the first, W the window, K the number of different
-    thicknesses in the stock, F that of the features. `observation_layout` maps each part to its
-    slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
+    `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, v the
+    speed of the uniform baseline, or √(g h) if its wave stops, N the number of dominoes, k the
+    number placed after the first, W the window, K the number of different thicknesses in the stock,
+    F that of the features. `observation_layout` maps each part to its slice:
+    `observation[env.unwrapped.observation_layout["gaps"]]`.
 
     | part        | size | meaning                                                  | range     |
     |-------------|------|----------------------------------------------------------|-----------|
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
-    | lead        | 1    | lead over a wave at the reference speed, over 10 h       | -100, 100 |
-    | speed       | 1    | mean speed over the reference speed, minus 1; 0 at first | -1, 20    |
+    | lead        | 1    | lead over a wave at the speed v, over 10 h               | -100, 100 |
+    | speed       | 1    | mean speed over v, minus 1; 0 at first                   | -1, 20    |
     | lateness    | 1    | sign(x) ln(1 + abs(x)) of the delay x of the last hit    | -10, 10   |
     |             |      | from the schedule, in tolerances                         |           |
     | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
@@ -340,7 +340,7 @@ class DominoChain(DominoEnv):
       tolerances. A stock has an entry for each kind of pieces; in v1 the nearest thickness to one
       entry was taken. Rewards take the pieces into account that remain.
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
-      the reference speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
+      a given speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
       was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.
     - v0: first version.
 
@@ -355,10 +355,6 @@ class DominoChain(DominoEnv):
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
         `scene.score(scene.simulate(layout, rtol))`, for the uniform baseline that of the baseline;
         `scene.score(layout)` uses 1e-10.
-    reference_speed
-        Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
-        uniform baseline, or √(g h) if its wave stops. May be set at any time:
-        `env.unwrapped.reference_speed = 0.83`.
     window
         W, number of gaps, thicknesses, growths, intervals and places that are observed; a number of
         N or more is reduced to N - 1.
@@ -390,35 +386,12 @@ class DominoChain(DominoEnv):
         scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
-        reference_speed: float | None = None,
         window: int = WINDOW,
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
     ) -> None:
         vector = DominoChainVector(
-            1, scene, None, rtol, reference_speed, window,
-            num_scenes=num_scenes, first_scene=first_scene, hide=hide,
-        )  # fmt: skip
+            1, scene, None, rtol, window, num_scenes=num_scenes, first_scene=first_scene, hide=hide
+        )
         super().__init__(vector, render_mode)
-
-    @property
-    def reference_speed(self) -> float:
-        """Speed to which `lead` and `speed` of observations refer [m/s]; it may be set."""
-        return float(np.ravel(self._vector.reference_speed)[0])
-
-    @reference_speed.setter
-    def reference_speed(self, speed: float) -> None:
-        self._vector.reference_speed = speed
-
-    def bounds_ahead(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next gap and of the next thickness.
-
-        Returns
-        -------
-        dict
-            (low, high) of "spacing" and "thickness" [m, or heights if the scene has `in_heights`].
-            In a scene with a length the bounds of the gap depend on the thickness that the same
-            action chooses; these are for the middle of the range of thickness.
-        """
-        return self._vector.bounds_ahead(0)

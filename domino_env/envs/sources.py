@@ -77,8 +77,6 @@ class SceneSource:
         RULES of each scene, (S,). "score_unit" is the divisor of positive scores in the gain: the
         score of the uniform baseline if that is positive, else √(g h) for speeds, h for heights and
         1 for other scores.
-    reference_speed
-        Reference speed of observations in all scenes [m/s]; None for that of each baseline.
     features
         Observed numbers of each scene, scaled to [-1, 1] over their ranges, (S, F); F = 0 if the
         scene is fixed.
@@ -136,7 +134,6 @@ class SceneSource:
         self.run_out = self.first.row_count - self.first.count
         self.observation_layout = ObservationLayout(self.first, self.window, len(self.observed))
         self.num_envs = int(num_envs)
-        self.reference_speed: float | None = None
         self.scenes = np.full(size, None, object)
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
@@ -287,7 +284,6 @@ class SceneSource:
         typical, count = typical_speed(scene), scene.count
         unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
         rules["uniform_speed"] = speed if speed > 0.0 else typical
-        rules["reference_speed"] = self.reference_speed or rules["uniform_speed"]
         rules["score_unit"] = max(score, rules["least_score"]) if score > 0.0 else unit
         self.uniform["time_left"][i, :count] = times[count - 1 + self.run_out] - times[:count]
         self.score[i], self.speed[i] = score, speed
@@ -381,7 +377,7 @@ def _sampled_indices(size: int, num_scenes: int | None, first_scene: int) -> ran
 
 
 def typical_speed(scene: Scene) -> float:
-    """Return √(g h), the reference speed of a scene whose uniform baseline stops [m/s]."""
+    """Return √(g h), in place of the speed of a uniform baseline that stops [m/s]."""
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
@@ -394,7 +390,6 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
         "hand": scene.hand,
         "rtol": rtol,
         "uniform_speed": 0.0,
-        "reference_speed": 0.0,
         "length": scene.length or 0.0,
         "gap_low": scene.spacing[0],
         "gap_high": scene.spacing[1],

@@ -60,8 +60,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         None, "rgb_array" or "ansi".
     rtol
         See `DominoChain`.
-    reference_speed
-        See `DominoChain`; may be set at any time.
     window
         See `DominoChain`.
     autoreset_mode
@@ -102,7 +100,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
-        reference_speed: float | None = None,
         window: int = WINDOW,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         num_scenes: int | None = None,
@@ -137,8 +134,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._nothing: list[Any] = [None] * self.num_envs  # value of an option that is not given
-        if reference_speed is not None:
-            self.reference_speed = reference_speed
         self._set_spaces(action_entries(source.first), source.observation_layout.space)
 
     def _set_spaces(self, action_size: int, observation: Box) -> None:
@@ -161,23 +156,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     def _scene(self, env: int) -> Scene:
         return cast("Scene", self.source.scenes[self._batch.scene[env]])
-
-    @property
-    def reference_speed(self) -> float | Floats:
-        """Speed to which `lead` and `speed` of observations refer [m/s].
-
-        Its shape is (B,) if scenes are sampled. A number may be set, for all environments.
-        """
-        speeds: Floats = self.source.rules["reference_speed"]
-        return float(speeds[0]) if self.distribution is None else speeds[self._batch.scene]
-
-    @reference_speed.setter
-    def reference_speed(self, speed: float) -> None:
-        baseline = self.source.speed[self._batch.scene[0]]
-        hint = f"the mean speed of the uniform baseline is {baseline:.6g} m/s"
-        require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
-        self.source.reference_speed = float(speed)
-        self.source.rules["reference_speed"] = speed
 
     # reset ----------------------------------------------------------------------------------------
 
@@ -487,28 +465,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         return infos
 
     # planning -------------------------------------------------------------------------------------
-
-    def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
-        """Return the bounds of the next gap and of the next thickness in one environment.
-
-        Parameters
-        ----------
-        env
-            Index of the environment.
-
-        Returns
-        -------
-        dict
-            Bounds, see `DominoChain.bounds_ahead`.
-
-        Raises
-        ------
-        ValueError
-            For an index that no environment has.
-        """
-        require("env", env, 0, self.num_envs - 1, whole=True)
-        low, high, thinnest, thickest = kernels.next_bounds(self._batch, env)
-        return {"spacing": (low, high), "thickness": (thinnest, thickest)}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
         """Return actions that place the next domino of every environment as in a layout.

@@ -24,7 +24,6 @@ from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, about
 from domino_env.core.progress import notice
 from domino_env.physics.standard import DENSITY, HEIGHT
 
-MAX_DOMINOES = 1_000_000  # a file of so many takes some seconds and 1 GB of memory to read
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 # cells are divided by these, not multiplied by 0.001: 18 mm is then exactly the number 0.018
 _PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
@@ -53,14 +52,7 @@ class LayoutTable(Table):
     unit: Annotated[Literal["SI: m, kg/m3"], about("the only accepted value")] = UNIT
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the `Layout`.
-
-        Raises
-        ------
-        ValueError
-            For more than `MAX_DOMINOES` dominoes.
-        """
-        _require_count(len(self.spacing) + 1)
+        """Return the arguments of the `Layout`."""
         values = {name: getattr(self, name) for name in LayoutTable.__struct_fields__}
         return {k: v for k, v in values.items() if k != "unit" and v is not UNSET}
 
@@ -114,8 +106,8 @@ def read_arguments(path: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        For a missing file, a folder without a layout.csv, another suffix, errors in the file (with
-        line and column, or key), and more than `MAX_DOMINOES` dominoes.
+        For a missing file, a folder without a layout.csv, another suffix, and errors in the file
+        (with line and column, or key).
     """
     if path.is_dir():
         path = path / "layout.csv"
@@ -156,7 +148,6 @@ def _parse_table(path: Path, text: str) -> dict[str, Any]:
     dominoes = list(lines)
     if not dominoes:
         raise ValueError("no dominoes below the line of names: give one line per domino")
-    _require_count(len(dominoes))
     columns = {kind: array("d") for kind in places}
 
     def cell_error(line: int, kind: str, reason: object) -> ValueError:
@@ -219,24 +210,9 @@ def _number(kind: str, cell: str, per_unit: float, separator: str) -> float:
 def _split_table(path: Path, text: str) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
     lines = text.splitlines(keepends=True)
-    first = next((line for line in lines if line.strip()), "")
-    # some spreadsheets name the separator on a line of its own
-    declared = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
-    # otherwise the one that gives most names; in a tie the first, as a name may contain a comma
-    if declared:
-        separator = declared[1]
-    else:
-        separator = max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
-    cells = _cells(path, lines, separator)
-    if declared:
-        next(cells)  # that line is not part of the table
-    return separator, cells
-
-
-def _require_count(count: int) -> None:
-    """Raise a ValueError for more than `MAX_DOMINOES` dominoes."""
-    if count > MAX_DOMINOES:
-        raise ValueError(f"it has {count:,} dominoes: give at most {MAX_DOMINOES:,}")
+    # the separator that gives most names; in a tie the first, as a name may contain a comma
+    separator = max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
+    return separator, _cells(path, lines, separator)
 
 
 def _cells(path: Path, lines: list[str], separator: str) -> Iterator[tuple[int, list[str]]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
@@ -14,8 +13,6 @@ from domino_env.physics.gradient import arrays_from
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import Outcome, checked_setting
-
-ROUNDING = 1e-9  # over the largest force or impulse: below it, signs are those of rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,18 +60,6 @@ class Diagnosis:
     stall_margin: Floats
 
     __repr__ = dataclass_repr
-
-    @property
-    def separating_contacts(self) -> NDArray[np.int64]:
-        """Indices i of contacts with i+1 that would separate but that the model keeps closed."""
-        impulse = np.fmin(self.least_hit_impulse, self.least_flush_impulse)
-        least = np.fmin(self.least_contact_force, impulse)
-        return np.flatnonzero(least < -ROUNDING * np.nanmax(np.abs(least), initial=0.0))
-
-    @property
-    def lifting_dominoes(self) -> NDArray[np.int64]:
-        """Indices of the dominoes whose pivot would lift off the ground."""
-        return np.flatnonzero(self.least_load < 0.0)
 
 
 def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) -> Diagnosis:

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -73,9 +73,6 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             "front stands at x = 0, and beyond its ends the ground continues straight"
         ),
     ] = None
-
-    # added to the JSON Schema of the class
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
 
     def __post_init__(self) -> None:
         super().__post_init__()

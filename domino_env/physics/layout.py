@@ -18,6 +18,8 @@ from domino_env.core.types import Floats, read_only
 from domino_env.physics import files, footing, standard
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
+MAX_DOMINOES = 1_000_000  # of a uniform layout
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
@@ -185,7 +187,7 @@ class Layout:
         ValueError
             For neither or both of pitch and spacing, dominoes that overlap, and as for the class.
         """
-        require("count", count, 1, files.MAX_DOMINOES, whole=True)
+        require("count", count, 1, MAX_DOMINOES, whole=True)
         if (pitch is None) == (spacing is None):
             raise ValueError(f"{pitch=}, {spacing=}: give either pitch or spacing (the gap) in m")
         require("thickness", thickness, above=0.0, unit="m")

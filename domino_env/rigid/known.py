@@ -43,8 +43,6 @@ class Check:
         Error estimate of the simulator; None if it is not finite.
     staying_up
         Number of dominoes that do not topple.
-    gap
-        Mean gap [m].
     score
         Score of the layout in its scene, as text.
     gain
@@ -62,7 +60,6 @@ class Check:
     largest: float
     uncertainty: float | None
     staying_up: int
-    gap: float
     score: str
     gain: float | None = None
     error: float | None = None
@@ -123,8 +120,3 @@ def _by_digest() -> dict[str, StoredVerification]:
 def known_verification(layout: Layout, physics: Physics) -> StoredVerification | None:
     """Return the stored verification of a layout with its physics; None if there is none."""
     return _by_digest().get(digest(layout, physics))
-
-
-def not_toppled(number: int) -> str:
-    """Return "1 does not topple" or "2 do not topple"."""
-    return f"{number} {'does' if number == 1 else 'do'} not topple"

@@ -26,8 +26,6 @@ PATIENCE = 3.0  # [√(L/g)] without a hit after which a wave has stopped; a fal
 SAFETY = 3.0  # ratio of the error estimate to the largest change by halved steps
 CHANCE_ERROR = 2e-4  # relative error at coarseness 1 that halved steps may hide by chance
 STEPS_AT_ONCE = 256  # steps in a call of the compiled code, which takes some 0.1 s
-MAX_RUN_TIME = 1800.0  # [s] longest time that a simulation may take
-MIN_MEASURED_TIME = 10.0  # [s] of computation, after which the time of all runs can be estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,8 +187,7 @@ def simulate_standing(
     TypeError
         For a layout, physics or stop of another type.
     ValueError
-        For a friction or tolerance out of its range, and for a layout that would take more than
-        half an hour.
+        For a friction or tolerance out of its range.
     StoppedError
         If `stop` returned True.
     ArithmeticError
@@ -244,16 +241,6 @@ def simulate_standing(
         converged=uncertainty <= rtol, rtol=rtol, steps=steps,
         run_time=time.perf_counter() - start_time,
     )  # fmt: skip
-
-
-def _require_time(elapsed: float, hit_count: int, count: int, floor: str) -> None:
-    """Raise a ValueError with an estimate if a simulation will take more than `MAX_RUN_TIME`."""
-    expected = elapsed * count / max(hit_count, 1)
-    if elapsed > MIN_MEASURED_TIME and expected > MAX_RUN_TIME:
-        raise ValueError(
-            f"{count:,} dominoes as rigid bodies ({floor}) would take about {expected / 3600:.2g} "
-            f"hours: simulate the first {max(int(count * MAX_RUN_TIME / expected), 2):,} or fewer"
-        )
 
 
 def window_size(layout: Layout) -> int:
@@ -313,7 +300,6 @@ def _run(
     record = dynamics.Record(arrival_times, *map(np.zeros, (count, count, count - 1, count - 1)))
     state = dynamics.start(chain, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
-    first: tuple[float, int] | None = None  # time and dominoes hit after the first call
     description = f"{floor_name(floor)}, steps of {coarseness:g}"
     with progress_bar(
         progress, total=count, desc=description, unit=" dominoes", leave=False, delay=1.0
@@ -322,15 +308,10 @@ def _run(
             if stop is not None and stop():
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
-            hit_count, now = int(state.run["leader"][0]) + 1, time.perf_counter()
-            if first is None:
-                first = now, hit_count
+            hit_count = int(state.run["leader"][0]) + 1
+            if bar.n == 0:  # after the first call
                 leave_out(bar, hit_count)
             bar.update(hit_count - bar.n)
-            # steps are halved until their coarseness is 1 or less: from 4 on, all runs take
-            # 1 + 2 + 4 = 7 times as long as this one, from 2 on 3 times
-            elapsed = (now - first[0]) * max(2.0 * coarseness - 1.0, 1.0)
-            _require_time(elapsed, hit_count - first[1], count, floor_name(floor))
     if status == dynamics.FAILED:
         raise ArithmeticError(
             f"a velocity is not a number after {np.isfinite(arrival_times).sum()} of {count} "

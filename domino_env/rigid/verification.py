@@ -160,8 +160,7 @@ def verify(
     ImportError
         For `engine` without pymunk; the message has the command that installs it.
     ValueError
-        For a single domino, a floor without friction, a tolerance out of its range, and a layout
-        that would take more than half an hour.
+        For a single domino, a floor without friction, and a tolerance out of its range.
     """
     require_arguments(layout, physics)
     if layout.count < 2:

@@ -16,7 +16,6 @@ from domino_env.scenes.rules import MAX_DOMINOES, Bounds
 from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
-MAX_GROUND_RATIO = 100.0  # largest x of a profile over the length of the longest layout
 
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
@@ -237,13 +236,6 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     unit = height if tables.in_heights else 1.0
     others = [unit * thickness for thickness in tables.thickness_domain()[0]]
     thinnest, thickest = min(first, *others), max(first, *others)
-    if ground.profile is not None:
-        span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
-        if span > MAX_GROUND_RATIO * longest:
-            yield (
-                f"ground.profile ends at x = {span:g} m, and the longest layout at {longest:.4g} "
-                "m: points are in metres, [300, 20] mm is [0.3, 0.02]"
-            )
     place, steepest = ground.steepest
     if steepest >= thinnest / height:
         tangents = steepest, thinnest / height

@@ -6,7 +6,7 @@ violation, and waves that stop score between -1 and -1/2.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
@@ -43,8 +43,6 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
 
     stall_margin: Annotated[Margin | None, about("smallest allowed stall margin")] = None
     flush_loss: Annotated[Loss | None, about("largest loss of speed in a face impact")] = None
-
-    SCHEMA: ClassVar = {"minProperties": 1}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,8 +22,6 @@ TRAINING_SEED = 0  # scene i of a pool has the seed [TRAINING_SEED, i]
 BEYOND_TESTS = 100  # test scenes for each number that is beyond its range in them
 DIGITS = 5  # significant digits of sampled numbers, for legible files
 
-POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
-
 
 class ScenePool:
     """Scenes 0, 1, … of a distribution, each with its uniform baseline.

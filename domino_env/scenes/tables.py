@@ -1,8 +1,7 @@
 """Tables of a scene's file, made from the fields of `SceneBase`.
 
 The tables check scenes made in Python too. Editors check files by the JSON Schema that
-`docs/shipped_scenes.py` makes from the tables; `SCHEMA` of a table adds relations between its
-keys to it.
+`docs/shipped_scenes.py` makes from the tables; it adds the relations between keys.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import dataclasses
 import json
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import msgspec
 from msgspec import Meta
@@ -71,10 +70,6 @@ class RangeTable(Table):
         about("unit of the values: height of the domino, of the shorter one at a gap; default: m"),
     ] = None
 
-    SCHEMA: ClassVar = {
-        "oneOf": [{"required": ["fixed"]}, {"required": ["values"]}, {"required": ["min", "max"]}]
-    }
-
     def __post_init__(self) -> None:
         keys = ("fixed", "values", "min", "max", "step")
         given = [key for key in keys if getattr(self, key) is not None]
@@ -106,12 +101,6 @@ class RangeTable(Table):
             return ({"fixed": low} if low == high else {"min": low, "max": high}) | entries
         if low == high:
             raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
-        listed = numbers(f"{name}.values", values).ravel().tolist()
-        step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
-        # their number is compared first, as tiny steps would make a very long list
-        is_possible = step > 0.0 and (high - low) / step < len(listed)
-        if is_possible and steps(low, high, step) == tuple(listed):
-            return {"min": low, "max": high, "step": step, **entries}
         return {"values": values, **entries}
 
     def domain(self) -> tuple[Bounds, Values | None]:
@@ -150,8 +139,6 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
     thickness: RangeTable | None = None
     growth: GrowthTable | None = None
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
-
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 
     @property
     def in_heights(self) -> bool:

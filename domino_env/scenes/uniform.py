@@ -81,11 +81,6 @@ class UniformBaseline:
     __repr__ = dataclass_repr
 
 
-def gain(score: float, reference: float) -> float | None:
-    """Return the gain of a speed over another; None if one of them is 0. See `Scene.gain`."""
-    return score / reference - 1.0 if score > 0.0 and reference > 0.0 else None
-
-
 @lru_cache(maxsize=32)  # baselines
 def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> UniformBaseline:
     """Return the best layout with one gap and one thickness within the scene's rules.

@@ -76,7 +76,7 @@ def test_the_vector_environment_agrees_with_single_environments(sampled):
 
 
 def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor():
-    options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
+    options: dict[str, object] = {"window": 4, "rtol": 1e-5}
     batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
     single = DummyVecEnv([lambda: Monitor(de.DominoChain(SMALL, **options))])
     assert batch.env_is_wrapped(Monitor) == [True, True]
@@ -172,7 +172,7 @@ def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeyp
     actions = load_policy(run.folder).predict(observations)[0]
     assert model.predict(observations, deterministic=True)[0] == pytest.approx(actions, abs=1e-6)
     rollout = evaluate(tmp_path / "model.zip", SMALL)
-    assert rollout.score == pytest.approx(run.rollout.score, rel=1e-3)  # other reference speed
+    assert rollout.score == pytest.approx(run.rollout.score, rel=1e-3)
     again = train(SMALL, folder=tmp_path / "cut", resume=True)  # there is nothing left to do
     assert (again.steps, len(again.curve)) == (resumed.steps, len(after))
 

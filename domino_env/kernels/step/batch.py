@@ -17,7 +17,6 @@ RULES = record_type(  # of a scene
     hand=int,  # pieces held at a time, drawn in random order; 0 if the whole stock can be placed
     **Setting.__annotations__,
     uniform_speed=float,  # [m/s] of the uniform baseline; √(g h) if it stops
-    reference_speed=float,  # [m/s] of the wave with which observed leads and speeds are compared
     length=float,  # from the first pivot to the last [m], 0 if it is free
     gap_low=float,  # bounds [m], in heights if `in_heights`
     gap_high=float,

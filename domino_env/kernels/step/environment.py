@@ -281,13 +281,3 @@ def encode_batch(first, last, batch, target, actions):
         if episode.phase == RUNNING:
             rules, spacing, n = rules_of(batch, b), layout_in(batch, b).spacing, episode.placed
             action.encode(rules, batch, b, spacing, n, episode.distance, target[b], actions[b])
-
-
-@entry_point
-def next_bounds(batch, b):
-    """Return low and high of the next gap, for the middle thickness, and of the next thickness."""
-    rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
-    pairs_left, distance = len(spacing) - episode.placed, episode.distance
-    thinnest, thickest = action.thickness_bounds(rules, pairs_left, distance)
-    low, high = action.gap_bounds(rules, pairs_left, distance, 0.5 * (thinnest + thickest))
-    return low, high, thinnest, thickest

@@ -29,12 +29,12 @@ def log_ratio(value, uniform):
 
 @always_inline
 def observe_wave(rules, state, episode, start, observation):
-    """Write ω of the leader [√(g/L)] as `front`, and lead and speed against the reference wave."""
+    """Write ω of the leader [√(g/L)] as `front`, and lead and speed against the baseline."""
     distance, unit = episode.distance, rules.unit
     stopped = episode.phase == OVER and episode.outcome != PROPAGATED
     front = 0.0 if stopped else math.sqrt(state.u * unit / rules.gravity)
-    lead = (distance - rules.reference_speed * state.time) / (unit * LEAD_UNIT)
-    speed = distance / (state.time * rules.reference_speed) - 1.0 if state.time > 0.0 else 0.0
+    lead = (distance - rules.uniform_speed * state.time) / (unit * LEAD_UNIT)
+    speed = distance / (state.time * rules.uniform_speed) - 1.0 if state.time > 0.0 else 0.0
     observation[start.front] = min(front, FRONT_LIMIT)
     observation[start.lead] = min(max(lead, -LEAD_LIMIT), LEAD_LIMIT)
     observation[start.speed] = min(max(speed, -1.0), SPEED_LIMIT)

@@ -52,8 +52,6 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
     ] = None
     tolerance: Annotated[Size, about("root-mean-square error that halves the score [s]")] = 1e-3
 
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
-
     def __post_init__(self) -> None:
         super().__post_init__()
         rates = self.first, self.last

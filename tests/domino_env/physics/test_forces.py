@@ -85,13 +85,13 @@ def test_a_diagnosis_agrees_with_the_wave(layout, friction):
     assert diagnosis.least_contact_force.shape == (layout.count - 1,)
     assert diagnosis.floor_friction.shape == (layout.count,)
     if friction > 0.0 and layout.count > 12:  # nearly every face impact would open a contact
-        assert len(diagnosis.separating_contacts) > 0
+        assert np.nanmin(diagnosis.least_flush_impulse) < 0.0
 
 
 def test_a_uniform_layout_keeps_its_contacts_closed_and_unreached_dominoes_have_nan():
     diagnosis = de.diagnose(de.Layout.uniform(40, pitch=0.024), de.Physics())
-    assert len(diagnosis.separating_contacts) == 0
-    assert len(diagnosis.lifting_dominoes) == 0
+    assert np.nanmin(diagnosis.least_hit_impulse) >= 0.0
+    assert np.nanmin(diagnosis.least_load) >= 0.0
     assert np.nanmax(diagnosis.floor_friction) < 1.0
     assert np.isnan(diagnosis.least_flush_impulse).all()
     diagnosis = de.diagnose(de.Layout.uniform(20, spacing=0.004), de.Physics(push=3.0))
