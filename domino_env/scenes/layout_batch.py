@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient
@@ -48,6 +49,8 @@ class LayoutBatch:
     physics: Physics
     rtol: float
     ground: Ground | None = None
+
+    __repr__ = dataclass_repr
 
     def __len__(self) -> int:
         return len(self.spacing)

@@ -101,6 +101,12 @@ class RangeTable(Table):
             return ({"fixed": low} if low == high else {"min": low, "max": high}) | entries
         if low == high:
             raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
+        listed = numbers(f"{name}.values", values).ravel().tolist()
+        step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
+        # their number is compared first, as tiny steps would make a very long list
+        is_possible = step > 0.0 and (high - low) / step < len(listed)
+        if is_possible and steps(low, high, step) == tuple(listed):
+            return {"min": low, "max": high, "step": step, **entries}
         return {"values": values, **entries}
 
     def domain(self) -> tuple[Bounds, Values | None]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.models import Value
+from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.wave import Wave, WaveBatch
@@ -77,6 +78,8 @@ class Scores:
     reach: Any
     falls: Any
     gradient: Any = None
+
+    __repr__ = dataclass_repr
 
     @classmethod
     def concatenate(cls, parts: Sequence[Scores]) -> Scores:

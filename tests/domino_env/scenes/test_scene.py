@@ -81,7 +81,7 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: de.load_scene("magnify").layout(0.02), "height is missing: give it, as heights grow"),
     (lambda: SMALL.replace(spacing=0.02), "scene 'small': spacing has shape (): give (2,), a pair"),
     (lambda: SMALL.replace(spacing_values=3), "spacing.values = 3: give a list of at least 1"),
-    (lambda: SMALL.replace(spacing_values="abc"), "spacing.values = 'abc': give a list"),
+    (lambda: SMALL.replace(spacing_values="abc"), "spacing.values = 'abc': give numbers"),
     (lambda: SMALL.replace(in_heights=float("nan")), "in_heights = nan: give True or False"),
     (lambda: SMALL.replace(physics=3), "physics = 3: give a Physics"),
     (lambda: SMALL.replace(placement=de.Placement(0.5)),
