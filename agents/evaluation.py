@@ -43,7 +43,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     ----------
     run
         The folder of a training; the name of a shipped policy ("designer", or one of
-        `agents.policy.policy_names`) or of a scripted policy such as "uniform", "greedy" or "ramp";
+        `agents.policy.policy_names`) or of a scripted policy such as "uniform", "plan" or "ramp";
         or an archive (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
         The scene; None for the scene of the training. Its observations must have the size of those

@@ -2,8 +2,8 @@
 
 Its layout is compared with the uniform baseline and the best known layout. RUN is the folder of a
 training, the name of a shipped policy (sprint, designer), a scripted policy, or an archive (.zip)
-of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are uniform, greedy,
-ramp, plan (best known layout), controller (keeps a schedule) and rule (takes pieces from a hand).
+of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are uniform, ramp, plan
+(best known layout), controller (keeps a schedule) and rule (takes pieces from a hand).
 Archives with plain multilayer perceptrons are read without running code; others need --trust.
 `designer` designs a layout for a new --scene in milliseconds. --scenes evaluates a policy in many
 scenes that were not used in its training.
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent", metavar="RUN",
-        help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan, "
+        help="folder of a training; sprint or designer, as shipped; uniform, ramp, plan, "
         "controller or rule",
     )  # fmt: skip
     scene = "another scene than that of the training, or a distribution for its test set"
