@@ -82,8 +82,6 @@ def load_policy(
 ) -> ScenePolicy | Designer | ScriptedPolicy:
     """Load a policy, whose method `build` builds a layout for a scene.
 
-    A `ScenePolicy` also has the method `predict` of Stable-Baselines3.
-
     Parameters
     ----------
     run, trust
