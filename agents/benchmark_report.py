@@ -115,7 +115,6 @@ def page(experiment: Experiment, command: str) -> str:
         summary="\n".join(_summary_table(experiment)),
         overview="\n\n".join(_overview(experiment)),
         work="\n".join(_work_table(experiment)),
-        improvement="\n".join(_improvement_table(experiment)),
         scenes="\n".join(lines),
         command=command,
         runs=len(experiment.results),
@@ -208,25 +207,13 @@ def _work_table(experiment: Experiment) -> list[str]:
     return list(markdown_table(("algorithm", *WORK, "processor time"), lines))
 
 
-def _improvement_table(experiment: Experiment) -> list[str]:
-    """Return a table of probabilities that the algorithm of a line beats that of a column."""
-    names = experiment.rank(())
-    lines = []
-    for first in names:
-        results = (
-            None if first == second else experiment.improvement(first, second) for second in names
-        )
-        lines.append((f"`{first}`", *("" if r is None else _estimate_text(r, 0) for r in results)))
-    return list(markdown_table(("", *(f"`{name}`" for name in names)), lines))
-
-
-def _estimate_text(result: estimates.Estimate, digits: int = 1) -> str:
+def _estimate_text(result: estimates.Estimate) -> str:
     """Format an estimate with its interval, if it has one."""
-    value = f"{float(result.value):.{digits}%}"
+    value = f"{float(result.value):.1%}"
     if result.interval is None:
         return value
     low, high = map(float, result.interval)
-    return f"{value} ({100.0 * low:.{digits}f} to {100.0 * high:.{digits}f})"
+    return f"{value} ({100.0 * low:.1f} to {100.0 * high:.1f})"
 
 
 def _seconds_text(seconds: float) -> str:

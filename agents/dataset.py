@@ -45,7 +45,6 @@ def make_dataset(
     executor: Executor | None = None,
     *,
     noise: float = 0.1,
-    code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
     """Sample scenes, search for their best layouts, and write both with episodes that build them.
@@ -69,8 +68,6 @@ def make_dataset(
         Executor of the searches; None to run them in this process.
     noise
         Standard deviation of the noise on actions of the noisy episodes; actions are from -1 to 1.
-    code_link
-        URL of the code, stored in the Minari datasets.
     progress
         If True, a progress bar is shown; None for a bar on a terminal and lines elsewhere.
 
@@ -121,7 +118,7 @@ def make_dataset(
     partial = root / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, sampled_scenes, layouts, seed, noise, code_link)
+    returns = write_episodes(partial, source, sampled_scenes, layouts, seed, noise)
     partial.rename(root / EPISODES)
     options = {"scenes": scenes, "seed": seed, "budget": budget, "noise": noise}
     write_text(root / CARD, _card(source, results, returns, options))
@@ -202,7 +199,6 @@ def write_episodes(
     layouts: Sequence[Layout],
     seed: int,
     noise: float,
-    code_link: str | None,
 ) -> dict[str, float]:
     """Write a Minari dataset for each of `QUALITIES`; episode i builds a layout of scene i.
 
@@ -220,8 +216,6 @@ def write_episodes(
         Seed of the noise.
     noise
         Standard deviation of the noise in the dataset "noisy", see `build_episode`.
-    code_link
-        See `make_dataset`.
 
     Returns
     -------
@@ -251,7 +245,7 @@ def write_episodes(
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,
-                eval_env=single, code_permalink=code_link, ref_min_score=returns["uniform"],
+                eval_env=single, ref_min_score=returns["uniform"],
                 ref_max_score=returns["searched"],
             )  # fmt: skip
     return returns

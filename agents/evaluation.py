@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from agents.archives import load_archive
-from agents.designer.features import FEATURES, scene_features
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
@@ -20,7 +19,7 @@ from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require, require_choice
 from domino_env.core.progress import progress_bar
-from domino_env.core.tables import markdown_table, write_csv
+from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
@@ -43,7 +42,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     ----------
     run
         The folder of a training; the name of a shipped policy ("designer", or one of
-        `agents.policy.policy_names`) or of a scripted policy such as "uniform", "greedy" or "ramp";
+        `agents.policy.policy_names`) or of a scripted policy such as "uniform", "plan" or "ramp";
         or an archive (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
         The scene; None for the scene of the training. Its observations must have the size of those
@@ -82,8 +81,6 @@ def load_policy(
     run: str | Path, *, trust: bool = False, distribution: SceneDistribution | None = None
 ) -> ScenePolicy | Designer | ScriptedPolicy:
     """Load a policy, whose method `build` builds a layout for a scene.
-
-    A `ScenePolicy` also has the method `predict` of Stable-Baselines3.
 
     Parameters
     ----------
@@ -237,14 +234,6 @@ class ScenesEvaluation:
     def gains(self, name: str = "policy") -> Floats:
         """Return the gains (S,) over the uniform baselines; at most -1 if a wave stops."""
         return self.scores[name] / self.uniform - 1.0
-
-    def save(self, path: Path) -> None:
-        """Write a CSV file with the features, scores and times [s] of each scene."""
-        columns = dict(zip(FEATURES, np.array([*map(scene_features, self.scenes)]).T, strict=True))
-        columns |= {"uniform": self.uniform, **self.scores}
-        columns |= {f"{name} seconds": values for name, values in self.seconds.items()}
-        lines = ([f"{x:.10g}" for x in line] for line in zip(*columns.values(), strict=True))
-        write_csv(path, [name.replace(" ", "_") for name in columns], lines)
 
 
 def choose_scenes(

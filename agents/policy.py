@@ -17,17 +17,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from agents.algorithms import Hyperparameters
 from agents.network import Policy, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.checks import numbers, require, require_type
+from domino_env.core.checks import require, require_type
 from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
-from domino_env.core.types import Singles
 from domino_env.scenes.distribution import load_any
 
 CONFIG, PROGRESS, POLICY = "config.json", "progress.csv", "policy.npz"
@@ -130,40 +128,6 @@ class ScenePolicy:
         (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape  # type: ignore[misc]
         actor = read_network(folder / POLICY, build_actor, inputs, outputs)
         return cls(folder, actor.act, inputs, scene)
-
-    def predict(
-        self,
-        observation: Singles,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[Any], None]:
-        """Return the actions for observations, as policies of Stable-Baselines3 do.
-
-        Parameters
-        ----------
-        observation
-            (O,) or (B, O).
-        state, episode_start, deterministic
-            Without effect: the policy has no memory and no noise.
-
-        Returns
-        -------
-        actions : ndarray
-            (A,) or (B, A), each from -1 to 1.
-        state : None
-            The policy has no state.
-
-        Raises
-        ------
-        ValueError
-            For an observation of another shape, or with entries that are not finite.
-        """
-        values = numbers("observation", observation, finite=True)
-        if values.shape[-1:] != (self.size,):
-            given = f"observation has shape {values.shape}"
-            raise ValueError(f"{given}: give ({self.size},) or (B, {self.size})")
-        return self.policy(observation), None
 
     def build(self, scene: Scene | None = None) -> Rollout:
         """Build a layout.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize.elementwise import find_root
@@ -13,16 +12,13 @@ from scipy.optimize.elementwise import find_root
 from agents.draw import open_loop, shipped_references
 from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, build, evaluation_seeds, make_rollout
-from domino_env import DominoChain
 from domino_env.core.checks import require_type
-from domino_env.core.types import Floats, Ints, Singles
+from domino_env.core.types import Floats, Ints
 from domino_env.scenes.placement import add_errors
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.scene_base import SCORE_RTOL
 from optimize.experiments.best_known import best_known
 
-# number of values of each variable that greedy tries: with one free variable, and with several
-GREEDY_VALUES = 41, 11
 RAMPS = 4000  # approximate number of ramps that are sampled
 BEST_RAMPS = 20  # number of best ramps around which others are sampled
 NO_HIT = 1e3  # [s] lateness of a domino that is not hit
@@ -32,37 +28,6 @@ GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 def uniform(scene: Scene) -> Rollout:
     """Build the uniform baseline."""
     return make_rollout(scene, scene.uniform().layout)
-
-
-def greedy(scene: Scene) -> Rollout:
-    """Take the action with the largest reward in each step, among actions on a regular grid.
-
-    Raises
-    ------
-    ValueError
-        If the scene has placement noise or draws its pieces in random order.
-    """
-    if len(evaluation_seeds(scene)) > 1:
-        raise ValueError(
-            f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
-            "environment with the same placement noise and order of pieces, so its choice "
-            "would depend on random events of later steps; use another policy"
-        )
-    env = DominoChain(scene)
-    env.reset()
-    size = env.action_space.shape[0]  # type: ignore[index]
-    values = np.linspace(-1.0, 1.0, GREEDY_VALUES[size > 1])
-    actions = np.stack(np.meshgrid(*[values] * size, indexing="ij"), axis=-1).reshape(-1, size)
-    actions = actions.astype(np.float32)
-
-    def policy(_: Singles) -> Singles:
-        rewards = [copy.deepcopy(env).step(action)[1] for action in actions]
-        best: Singles = actions[int(np.argmax(rewards))]
-        env.step(best)
-        return best
-
-    # trying one action in each step costs about as much as the simulation of one layout
-    return replace(build(policy, scene), simulations=len(actions) + 1)
 
 
 def ramp(scene: Scene) -> Rollout:
@@ -220,7 +185,7 @@ def controller(scene: Scene) -> Rollout:
 
 
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
-    policy.__name__: policy for policy in (uniform, greedy, ramp, plan, rule, controller)
+    policy.__name__: policy for policy in (uniform, ramp, plan, rule, controller)
 }
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from domino_env.core.checks import as_path, require
-from domino_env.core.progress import notice, progress_bar
+from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
@@ -25,7 +25,7 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
-from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator, require_options
+from optimize.evaluator import TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.methods.registry import Method
@@ -40,9 +40,6 @@ NO_SUCCESS = "no layout succeeds: push harder, or allow other gaps, thicknesses 
 BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"
 BASELINE_SHARE = 0.5  # fraction of the seconds of a search for the uniform baseline on a floor
-LONG_SEARCH = 20.0  # [s] processor time above which the duration of a search is announced
-TRIALS = 8  # gradients that are timed to estimate the duration
-EQUAL_COST = 130  # number of variables at which a local search takes as long as its simulations
 
 
 def search(
@@ -182,8 +179,6 @@ def search(
         evaluator.add_seconds(seconds_before + clock() - start)
         if seconds is not None and scene.simulator.is_slow:
             _record_baseline(evaluator, uniform)
-        if method == "auto":
-            _announce_duration(evaluator)
         try:
             # The matrices are small: threads of the linear algebra would only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -344,23 +339,3 @@ def _best_finalist(
     layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
     return max(zip(layouts, waves, map(scene.score, waves), strict=True), key=itemgetter(2))
-
-
-def _announce_duration(evaluator: Evaluator) -> None:
-    """Log the approximate time of a long search by `auto` with a tolerance.
-
-    The effort ends such a search, so that its time is within a factor of two of this estimate.
-    """
-    problem = evaluator.problem
-    if evaluator.tolerance is None or problem.scene.simulator.is_slow:
-        return
-    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TRIALS, axis=0)
-    start = time.process_time()
-    problem.evaluate(designs, True, differences=False)
-    gradient = (time.process_time() - start) / TRIALS * (1.0 + problem.dimension / EQUAL_COST)
-    seconds = gradient * evaluator.most_effort / GRADIENT_COST
-    if seconds > LONG_SEARCH:
-        notice(
-            f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
-            "of processor time; --seconds or --budget limit it"
-        )

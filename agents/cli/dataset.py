@@ -27,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         SEED,
         ("budget", NATURAL, "N", 600, "evaluations of each search"),
         ("noise", number(low=0.0, high=1.0), "SD", 0.1, noise),
-        ("code-link", str, "URL", None, "URL of the code, stored in the Minari datasets"),
     )
     add_executor_options(parser)
 
@@ -39,8 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     with open_executor(arguments.workers, arguments.dask) as executor:
         card = make_dataset(
             arguments.folder, arguments.distribution, arguments.scenes, arguments.seed,
-            arguments.budget, executor, noise=arguments.noise, code_link=arguments.code_link,
-            progress=None,
+            arguments.budget, executor, noise=arguments.noise, progress=None,
         )  # fmt: skip
     print(card.read_text("utf-8"))
     return 0

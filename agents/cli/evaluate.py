@@ -2,8 +2,8 @@
 
 Its layout is compared with the uniform baseline and the best known layout. RUN is the folder of a
 training, the name of a shipped policy (sprint, designer), a scripted policy, or an archive (.zip)
-of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are uniform, greedy,
-ramp, plan (best known layout), controller (keeps a schedule) and rule (takes pieces from a hand).
+of Stable-Baselines3 or sb3-contrib, which needs --scene. Scripted policies are uniform, ramp, plan
+(best known layout), controller (keeps a schedule) and rule (takes pieces from a hand).
 Archives with plain multilayer perceptrons are read without running code; others need --trust.
 `designer` designs a layout for a new --scene in milliseconds. --scenes evaluates a policy in many
 scenes that were not used in its training.
@@ -15,7 +15,7 @@ import argparse
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import LAYOUT_FILE, NATURAL, WHOLE, add_flags, add_options, output
+from domino_env.cli.options import LAYOUT_FILE, NATURAL, WHOLE, add_flags, add_options
 
 if TYPE_CHECKING:
     from agents.designer.policy import Designer
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent", metavar="RUN",
-        help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan, "
+        help="folder of a training; sprint or designer, as shipped; uniform, ramp, plan, "
         "controller or rule",
     )  # fmt: skip
     scene = "another scene than that of the training, or a distribution for its test set"
@@ -44,7 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("scenes", NATURAL, "N", None, "number of scenes"),
         ("distribution", str, "NAME", None, names),
         ("seed", WHOLE, "N", None, seed),
-        ("csv", output(".csv"), "FILE", None, "write one line per scene"),
     )
 
 
@@ -63,9 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
     if isinstance(scene, SceneDistribution):
         source, scene = scene, None
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=source)
-    for name in ("layout",) if many else ("csv", "seed"):
-        if getattr(arguments, name) is not None:
-            raise ValueError(f"--{name}: leave it out {'with' if many else 'without'} --scenes")
+    name = "layout" if many else "seed"
+    if getattr(arguments, name) is not None:
+        raise ValueError(f"--{name}: leave it out {'with' if many else 'without'} --scenes")
     if many:
         return _evaluate_scenes(policy, source or getattr(policy, "scene", None), arguments)
     if isinstance(policy, ScenePolicy):
@@ -87,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _evaluate_scenes(
     policy: ScenePolicy | Designer | ScriptedPolicy, source: object, arguments: argparse.Namespace
 ) -> int:
-    """Print a table of the scores in many scenes; write a line for each scene with --csv."""
+    """Print a table of the scores in many scenes."""
     from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
     from domino_env import SceneDistribution, load_distribution
 
@@ -95,11 +94,7 @@ def _evaluate_scenes(
         source = load_distribution("varied")
     scenes = choose_scenes(source, arguments.scenes, arguments.seed)
     known = read_search_scores(source.name, len(scenes)) if arguments.seed is None else None
-    evaluation = evaluate_scenes(scenes, policy, known, progress=None)
-    print(evaluation.table())
-    if arguments.csv:
-        evaluation.save(arguments.csv)
-        print(f"scenes written to {arguments.csv}")
+    print(evaluate_scenes(scenes, policy, known, progress=None).table())
     return 0
 
 

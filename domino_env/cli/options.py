@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from domino_env.core.files import require_writable, write_text
+from domino_env.core.files import require_writable
 
 if TYPE_CHECKING:
     from domino_env.physics.layout import Layout
@@ -148,27 +148,9 @@ def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bo
     )  # fmt: skip
 
 
-def add_json_option(parser: argparse.ArgumentParser) -> None:
-    """Add --json [FILE], whose value `write_json` takes."""
-    parser.add_argument(
-        "--json", metavar="FILE", nargs="?", const="-", type=_json_file,
-        help="print the result as JSON only, or also write it to a .json file",
-    )  # fmt: skip
-
-
-def _json_file(name: str) -> Any:
-    if name != "-" and not name.endswith(".json"):
-        raise argparse.ArgumentTypeError(f"'{name}': name a .json file, or put --json last")
-    return name if name == "-" else output(".json")(name)
-
-
-def write_json(document: object, file: Path | str) -> None:
-    """Write a document as JSON; "-" prints it."""
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
-    if isinstance(file, Path):
-        write_text(file, text + "\n")
-    else:
-        print(text)
+def print_json(document: object) -> None:
+    """Print a document as JSON."""
+    print(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
 
 
 @dataclass(frozen=True)

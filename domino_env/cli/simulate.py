@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
             result["free_standing"] = document(rigid, RIGID_FIELDS)
         if noise:
             result["placement_noise"] = noise
-        options.write_json(result, "-")
+        options.print_json(result)
         return 0
     lines = [*_table(wave), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation, scene) if scene else []

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--engine", action=argparse.BooleanOptionalAction, default=None,
         help="also simulate with the third-party engine (default: if pymunk is installed)",
     )  # fmt: skip
-    options.add_json_option(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON in SI units")
 
 
 def read_floors(text: str) -> tuple[float, ...]:
@@ -43,7 +43,6 @@ def read_floors(text: str) -> tuple[float, ...]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Verify each layout; return 1 if a verdict is DIFFERS, else 0."""
-    import sys
     from importlib.util import find_spec
 
     from domino_env.rigid import verification
@@ -56,28 +55,27 @@ def run(arguments: argparse.Namespace) -> int:
         engine_name()  # raises an ImportError before any simulation if it is not installed
     elif engine is None:  # neither --engine nor --no-engine
         engine = find_spec("pymunk") is not None
-    output = sys.stderr if arguments.json == "-" else sys.stdout  # "-": JSON on standard output
 
     differs = False
     choices = {name: options.chosen_physics(arguments, name) for name in arguments.layouts}
     layouts = [chosen.read(name) for name, chosen in choices.items()]
     for (name, chosen), layout in zip(choices.items(), layouts, strict=True):
-        print(f"{name}\n{chosen.line}", file=output, flush=True)
+        if not arguments.json:
+            print(f"{name}\n{chosen.line}", flush=True)
         result = verification.verify(
             chosen.row(layout), chosen.physics, floors=arguments.floor, engine=engine,
             progress=None,
         )  # fmt: skip
-        print("\n".join(verification.verification_table(result)), file=output)
-        if chosen.scene is not None:
-            print(
-                "\n".join(_gains_on_floors(chosen.scene, layout, result)), file=output, flush=True
-            )
         differs |= any(verdict.startswith("DIFFERS") for verdict in result.verdicts)
         if arguments.json:
-            options.write_json(verification.as_document(result), arguments.json)
-    if not engine and arguments.engine is None:
+            options.print_json(verification.as_document(result))
+            continue
+        print("\n".join(verification.verification_table(result)))
+        if chosen.scene is not None:
+            print("\n".join(_gains_on_floors(chosen.scene, layout, result)), flush=True)
+    if not engine and arguments.engine is None and not arguments.json:
         hint = "to verify with a third-party engine too: pip install 'domino-chains[verify]'"
-        print(f"({hint})", file=output)
+        print(f"({hint})")
     return 1 if differs else 0
 
 

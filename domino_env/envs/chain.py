@@ -27,7 +27,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     vector
         Vector environment with one environment.
     render_mode
-        None, "rgb_array", "human" or "ansi".
+        None, "rgb_array" or "human".
 
     Attributes
     ----------
@@ -145,8 +145,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         """Return the chain at its latest hit."""
         return self._vector.snapshot(0)
 
-    def render(self) -> NDArray[np.uint8] | str | None:
-        """Return the chain at its latest hit as an image or text; None for a window or no mode."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the chain at its latest hit as an image; None for a window or no mode."""
         if self.render_mode is None:
             gymnasium.logger.warn(
                 'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
@@ -350,7 +350,7 @@ class DominoChain(DominoEnv):
         A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which every reset
         samples a scene.
     render_mode
-        None, "rgb_array", "human" or "ansi".
+        None, "rgb_array" or "human".
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
         `scene.score(scene.simulate(layout, rtol))`, for the uniform baseline that of the baseline;

@@ -101,7 +101,7 @@ class DominoLayoutVector(DominoChainVector):
     scene
         See `DominoLayout`.
     render_mode
-        None, "rgb_array" or "ansi".
+        None or "rgb_array".
     rtol
         See `DominoLayout`.
     autoreset_mode

@@ -1,4 +1,4 @@
-"""Frames of the environments: images, a window, lines of text.
+"""Frames of the environments: images, a window.
 
 A frame shows the chain at the latest hit; the leans are those of the model.
 """
@@ -23,8 +23,6 @@ from domino_env.scenes.scene import Scene
 
 FRAMES_PER_SECOND = 20  # largest frame rate of a window [1/s]
 WIDTH, HEIGHT = 1200, 200  # of an image [px]
-TEXT_WIDTH = 100  # of a frame of text [characters]
-LYING = 1.1  # [rad] lean above which a frame of text shows a domino as "_"
 
 
 def _window_works() -> bool:
@@ -34,7 +32,7 @@ def _window_works() -> bool:
     return has_display and find_spec("pygame") is not None
 
 
-VECTOR_MODES = ("rgb_array", "ansi")
+VECTOR_MODES = ("rgb_array",)
 MODES = (*VECTOR_MODES, "human")
 OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries each of them
 
@@ -91,8 +89,8 @@ class Renderer:
         self._scale: Any = None
         self._scaled_to: Scene | None = None
 
-    def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
-        """Return an image (H, W, 3) or a text; None after a frame was shown in a window.
+    def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | None:
+        """Return an image (H, W, 3); None after a frame was shown in a window.
 
         Parameters
         ----------
@@ -108,8 +106,6 @@ class Renderer:
         """
         layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
         leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
-        if self.mode == "ansi":
-            return _draw_text(snapshot, leader, leans)
         from domino_env.view.drawing import Scale, draw_hand, draw_strip
         from domino_env.view.ground import relief
 
@@ -138,16 +134,6 @@ class Renderer:
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_window": None}  # a copy opens a window of its own
-
-
-def _draw_text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
-    """Return the chain to scale in characters, at least one per domino, and a status line."""
-    cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH  # [m], not 0 for one domino
-    chain = ""
-    for i, x in enumerate(snapshot.layout.positions):
-        sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > LYING else "/"
-        chain = chain.ljust(int(x / cell)) + sign
-    return f"{chain}\n{_status_line(snapshot)}\n"
 
 
 def _status_line(snapshot: Snapshot) -> str:

@@ -57,7 +57,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
     scene
         See `DominoChain`.
     render_mode
-        None, "rgb_array" or "ansi".
+        None or "rgb_array".
     rtol
         See `DominoChain`.
     window

@@ -224,7 +224,7 @@ def verification_table(verification: Verification) -> list[str]:
 
 
 def as_document(verification: Verification) -> dict[str, Any]:
-    """Return the document `verification.json`; null for arrival times that do not exist."""
+    """Return the document of `domino verify --json`; null for arrival times that do not exist."""
     wave = verification.wave
 
     def floor(rigid: RigidWave) -> dict[str, Any]:

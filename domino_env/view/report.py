@@ -1,7 +1,7 @@
 """Report: one page that compares layouts in an animation, and shows why one is faster.
 
 The page contains its data, scripts and styles, and needs neither network nor server. Layouts are
-read from files and from run folders, with the curves and verifications in these folders.
+read from files and from run folders, with the curves in these folders.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import numpy as np
 
 from domino_env.core.checks import require
 from domino_env.core.files import errors_with_path, layout_name, one_line, read_text, write_text
-from domino_env.core.models import Document, Number, read_document
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -31,22 +30,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.comparison import ComparedLayout, comparison_data
 
-MAX_NAME, MAX_TEXT = 100, 1_000  # characters of a layout's name, of a text in a verification.json
-
-
-class FloorDocument(Document):
-    """One floor in a verification.json."""
-
-    floor: Number | None = None  # its friction; None for fixed pivots
-    difference: Number | None = None  # relative, of the last hit; None without one
-
-
-class VerificationDocument(Document):
-    """Fields of a verification.json."""
-
-    engine: str
-    verdict: str
-    floors: tuple[FloorDocument, ...] = ()
+MAX_NAME = 100  # characters of a layout's name
 
 
 def write_report(compared: Sequence[ComparedLayout], title: str, path: Path) -> int:
@@ -97,10 +81,10 @@ def read_compared(
 ) -> tuple[list[ComparedLayout], str]:
     """Read the compared layouts from files and run folders, and simulate them.
 
-    The curve of a search or training is read from its folder, and the verification if `domino
-    verify --json` wrote a verification.json there; shipped layouts have a shipped verification. If
-    there is a scene, and a layout has as many dominoes, its uniform baseline is the last entry. A
-    layout that breaks the rules of the scene has no score, and a notice gives the reason.
+    The curve of a search or training is read from its folder; shipped layouts have a shipped
+    verification. If there is a scene, and a layout has as many dominoes, its uniform baseline is
+    the last entry. A layout that breaks the rules of the scene has no score, and a notice gives the
+    reason.
 
     Parameters
     ----------
@@ -138,7 +122,7 @@ def read_compared(
             simulate(scene.row(layout) if scene else layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),
-            _verification(folder, layout, physics),
+            _verification(layout, physics),
         )
         if scene and (violations := scene.violations(layout)):
             notice(f"{one_line(str(path))}: not a layout of scene '{scene.name}': {violations[0]}")
@@ -183,23 +167,10 @@ def _curve(
         return table[x_column].tolist(), table[y_column].tolist()
 
 
-def _is_older(path: Path, other: Path) -> bool:
-    return other.exists() and path.stat().st_mtime < other.stat().st_mtime
-
-
-def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """Return the verification in a run folder, else the shipped one; None if there is none.
-
-    A verification that is older than the layout is not of this layout.
-    """
-    path = folder / "verification.json" if folder else None
-    if path is None or not path.exists() or _is_older(path, path.with_name("layout.csv")):
-        known = known_verification(layout, physics)
-        if known is None:
-            return None
-        last = [(floor_name(check.floor), check.last) for check in known.floors]
-        return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
-    check = read_document(VerificationDocument, path)
-    simulator, verdict = one_line(check.engine, MAX_TEXT), one_line(check.verdict, MAX_TEXT)
-    last = [(floor_name(result.floor), result.difference) for result in check.floors]
-    return {"simulator": simulator, "verdict": verdict, "last": last}
+def _verification(layout: Layout, physics: Physics) -> dict[str, Any] | None:
+    """Return the shipped verification of a layout; None if there is none."""
+    known = known_verification(layout, physics)
+    if known is None:
+        return None
+    last = [(floor_name(check.floor), check.last) for check in known.floors]
+    return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}

@@ -79,30 +79,6 @@ def optimality_gap(problems: Sequence[Floats]) -> Floats:
     return np.asarray(np.mean([np.maximum(1.0 - p, 0.0).mean(axis=-1) for p in problems], axis=0))
 
 
-def improvement(first: Sequence[Floats], second: Sequence[Floats]) -> Estimate:
-    """Estimate the probability that a run of the first method is better than one of the second.
-
-    Parameters
-    ----------
-    first, second
-        Results (R,) of the runs of each method, on the same problems.
-
-    Returns
-    -------
-    Estimate
-        Mean over the problems; ties count half.
-    """
-
-    def probability(problems: Sequence[Floats]) -> Floats:
-        probabilities = []
-        for x, y in zip(problems[: len(first)], problems[len(first) :], strict=True):
-            difference = np.sign(x[..., :, None] - y[..., None, :])
-            probabilities.append(0.5 + 0.5 * difference.mean(axis=(-1, -2)))
-        return np.asarray(np.mean(probabilities, axis=0))
-
-    return estimate(probability, [*first, *second])
-
-
 def performance_profile(problems: Sequence[Floats], targets: Floats) -> Estimate:
     """Estimate the fraction (T,) of the runs whose results (R,) exceed each target (T,)."""
     exceeds = [(np.asarray(runs) > targets[:, None]).astype(np.float64) for runs in problems]

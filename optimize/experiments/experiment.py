@@ -12,7 +12,7 @@ import numpy as np
 from domino_env.core.checks import require_choice
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
-from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
+from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean
 from optimize.experiments.task import Task, TaskResult
 
 SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
@@ -182,17 +182,6 @@ class Experiment:
     def mean_score(self, method: str, problem: str | None = None) -> Estimate:
         """Estimate the interquartile mean of the normalised scores, on all problems or on one."""
         return interquartile_mean(self.final_scores(method, problem))
-
-    def improvement(self, first: str, second: str) -> Estimate | None:
-        """Estimate the probability that a run of the first method is better than one of the second.
-
-        It is the mean over the problems on which both have runs; None if there is none.
-        """
-        problems = [p for p in self.problems if self.runs(first, p) and self.runs(second, p)]
-        if not problems:
-            return None
-        scores = [[self.final_scores(m, p)[0] for p in problems] for m in (first, second)]
-        return improvement(*scores)
 
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
         """Return the interquartile mean of the normalised best scores after a time.

@@ -19,7 +19,6 @@ from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
 from optimize.experiments.estimates import (
-    improvement,
     interquartile_mean,
     optimality_gap,
     performance_profile,
@@ -29,7 +28,7 @@ from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import open_store
 
 # normalised scores of five runs on three problems, some of them equal
-SCORES, OTHERS = np.random.default_rng(0).normal(0.5, 0.3, (2, 5, 3)).round(1)
+SCORES = np.random.default_rng(0).normal(0.5, 0.3, (5, 3)).round(1)
 
 
 def test_estimates_follow_the_definitions_of_rliable():
@@ -38,17 +37,12 @@ def test_estimates_follow_the_definitions_of_rliable():
     mean = interquartile_mean(problems)
     assert mean.value == pytest.approx(stats.trim_mean(SCORES.ravel(), 0.25))
     assert optimality_gap(problems) == pytest.approx(np.mean(1.0 - np.minimum(SCORES, 1.0)))
-    better = improvement(problems, list(OTHERS.T))
-    pairs = zip(SCORES.T, OTHERS.T, strict=True)
-    ranks = [stats.mannwhitneyu(x, y).statistic / 25.0 for x, y in pairs]
-    assert better.value == pytest.approx(np.mean(ranks))
 
     def trimmed(*groups: np.ndarray, axis: int) -> np.ndarray:
         return stats.trim_mean(np.concatenate(groups, axis=axis), 0.25, axis=axis)
 
     expected = stats.bootstrap(problems, trimmed, method="percentile", rng=1).confidence_interval
     assert mean.interval == pytest.approx(tuple(expected), abs=0.02)
-    assert 0.0 < better.interval[0] < better.value < better.interval[1] < 1.0
 
 
 def test_estimates_weight_problems_equally_and_profiles_count_runs():

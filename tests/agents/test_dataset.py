@@ -18,7 +18,6 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
         raise KeyboardInterrupt
 
     words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
-    words += ["--code-link", "x.org/y"]
     with monkeypatch.context() as patched:
         patched.setattr(dataset, "run_experiment", interrupted)
         assert main(words) != 0
@@ -35,7 +34,6 @@ def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monke
         returns[quality] = [np.sum(one.rewards) for one in data.iterate_episodes()]
         assert data.recover_environment(eval_env=True).spec.kwargs == {"scene": "varied-course"}
         about = data.storage.metadata
-        assert about["code_permalink"] == "x.org/y"
         assert about["ref_min_score"] == pytest.approx(np.mean(returns["uniform"]))
     for i, line in enumerate(table):
         assert about["ref_max_score"] == pytest.approx(np.mean(returns["searched"]))

@@ -7,6 +7,7 @@ import domino_env as de
 from agents.draw import open_loop, rule, shipped_references
 from agents.rollout import EVALUATION_SEEDS, SEEDS_PER_TRAINING, SELECTION_SEEDS, episode_scores
 from agents.scripted import ScriptedPolicy
+from domino_env.view.drawing import STANDING_COLOUR
 
 DRAW = de.load_scene("draw")
 SMALL = DRAW.replace(count=8, stock=de.Stock((0.005, 0.0075, 0.010), (2, 3, 3), 2))
@@ -62,9 +63,11 @@ def test_shipped_references_are_ranked_on_evaluation_seeds(output_of):
 
 
 def test_frames_show_the_hand():
-    env = de.DominoChain(DRAW, render_mode="ansi")
+    env = de.DominoChain(DRAW, render_mode="rgb_array")
     env.reset(seed=10_000)
-    assert "in hand 7.5, 7.5, 10 mm" in env.render()
+    assert 1e3 * env.snapshot().hand == pytest.approx([7.5, 7.5, 10.0])
+    # the first domino stands on the left
+    assert (env.render()[:, 600:] == STANDING_COLOUR).all(axis=-1).any()
 
 
 def test_training_seeds_differ_from_selection_and_evaluation_seeds():

@@ -169,7 +169,7 @@ def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeyp
     save_zip(run.folder, tmp_path / "model.zip")
     model = {"apg": PPO, "ars": ARS}.get(algorithm, CLASSES[algorithm]).load(tmp_path / "model.zip")
     observations = DominoVecEnv(SMALL, 3).reset()
-    actions = load_policy(run.folder).predict(observations)[0]
+    actions = load_policy(run.folder).policy(observations)
     assert model.predict(observations, deterministic=True)[0] == pytest.approx(actions, abs=1e-6)
     rollout = evaluate(tmp_path / "model.zip", SMALL)
     assert rollout.score == pytest.approx(run.rollout.score, rel=1e-3)

@@ -108,15 +108,6 @@ def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch):
         assert effort <= result.evaluations < effort + 300
 
 
-def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog):
-    caplog.set_level("INFO", "domino_env")
-    monkeypatch.setattr("optimize.searching.LONG_SEARCH", 0.0)
-    search(scenes["both"], "random", tolerance=0.5)
-    assert "takes up to about" not in caplog.text
-    search(scenes["both"], tolerance=0.5)
-    assert "the search of both takes up to about " in caplog.text
-
-
 def test_ctrl_c_before_the_first_layout_is_raised(scenes, monkeypatch):
     monkeypatch.setattr(Evaluator, "evaluate", lambda *_: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):

@@ -129,7 +129,6 @@ SCENE = "scene --count 40 --thickness 7.5"
     ("validate 16=x", "write PITCH=FREQUENCY"),
     ("accuracy --seconds 0", "--seconds = 0.0 s: give a finite number, more than 0"),
     ("optimise sprint", "COMMAND = 'optimise': did you mean 'optimize'? choose"),
-    ("verify --json chapman", "'chapman': name a .json file, or put --json last"),
     ("verify row.csv --floor rough", "--floor: 'rough': give a number"),
     ("evaluate designer --scenes 201", "at most 200 (the test set of varied"),
     ("render row.csv", "give --gif FILE, --mp4 FILE or --png FILE"),

@@ -37,15 +37,6 @@ def test_an_image_shows_leader_and_fallen_dominoes(scene):
     assert pixels(env.render(), FALLEN_COLOUR) > pixels(frame, FALLEN_COLOUR)
 
 
-def test_text_shows_the_chain_to_scale():
-    text = played("ansi", 20).render()
-    chain, line, _ = text.split("\n")
-    assert chain.replace(" ", "").count(">") == 1
-    assert len(chain.replace(" ", "")) == 21
-    assert "21 of 21 hit" in line
-    assert "against uniform" in line
-
-
 CHECK = """
 import sys
 if {hidden}:
@@ -59,7 +50,7 @@ print(*env.metadata["render_modes"])
 
 
 @pytest.mark.parametrize(("hidden", "modes"), [
-    (True, "rgb_array ansi"), (False, "rgb_array ansi human"),
+    (True, "rgb_array"), (False, "rgb_array human"),
 ], ids=["without pygame", "with pygame"])  # fmt: skip
 def test_the_checker_renders_every_available_mode(hidden, modes):
     pytest.importorskip("pygame")

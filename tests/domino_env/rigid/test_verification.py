@@ -105,9 +105,11 @@ SHORT = de.load_scene("sprint").replace(count=12)
 def test_the_command_verifies_without_the_engine(tmp_path, output_of):
     SHORT.uniform().layout.to_csv(tmp_path / "layout.csv")
     (tmp_path / "scene.toml").write_text(SHORT.to_toml())
-    printed = output_of("verify", tmp_path / "layout.csv", "--floor", "free", "--no-engine")
+    words = "verify", tmp_path / "layout.csv", "--floor", "free", "--no-engine"
+    printed = output_of(*words)
     assert "AGREES" in printed
     assert "floor 1:" in printed  # the name free means a friction of 1
+    assert json.loads(output_of(*words, "--json"))["verdict"] in printed
 
 
 def test_the_best_uniform_layout_on_a_floor_beats_its_neighbours():

@@ -61,14 +61,13 @@ def test_headline_names_the_best_layout_in_any_order():
     assert comparison_data(scored)["best"] == 1
 
 
-def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
+def test_a_run_folder_has_scene_and_curve(tmp_path):
     scene = de.load_scene("sprint")
     run = tmp_path / "one"
     run.mkdir()
     (run / "scene.toml").write_text(scene.to_toml())
     scene.uniform().layout.to_csv(run / "layout.csv")
     (run / "trace.csv").write_text("evaluations,seconds,best_score\n1,0.25,0.5\n7,3.5,0.8\n")
-    (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
     compared, title = read_compared([run])
     assert title == scene.title
     assert [one.name for one in compared] == ["one", "uniform baseline"]
@@ -77,7 +76,6 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     first, uniform = compared
     assert first.score == pytest.approx(uniform.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([0.25, 3.5], [0.5, 0.8])
-    assert first.verification is not None
     # under other physics the scene gives no score
     assert read_compared([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"without a layout\.csv"):
