@@ -78,7 +78,6 @@ def demanding():
         "few draws": short("jitter", 8).replace(
             name="few draws", placement=jitter.placement.replace(draws=8)
         ),
-        "time": short("course", 8).replace(objective="time"),
         "two": short("sprint-thickness", 2),
         "three": gentle.replace(count=3),
     }

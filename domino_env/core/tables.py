@@ -10,7 +10,6 @@ from pathlib import Path
 
 from domino_env.core.files import one_line, write_text
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings of text that a spreadsheet evaluates
 # a table of a page: the comment before it with its name, its text, the comment after it
 _PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAX_CELL_WIDTH = 60  # of a cell on a terminal [characters]
@@ -25,7 +24,7 @@ def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
         Names of the columns.
     lines
         Cells in that order. Numbers have the fewest digits that identify them, None is an empty
-        cell; text that a spreadsheet would evaluate as a formula begins with ``'``.
+        cell.
 
     Returns
     -------
@@ -34,8 +33,7 @@ def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    for line in (names, *lines):
-        writer.writerow([_escape_formula(cell) if isinstance(cell, str) else cell for cell in line])
+    writer.writerows([names, *lines])
     return text.getvalue()
 
 
@@ -106,17 +104,6 @@ def fill_tables(page: str, tables: dict[str, list[str]]) -> str:
         return match[0] if lines is None else f"{match[1]}\n" + "\n".join(lines) + f"\n\n{match[3]}"
 
     return _PLACE.sub(fill, page)
-
-
-def _escape_formula(text: str) -> str:
-    """Return text, preceded by ``'`` if a spreadsheet would evaluate it as a formula."""
-    if not text.startswith(_FORMULA):
-        return text
-    try:
-        float(text)
-    except ValueError:
-        return f"'{text}"
-    return text  # a number with a sign, already formatted
 
 
 def _markdown_line(cells: Iterable[object]) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,15 +48,3 @@ class MeanSpeed(Objective):
     def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
         """Format the speed."""
         return f"{score:.{digits}f} m/s"
-
-
-class Time(MeanSpeed):
-    """Mean speed over the length of the scene, so that the shortest time scores most."""
-
-    name: ClassVar[str] = "time"
-
-    @classmethod
-    def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield a sentence if the length is missing."""
-        if tables.row.length is None:
-            yield "row.length is missing: objective = 'time' needs a fixed length"

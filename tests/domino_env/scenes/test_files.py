@@ -55,7 +55,6 @@ BAD = [
     ({"top": "objective = 'tempo'"}, "the table [tempo] is missing and objective = 'tempo'"),
     ({"top": "objective = 'tempo'", "tempo": "times = [0.1, 0.2]"},
      "tempo.times has 2 entries: 8 dominoes need one for each but the first, 7"),
-    ({"top": "objective = 'time'"}, "row.length is missing: objective = 'time' needs a fixed"),
     ({"top": "objective = 'magnify'"}, "the table [growth] is missing: objective = 'magnify'"),
     ({"row": "count = 8"}, "row.first_thickness is missing"),
     ({"row": "height = 0.05"}, "row.count is missing: give a whole number from 2 to 100000"),
@@ -68,7 +67,7 @@ BAD = [
      "within the bounds of spacing and thickness no domino falls on the next: a domino is 7.5 m"),
     ({"physics": "floor_friction = 0.4", "top": "objective = 'toppled'"},
      "physics.floor_friction and objective = 'toppled': free-standing layouts are scored by their "
-     "speed; choose objective = 'mean_speed' or 'time'"),
+     "speed; choose objective = 'mean_speed'"),
     ({"ground": "profile = [[0, 0], [0, 1]]"}, "ground.profile[1] lies at x = 0 m"),
     ({"ground": "profile = [[0, 0], [1]]"}, "ground.profile[1] = [1]: give a list of 2 entries"),
     ({"placement": "deviation = 0.001\nquantile = 2"},

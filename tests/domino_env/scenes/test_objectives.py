@@ -144,14 +144,6 @@ def test_the_uniform_baseline_has_the_largest_growth():
     assert baseline.score == pytest.approx(0.048 * 1.6**11)
 
 
-def test_the_time_over_a_length_orders_layouts_by_speed():
-    scene = some("course", objective="time")
-    speed = de.load_scene("course")
-    layout = speed.uniform().layout
-    assert scene.score(layout) == speed.score(layout)
-    assert scene.score(layout) == pytest.approx(1.2 / scene.simulate(layout).arrival_times[-1])
-
-
 # limits -----------------------------------------------------------------------------------------
 
 
