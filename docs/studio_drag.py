@@ -8,7 +8,7 @@ from statistics import median
 import numpy as np
 
 from domino_env.scenes.io.reading import load_scene
-from optimize.interactive.design import Design
+from optimize.interactive.draft import Draft
 from optimize.interactive.page import Page
 
 DRAGS = 100  # positions of the pointer that are timed
@@ -22,10 +22,10 @@ def measure_drag(count: int) -> float:
     count
         Number of dominoes.
     """
-    page = Page(Design.uniform(load_scene("sprint").replace(count=count)), lambda _: None)
+    page = Page(Draft.uniform(load_scene("sprint").replace(count=count)), lambda _: None)
     shifts = iter(1e-4 * np.arange(DRAGS))  # [m] of domino 5, within the bounds
     times = timeit.repeat(
-        lambda: page.preview(Design.with_shift, 5, next(shifts)), number=1, repeat=DRAGS
+        lambda: page.preview(Draft.with_shift, 5, next(shifts)), number=1, repeat=DRAGS
     )
     page.close()
     return median(times)

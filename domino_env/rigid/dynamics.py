@@ -62,7 +62,7 @@ COLUMNS = 22
 # Standing dominoes: lengths (N,) [m]; mass [kg/m] and inertia about the reference point [kg m] per
 # width (N,); front bottom edges (N, 2) [m]; slope of the ground (N,) [rad], its sine and cosine
 # (N, 2); the front bottom edge from the reference point of an upright domino (N, 2) [m]
-Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edge")
+Bodies = namedtuple("Bodies", "height thickness mass inertia pivots tilt slope edge")
 
 # Settings of a run: friction between dominoes; friction of the floor, or FIXED_PIVOTS; gravity
 # [m/s²]; coarseness, the steps over those of MAX_TURN and MAX_STEP; change of velocity at which
@@ -93,12 +93,12 @@ NUMBERS = ("time", "progress", "last_lean", "last_step", "last_kick", "share", "
 RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for name in NUMBERS])
 
 
-def start(chain: Chain, setting: Setting, push: float) -> State:
+def start(bodies: Bodies, setting: Setting, push: float) -> State:
     """Return the state at the push.
 
     Parameters
     ----------
-    chain
+    bodies
         Standing dominoes.
     setting
         Settings of the run.
@@ -110,22 +110,22 @@ def start(chain: Chain, setting: Setting, push: float) -> State:
     State
         The first domino moves; the others are held at rest until they are hit.
     """
-    count, fixed = len(chain.height), setting.floor == FIXED_PIVOTS
-    sine, cosine = chain.slope.T
-    ex, ey = chain.edge.T
-    x = chain.pivots[:, 0] - ex * cosine - ey * sine
-    y = chain.pivots[:, 1] + ex * sine - ey * cosine
+    count, fixed = len(bodies.height), setting.floor == FIXED_PIVOTS
+    sine, cosine = bodies.slope.T
+    ex, ey = bodies.edge.T
+    x = bodies.pivots[:, 0] - ex * cosine - ey * sine
+    y = bodies.pivots[:, 1] + ex * sine - ey * cosine
     velocity, inverse_mass, inverse_inertia = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
-    velocity[0, 2], inverse_inertia[0] = push, 1.0 / chain.inertia[0]
+    velocity[0, 2], inverse_inertia[0] = push, 1.0 / bodies.inertia[0]
     if not fixed:
-        velocity[0, 0] = push * (y[0] - chain.pivots[0, 1])
-        velocity[0, 1] = push * (chain.pivots[0, 0] - x[0])
-        inverse_mass[0] = 1.0 / chain.mass[0]
+        velocity[0, 0] = push * (y[0] - bodies.pivots[0, 1])
+        velocity[0, 1] = push * (bodies.pivots[0, 0] - x[0])
+        inverse_mass[0] = 1.0 / bodies.mass[0]
     capacity = KINDS * (setting.window + 3)
-    place = np.stack([x, y, chain.tilt], axis=-1)
+    place = np.stack([x, y, bodies.tilt], axis=-1)
     run = np.zeros(1, RUN)
     run["share"] = 1.0
-    run["tip_gap"] = _tip_gap(0, place, velocity, 0.0, chain) if count > 1 else 0.0
+    run["tip_gap"] = _tip_gap(0, place, velocity, 0.0, bodies) if count > 1 else 0.0
     return State(
         place, velocity, inverse_mass, inverse_inertia, np.zeros((count, KINDS, 2)),
         np.zeros((count, 4)), np.zeros((count, 4)), np.full(count, np.inf),
@@ -135,12 +135,12 @@ def start(chain: Chain, setting: Setting, push: float) -> State:
 
 
 @compile_alone
-def advance(chain, setting, state, record, most_steps):
+def advance(bodies, setting, state, record, most_steps):
     """Advance a run by some steps, unless it ends before.
 
     Parameters
     ----------
-    chain, setting
+    bodies, setting
         As for `start`.
     state
         State, which is overwritten.
@@ -156,8 +156,8 @@ def advance(chain, setting, state, record, most_steps):
     """
     run = state.run[0]
     place, velocity, impulse = state.place, state.velocity, state.impulse
-    fixed, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
-    scale = math.sqrt(chain.height.max() / setting.gravity)
+    fixed, last = setting.floor == FIXED_PIVOTS, len(bodies.height) - 1
+    scale = math.sqrt(bodies.height.max() / setting.gravity)
     for _ in range(most_steps):
         low, leader = run.low, run.leader
         # 1e-9 rad/s: a leader at rest or in reverse takes the longest step
@@ -171,12 +171,12 @@ def advance(chain, setting, state, record, most_steps):
             state.before[i - low] = velocity[i]
             if fixed:
                 sine, cosine = state.now[i, 2], state.now[i, 3]
-                arm = 0.5 * (chain.height[i] * sine - chain.thickness[i] * cosine)
-                moment = kick * chain.mass[i] * setting.gravity * arm
+                arm = 0.5 * (bodies.height[i] * sine - bodies.thickness[i] * cosine)
+                moment = kick * bodies.mass[i] * setting.gravity * arm
                 velocity[i, 2] += moment * state.inverse_inertia[i]
             else:
                 velocity[i, 1] -= kick * setting.gravity
-        closed = _find_contacts(chain, setting, state)
+        closed = _find_contacts(bodies, setting, state)
         ratio = kick / run.last_kick if run.last_kick > 0.0 else 0.0
         for c in range(closed):
             i, kind = state.partners[c, 0], state.partners[c, 2]
@@ -188,7 +188,7 @@ def advance(chain, setting, state, record, most_steps):
             return FAILED
         hit = False
         if leader < last:
-            after = _tip_gap(leader, place, velocity, step, chain)
+            after = _tip_gap(leader, place, velocity, step, bodies)
             if after <= 0.0 < run.tip_gap and run.share == 1.0:
                 # the step is repeated, so that it ends with the hit
                 run.share = run.tip_gap / (run.tip_gap - after)
@@ -201,7 +201,7 @@ def advance(chain, setting, state, record, most_steps):
             for k in range(3):
                 place[i, k] += step * velocity[i, k]
             record.lean[i] = max(record.lean[i], place[i, 2])
-            slip = abs(_distance_ahead(i, 0.0, i, place, velocity, 0.0, chain))
+            slip = abs(_distance_ahead(i, 0.0, i, place, velocity, 0.0, bodies))
             record.slid[i] = max(record.slid[i], slip)
             if i < leader and record.opened[i] < state.gaps[i] < np.inf:
                 record.opened[i], record.opened_at[i] = state.gaps[i], run.time
@@ -210,16 +210,16 @@ def advance(chain, setting, state, record, most_steps):
             run.leader = leader = leader + 1
             record.arrival_times[leader] = run.progress = run.time
             run.share, run.last_lean = 0.0, place[leader, 2]
-            state.inverse_inertia[leader] = 1.0 / chain.inertia[leader]
-            state.inverse_mass[leader] = 0.0 if fixed else 1.0 / chain.mass[leader]
+            state.inverse_inertia[leader] = 1.0 / bodies.inertia[leader]
+            state.inverse_mass[leader] = 0.0 if fixed else 1.0 / bodies.mass[leader]
             if leader - low >= setting.window:
                 state.inverse_mass[low] = state.inverse_inertia[low] = 0.0
                 velocity[low] = 0.0
                 run.low = low + 1
             if leader < last:
-                run.tip_gap = _tip_gap(leader, place, velocity, 0.0, chain)
+                run.tip_gap = _tip_gap(leader, place, velocity, 0.0, bodies)
         elif leader == last:
-            if place[last, 2] > math.atan2(chain.thickness[last], chain.height[last]):
+            if place[last, 2] > math.atan2(bodies.thickness[last], bodies.height[last]):
                 return ENDED
             if place[last, 2] > run.last_lean + AT_REST:
                 run.last_lean, run.progress = place[last, 2], run.time
@@ -238,43 +238,43 @@ def _pose(pose, i, place, velocity, later):
 
 
 @compile_alone
-def _distance_ahead(i, up, j, place, velocity, later, chain):
+def _distance_ahead(i, up, j, place, velocity, later, bodies):
     """Return the distance of a point ahead of the pivot of j along the ground, some time later [m].
 
     The point is on the front face of i, `up` [m] above its bottom edge.
     """
     lean = place[i, 2] + later * velocity[i, 2]
     sine, cosine = math.sin(lean), math.cos(lean)
-    ex, ey = chain.edge[i, 0], chain.edge[i, 1] + up
+    ex, ey = bodies.edge[i, 0], bodies.edge[i, 1] + up
     x, y = place[i, 0] + later * velocity[i, 0], place[i, 1] + later * velocity[i, 1]
-    dx = x + ex * cosine + ey * sine - chain.pivots[j, 0]
-    dy = y - ex * sine + ey * cosine - chain.pivots[j, 1]
-    return dx * chain.slope[j, 1] - dy * chain.slope[j, 0]
+    dx = x + ex * cosine + ey * sine - bodies.pivots[j, 0]
+    dy = y - ex * sine + ey * cosine - bodies.pivots[j, 1]
+    return dx * bodies.slope[j, 1] - dy * bodies.slope[j, 0]
 
 
 @compile_alone
-def _tip_gap(i, place, velocity, later, chain):
+def _tip_gap(i, place, velocity, later, bodies):
     """Return the distance of the tip of i from the rear face of the next, some time later [m]."""
-    ahead = _distance_ahead(i, chain.height[i], i + 1, place, velocity, later, chain)
-    return -ahead - chain.thickness[i + 1]
+    ahead = _distance_ahead(i, bodies.height[i], i + 1, place, velocity, later, bodies)
+    return -ahead - bodies.thickness[i + 1]
 
 
 @compile_alone
-def _find_contacts(chain, setting, state):
+def _find_contacts(bodies, setting, state):
     """Write the contacts that are closed half a step ahead; return their number."""
     closed, low, leader = 0, state.run[0].low, state.run[0].leader
     fixed, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
-        sine, cosine = chain.slope[i, 0], chain.slope[i, 1]
+        sine, cosine = bodies.slope[i, 0], bodies.slope[i, 1]
         for kind in range(REAR, TIP):
             if i < low or (fixed and kind == FRONT):
                 continue
-            px = chain.edge[i, 0] - (chain.thickness[i] if kind == REAR else 0.0)
-            py = chain.edge[i, 1] + (chain.height[i] if kind == LYING else 0.0)
+            px = bodies.edge[i, 0] - (bodies.thickness[i] if kind == REAR else 0.0)
+            py = bodies.edge[i, 1] + (bodies.height[i] if kind == LYING else 0.0)
             rx, ry = px * mid[i, 3] + py * mid[i, 2], -px * mid[i, 2] + py * mid[i, 3]
-            gap = (mid[i, 0] + rx - chain.pivots[i, 0]) * sine
-            gap += (mid[i, 1] + ry - chain.pivots[i, 1]) * cosine
-            if gap > TOUCHING * chain.height[i]:
+            gap = (mid[i, 0] + rx - bodies.pivots[i, 0]) * sine
+            gap += (mid[i, 1] + ry - bodies.pivots[i, 1]) * cosine
+            if gap > TOUCHING * bodies.height[i]:
                 state.impulse[i, kind] = 0.0
                 continue
             _write_directions(state.contact, closed, VELOCITY, sine, cosine, rx, ry, 0.0, 0.0)
@@ -286,13 +286,13 @@ def _find_contacts(chain, setting, state):
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _detect(state.contact, closed, VELOCITY, kind, i, EITHER, mid, chain)
+            gap, met, face = _detect(state.contact, closed, VELOCITY, kind, i, EITHER, mid, bodies)
             if met:
                 gaps[i] = min(gaps[i], gap)
-            if gap > TOUCHING * chain.height[i] or not met:
+            if gap > TOUCHING * bodies.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _detect(state.contact, closed, IMPULSE, kind, i, face, now, chain)
+            _detect(state.contact, closed, IMPULSE, kind, i, face, now, bodies)
             _write_responses(state, closed, i, i + 1, kind, setting.friction)
             closed += 1
     return closed
@@ -312,7 +312,7 @@ def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
 
 
 @compile_alone
-def _detect(contact, c, at, kind, i, face, pose, chain):
+def _detect(contact, c, at, kind, i, face, pose, bodies):
     """Detect a contact of i with the next, and write its directions from column `at` on.
 
     The tip of i meets the rear face or the bottom of the next, or the rear bottom edge of the next
@@ -322,13 +322,13 @@ def _detect(contact, c, at, kind, i, face, pose, chain):
     j = i + 1
     owner = j if kind == TIP else i  # of the faces
     sine, cosine = pose[owner, 2], pose[owner, 3]
-    rear, bottom = chain.edge[j, 0] - chain.thickness[j], chain.edge[j, 1]
+    rear, bottom = bodies.edge[j, 0] - bodies.thickness[j], bodies.edge[j, 1]
     cx = rear * pose[j, 3] + bottom * pose[j, 2]
     cy = -rear * pose[j, 2] + bottom * pose[j, 3]
     dx, dy = pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1]
-    ex, ey = chain.edge[i, 0], chain.edge[i, 1]
+    ex, ey = bodies.edge[i, 0], bodies.edge[i, 1]
     if kind == TIP:
-        py = ey + chain.height[i]
+        py = ey + bodies.height[i]
         rx, ry = ex * pose[i, 3] + py * pose[i, 2], -ex * pose[i, 2] + py * pose[i, 3]
         qx, qy = rx - dx, ry - dy  # from j
         fx, fy = qx - cx, qy - cy
@@ -338,14 +338,14 @@ def _detect(contact, c, at, kind, i, face, pose, chain):
         rx, ry = cx + dx, cy + dy
         fx = rx - ex * cosine - ey * sine
         fy = ry + ex * sine - ey * cosine
-        ahead, past = fx * cosine - fy * sine, fx * sine + fy * cosine - chain.height[i]
+        ahead, past = fx * cosine - fy * sine, fx * sine + fy * cosine - bodies.height[i]
     if face == EITHER:
         face = LARGE_FACE if ahead >= past else END_FACE
     if face == LARGE_FACE:
-        gap, met = ahead, -chain.height[owner] <= past <= 0.0
+        gap, met = ahead, -bodies.height[owner] <= past <= 0.0
         nx, ny = -cosine, sine
     else:
-        gap, met = past, -chain.thickness[owner] <= ahead <= 0.0
+        gap, met = past, -bodies.thickness[owner] <= ahead <= 0.0
         nx, ny = -sine, -cosine
     _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy)
     return gap, met, face

@@ -288,7 +288,7 @@ def _run(
     inertia = mass * square / (3.0 if floor is None else 12.0)
     slope = np.stack([np.sin(layout.tilt), np.cos(layout.tilt)], axis=-1)
     sizes = height, thickness, mass, inertia
-    chain = dynamics.Chain(*sizes, layout.pivots, layout.tilt, slope, edge)
+    bodies = dynamics.Bodies(*sizes, layout.pivots, layout.tilt, slope, edge)
     tallest = float(height.max())
     friction = dynamics.FIXED_PIVOTS if floor is None else floor
     setting = dynamics.Setting(
@@ -298,7 +298,7 @@ def _run(
     )  # fmt: skip
     arrival_times = np.append(0.0, np.full(count - 1, np.inf))
     record = dynamics.Record(arrival_times, *map(np.zeros, (count, count, count - 1, count - 1)))
-    state = dynamics.start(chain, setting, physics.push)
+    state = dynamics.start(bodies, setting, physics.push)
     status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
     description = f"{floor_name(floor)}, steps of {coarseness:g}"
     with progress_bar(
@@ -307,7 +307,7 @@ def _run(
         while status == dynamics.RUNNING:  # between calls, Python handles signals
             if stop is not None and stop():
                 raise StoppedError
-            status = advance(chain, setting, state, record, STEPS_AT_ONCE)
+            status = advance(bodies, setting, state, record, STEPS_AT_ONCE)
             hit_count = int(state.run["leader"][0]) + 1
             if bar.n == 0:  # after the first call
                 leave_out(bar, hit_count)

@@ -1,4 +1,4 @@
-"""Exchange of designs as files and links; a browser sends contents of files, never paths."""
+"""Exchange of drafts as files and links; a browser sends contents of files, never paths."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
 from domino_env.view.report import read_compared, write_report
 from domino_env.view.template import write_template
-from optimize.interactive.design import NAMED, Design
+from optimize.interactive.draft import NAMED, Draft
 
 MAX_LINK_CONTENT = 2**20  # [bytes] of a link, decompressed
 KEY = "design"  # of the query of a link
@@ -28,8 +28,8 @@ LAYOUT, SCENE = "layout.csv", "scene.toml"
 NAMES = {".csv": LAYOUT, ".json": "layout.json", ".toml": SCENE}  # of uploaded files, by ending
 
 
-def open_design(source: str | Path | Scene | Layout, default: Scene | None = None) -> Design:
-    """Return the design of a scene, a layout, their name or path, a run folder or a link.
+def open_draft(source: str | Path | Scene | Layout, default: Scene | None = None) -> Draft:
+    """Return the draft of a scene, a layout, their name or path, a run folder or a link.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
 
     Returns
     -------
-    Design
-        A new design.
+    Draft
+        A new draft.
 
     Raises
     ------
@@ -51,19 +51,19 @@ def open_design(source: str | Path | Scene | Layout, default: Scene | None = Non
         scene, and a scene without free values.
     """
     if isinstance(source, Scene):
-        return Design.uniform(source)
+        return Draft.uniform(source)
     if isinstance(source, Layout):
-        return Design(_scene_for(source, default), source)
+        return Draft(_scene_for(source, default), source)
     if str(source).startswith(("http://", "https://")):
         return read_link(parse_qs(urlsplit(str(source)).query).get(KEY, [""])[0])
     path = as_path("source", source)
     if path.is_dir():
         path = path / LAYOUT
     if path.suffix.lower() not in (".csv", ".json"):
-        return Design.uniform(load_scene(source))
+        return Draft.uniform(load_scene(source))
     scene = scene_beside(path)
     layout = read_layout(path, scene or default)
-    return Design(scene or _scene_for(layout, default), layout)
+    return Draft(scene or _scene_for(layout, default), layout)
 
 
 def _scene_for(layout: Layout, default: Scene | None) -> Scene:
@@ -82,25 +82,25 @@ def _scene_for(layout: Layout, default: Scene | None) -> Scene:
     )  # fmt: skip
 
 
-def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Design:
-    """Return the design of a scene (.toml), a layout (.csv, .json) or both.
+def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Draft:
+    """Return the draft of a scene (.toml), a layout (.csv, .json) or both.
 
     Parameters
     ----------
     files
         Contents of the files by their names, which messages contain.
     default
-        Scene for a layout without one, as of `open_design`.
+        Scene for a layout without one, as of `open_draft`.
 
     Returns
     -------
-    Design
-        A new design.
+    Draft
+        A new draft.
 
     Raises
     ------
     ValueError
-        For another combination of files, and for the reasons of `open_design`.
+        For another combination of files, and for the reasons of `open_draft`.
     """
     kinds = {name: NAMES.get(Path(name).suffix.lower(), "") for name in files}
     if (
@@ -118,7 +118,7 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
             path.write_bytes(files[name])
         try:
             # the layout, if there is one, is the first by name; its scene is read beside it
-            return open_design(min(paths.values()), default)
+            return open_draft(min(paths.values()), default)
         except ValueError as error:
             message = str(error)
             for name, path in paths.items():
@@ -126,43 +126,43 @@ def read_files(files: Mapping[str, bytes], default: Scene | None = None) -> Desi
             raise ValueError(message) from None
 
 
-def _write_template(design: Design, path: Path) -> None:
-    scene, row, title = design.scene, design.wave.layout, str(design.scene.title)
+def _write_template(draft: Draft, path: Path) -> None:
+    scene, row, title = draft.scene, draft.wave.layout, str(draft.scene.title)
     write_template(row, path, title=title, physics=scene.physics, designed=scene.count)
 
 
-def _write_report(design: Design, path: Path) -> None:
+def _write_report(draft: Draft, path: Path) -> None:
     layout = path.with_name("your layout.csv")  # the report shows this name
-    design.layout.to_csv(layout)
-    write_report(*read_compared([layout], design.scene), path)
+    draft.layout.to_csv(layout)
+    write_report(*read_compared([layout], draft.scene), path)
 
 
-FILES: dict[str, tuple[str, Callable[[Design, Path], object]]] = {
+FILES: dict[str, tuple[str, Callable[[Draft, Path], object]]] = {
     "template.pdf": ("Template to print (PDF)", _write_template),
-    LAYOUT: ("Layout (CSV)", lambda design, path: design.layout.to_csv(path)),
-    SCENE: ("Scene (TOML)", lambda design, path: write_text(path, design.scene.to_toml())),
+    LAYOUT: ("Layout (CSV)", lambda draft, path: draft.layout.to_csv(path)),
+    SCENE: ("Scene (TOML)", lambda draft, path: write_text(path, draft.scene.to_toml())),
     "report.html": ("Report (HTML)", _write_report),
 }
-"""Label and writer of each file of a design, by its name."""
+"""Label and writer of each file of a draft, by its name."""
 
 
-def make_file(design: Design, name: str) -> BytesIO:
-    """Return the contents of one of the `FILES` of a design."""
+def make_file(draft: Draft, name: str) -> BytesIO:
+    """Return the contents of one of the `FILES` of a draft."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
-        FILES[name][1](design, path)
+        FILES[name][1](draft, path)
         return BytesIO(path.read_bytes())
 
 
-def make_link(design: Design) -> str:
+def make_link(draft: Draft) -> str:
     """Return the query of a link that contains the scene and the layout, for `read_link`."""
-    texts = [design.scene.to_toml(), make_file(design, LAYOUT).read().decode()]
+    texts = [draft.scene.to_toml(), make_file(draft, LAYOUT).read().decode()]
     data = zlib.compress(json.dumps(texts).encode(), 9)
     return f"?{KEY}={base64.urlsafe_b64encode(data).decode().rstrip('=')}"
 
 
-def read_link(text: str) -> Design:
-    """Return the design in a link.
+def read_link(text: str) -> Draft:
+    """Return the draft in a link.
 
     Parameters
     ----------
@@ -171,15 +171,15 @@ def read_link(text: str) -> Design:
 
     Returns
     -------
-    Design
-        A new design.
+    Draft
+        A new draft.
 
     Raises
     ------
     ValueError
         If the text is incomplete or changed, or for the reasons of `read_files`.
     """
-    with errors_with_path("the design in the link"):
+    with errors_with_path("the row in the link"):
         try:
             data = base64.b64decode(text + "=" * (-len(text) % 4), "-_", validate=True)
             texts = json.loads(zlib.decompressobj().decompress(data, MAX_LINK_CONTENT))

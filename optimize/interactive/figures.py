@@ -1,4 +1,4 @@
-"""Figures of a design: curves of its gaps, thicknesses and local speeds along the row."""
+"""Figures of a draft: curves of its gaps, thicknesses and local speeds along the row."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bokeh.plotting import figure
 
 from domino_env.core.colours import BEST_KNOWN, RESULT, UNIFORM
 from domino_env.core.types import Floats
-from optimize.interactive.design import SPACING, THICKNESS
+from optimize.interactive.draft import SPACING, THICKNESS
 
 MM = 1e3  # [mm/m]
 SPEED = "speed"
@@ -26,7 +26,7 @@ LATENESS = "Lateness of each hit [ms] – grey: the other row"
 
 
 class Curve:
-    """Values along the row, for a design and the row that it races.
+    """Values along the row, for a draft and the row that it races.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Curve:
             self.figure.add_layout(pointer)
 
     def draw(self, rows: tuple[Any, Any], schedule: Floats | None) -> None:
-        """Draw the curves of a design and of the row that it races.
+        """Draw the curves of a draft and of the row that it races.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Page: row, result, curves and settings of a design, for one tab of a browser."""
+"""Page: row, result, curves and settings of a draft, for one tab of a browser."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.placement import placement_noise
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline
-from optimize.interactive.design import NAMED, SPACING, THICKNESS, Design, known_best
+from optimize.interactive.draft import NAMED, SPACING, THICKNESS, Draft, known_best
 from optimize.interactive.exchange import FILES, make_file, make_link, read_files
 from optimize.interactive.figures import MM, TITLES, Curve
 from optimize.interactive.jobs import Found, SearchProcess
@@ -71,9 +71,9 @@ class Control(NamedTuple):
         is_other = bool(values.keys() & {"of", "profile"})
         return None if value is None or is_other else round(self.unit * value, 9)
 
-    def change(self, design: Design, value: float) -> Design:
-        """Return the design with the scene that has this value on the page."""
-        document = design.scene.document()
+    def change(self, draft: Draft, value: float) -> Draft:
+        """Return the draft with the scene that has this value on the page."""
+        document = draft.scene.document()
         values = document.get(self.table, {})
         values[self.key] = value / self.unit if self.unit != 1 else value
         if self.is_optional and not value:
@@ -81,7 +81,7 @@ class Control(NamedTuple):
         if self.key == "fixed":  # thickness, also of the first domino
             del document["row"]["first_thickness"]
         document |= {self.table: values or None} | NAMED
-        return design.with_scene(Scene.from_document(document))
+        return draft.with_scene(Scene.from_document(document))
 
 
 CONTROLS = {
@@ -116,33 +116,33 @@ class Page:
 
     Parameters
     ----------
-    design
-        The first design.
+    draft
+        The first draft.
     schedule
         Function that schedules another one in the thread of the page.
 
     Attributes
     ----------
-    design
-        The design that is shown; during a drag or a search it is not yet in the history.
+    draft
+        The draft that is shown; during a drag or a search it is not yet in the history.
     view
         Panel object of the page; its row, curves and widgets are the other public attributes.
     """
 
-    def __init__(self, design: Design, schedule: Schedule) -> None:
-        self.design, self._schedule = design, schedule
-        self._steps, self._position = [design], 0  # the history, and the step that is shown
+    def __init__(self, draft: Draft, schedule: Schedule) -> None:
+        self.draft, self._schedule = draft, schedule
+        self._steps, self._position = [draft], 0  # the history, and the step that is shown
         self._pending: dict[Callable[..., object], Any] = {}  # arguments of scheduled calls
         self._process: SearchProcess | None = None
         self._is_searching = False
         self._scene: Scene | None = None  # the last one with a computed uniform baseline
         self._lock = threading.Lock()  # one baseline is computed at a time
-        self._kept: Design | None = None
-        self._pushed: Design | None = None  # the last one
+        self._kept: Draft | None = None
+        self._pushed: Draft | None = None  # the last one
         self.row, self._range = Row(margin=0, **WIDE), Range1d(-1.0, 1.0)
         self.curves = {quantity: Curve(self._range, quantity) for quantity in TITLES}
         for quantity in (SPACING, THICKNESS):
-            drag = partial(self._do_newest, self.preview, Design.with_size, quantity)
+            drag = partial(self._do_newest, self.preview, Draft.with_size, quantity)
             self.curves[quantity].enable_drag(drag, partial(self._do, self._commit))
         self.view = self._make_view()
         self._settle()
@@ -167,12 +167,12 @@ class Page:
         def receive(message: Any) -> None:
             name, *values = message.data
             if name == "drag":
-                self._do_newest(self.preview, Design.with_shift, *values)
+                self._do_newest(self.preview, Draft.with_shift, *values)
             else:
                 self._do(actions[name], *values)
 
         def change(control: Control, event: Any) -> None:
-            if event.new not in (None, control.read(self.design.scene)):
+            if event.new not in (None, control.read(self.draft.scene)):
                 self._do(self._edit, control.change, event.new)
 
         def toggle(_: Any) -> None:
@@ -184,8 +184,8 @@ class Page:
         actions: dict[str, Callable[..., object]] = {
             "push": self._push,
             "commit": self._commit,
-            "insert": partial(self._edit, Design.with_domino),
-            "remove": partial(self._edit, Design.without_domino),
+            "insert": partial(self._edit, Draft.with_domino),
+            "remove": partial(self._edit, Draft.without_domino),
             "touch": self._use_touch,
         }
         self.row.on_msg(receive)
@@ -199,7 +199,7 @@ class Page:
             stylesheets=["button { font-size: 18px !important }"],
         )  # fmt: skip
         self.faster.on_click(toggle)
-        self.repair = button("Repair the gap where it stops", self._edit, Design.repaired)
+        self.repair = button("Repair the gap where it stops", self._edit, Draft.repaired)
         self.undo, self.redo = button("Undo", self._move, -1), button("Redo", self._move, 1)
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
         upload.param.watch(lambda e: self._do(self._open, upload.filename, e.new), "value")
@@ -284,41 +284,41 @@ class Page:
         """
         self.message.object = f'<p role="status" class="message {kind}">{escape(text)}</p>'
 
-    # from the design to the page ----------------------------------------------------------------
+    # from the draft to the page -----------------------------------------------------------------
 
     def _draw(self) -> None:
-        """Draw the design: row, result and curves; a row that was pushed goes on falling."""
-        design, uniform, name = self.design, self._uniform, self.compare.value
-        scene, is_step = design.scene, design is self._steps[self._position]
+        """Draw the draft: row, result and curves; a row that was pushed goes on falling."""
+        draft, uniform, name = self.draft, self._uniform, self.compare.value
+        scene, is_step = draft.scene, draft is self._steps[self._position]
         other = {UNIFORM: uniform, BEST: known_best(scene), KEPT: self._kept}[name]
-        moves = design is self._pushed
-        self.row.show(design, other, name, moves=moves, keep_scale=not is_step)
+        moves = draft is self._pushed
+        self.row.show(draft, other, name, moves=moves, keep_scale=not is_step)
         extent = self.row.state["extent"]
         self._range.update(start=extent["low"], end=extent["high"])
         schedule = scene.tempo.schedule(scene.count) if scene.tempo else None
         for curve in self.curves.values():
-            curve.draw((design, other), schedule)
-        number, sentence = design.headline(uniform)
+            curve.draw((draft, other), schedule)
+        number, sentence = draft.headline(uniform)
         self.result.object = (
             f'<p class="number"><b>{escape(number)}</b> {escape(sentence)}</p>'
-            f'<p class="details">{escape(design.details(uniform))}</p>'
+            f'<p class="details">{escape(draft.details(uniform))}</p>'
         )
-        self.repair.visible = design.stop is not None
+        self.repair.visible = draft.stop is not None
 
     def _settle(self) -> None:
         """Show the present step of the history; slow computations run in threads."""
         self.notify("")
-        design = self.design = self._steps[self._position]
-        scene = design.scene
+        draft = self.draft = self._steps[self._position]
+        scene = draft.scene
         self.title.object = f"<h1>{escape(str(scene.title))}</h1>"
         for control, widget in self.controls.items():
             value = control.read(scene)
             widget.visible, widget.value = value is not None, value
-        scale = MM * (float(design.layout.height.max()) if scene.in_heights else 1.0)
+        scale = MM * (float(draft.layout.height.max()) if scene.in_heights else 1.0)
         for quantity, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
             self.curves[quantity].figure.visible = free
             self.curves[quantity].fit(*(scale * bound for bound in getattr(scene, quantity)))
-        link = make_link(design)
+        link = make_link(draft)
         self.row.address = link if len(link) < MAX_LINK_LENGTH else "?"
         self.link.object = f'<a href="{link}" target="_blank">Link to this row</a>'
         if self.row.address == "?":
@@ -329,51 +329,51 @@ class Page:
         has = {UNIFORM: True, BEST: known_best(scene) is not None, KEPT: is_kept}
         self.compare.options = [name for name in has if has[name]]
         self.faster.name = "Make it faster"
-        if self._uniform is None or not design.is_scored:
-            self._in_thread(partial(self._complete, design))
+        if self._uniform is None or not draft.is_scored:
+            self._in_thread(partial(self._complete, draft))
         self._draw()
 
-    def _complete(self, design: Design) -> Callable[[], None]:
-        """Compute score and uniform baseline of a design, unless another one is shown by now."""
+    def _complete(self, draft: Draft) -> Callable[[], None]:
+        """Compute score and uniform baseline of a draft, unless another one is shown by now."""
         with self._lock:
-            if design is self.design:
-                assert design.score is not None  # which the design keeps
-                self._scene = with_baseline(design.scene, FLOOR_SECONDS)
+            if draft is self.draft:
+                assert draft.score is not None  # which the draft keeps
+                self._scene = with_baseline(draft.scene, FLOOR_SECONDS)
         return self._draw
 
     @property
     def _uniform(self) -> UniformBaseline | None:
         """Uniform baseline of the present scene; None if it is not computed yet."""
         scene = self._scene
-        return scene.uniform() if scene and scene == self.design.scene else None
+        return scene.uniform() if scene and scene == self.draft.scene else None
 
-    # from the page to the design ----------------------------------------------------------------
+    # from the page to the draft -----------------------------------------------------------------
 
-    def preview(self, change: Callable[..., Design], *values: Any) -> None:
-        """Show the present step of the history with a change, such as `Design.with_size`."""
-        self.design = change(self._steps[self._position], *values)
+    def preview(self, change: Callable[..., Draft], *values: Any) -> None:
+        """Show the present step of the history with a change, such as `Draft.with_size`."""
+        self.draft = change(self._steps[self._position], *values)
         self._draw()
 
-    def _edit(self, change: Callable[..., Design], *values: Any) -> None:
-        """Change the design, as a step of the history."""
-        self.design = change(self.design, *values)
+    def _edit(self, change: Callable[..., Draft], *values: Any) -> None:
+        """Change the draft, as a step of the history."""
+        self.draft = change(self.draft, *values)
         self._commit()
 
     def _push(self) -> None:
         """Let the row fall."""
-        self._pushed = self.design
+        self._pushed = self.draft
         self._draw()
 
-    def _make_uniform(self, design: Design) -> Design:
+    def _make_uniform(self, draft: Draft) -> Draft:
         """Return the best equal gaps, or those on fixed pivots while the best are computed."""
         known = self._uniform
-        return Design(design.scene, known.layout) if known else Design.uniform(design.scene)
+        return Draft(draft.scene, known.layout) if known else Draft.uniform(draft.scene)
 
     def _commit(self) -> None:
-        """Add the design to the history, unless nothing has changed."""
-        if self.design != self._steps[self._position]:
+        """Add the draft to the history, unless nothing has changed."""
+        if self.draft != self._steps[self._position]:
             self._position += 1
-            self._steps[self._position :] = [self.design]
+            self._steps[self._position :] = [self.draft]
         self._settle()
 
     def _move(self, steps: int) -> None:
@@ -383,7 +383,7 @@ class Page:
 
     def _keep(self) -> None:
         """Keep the layout as a row to race against."""
-        self._kept = self.design
+        self._kept = self.draft
         self._settle()
         self.compare.value = KEPT
 
@@ -391,13 +391,13 @@ class Page:
         """Open uploaded files; None: the upload was reset."""
         if data:
             files = dict(zip(names, data, strict=True))
-            self._edit(lambda design: read_files(files, design.scene))
+            self._edit(lambda draft: read_files(files, draft.scene))
             self.notify(f"opened {', '.join(names)}")
 
     def _make_file(self, name: str) -> Any:
-        """Return a file of the design to download; empty after an error, which is shown."""
+        """Return a file of the draft to download; empty after an error, which is shown."""
         try:
-            return make_file(self.design, name)
+            return make_file(self.draft, name)
         except ValueError as error:
             self.notify(str(error), "error")
             return BytesIO()
@@ -425,7 +425,7 @@ class Page:
     def _search(self, thorough: bool = False) -> None:
         """Search, and show layouts that are better than the present one."""
         self.open()
-        first, process = self.design, self._process
+        first, process = self.draft, self._process
         scene = (self._scene if self._uniform else None) or first.scene  # with its baseline
         self._is_searching, self.faster.name = True, "Stop"
         self.notify("searching …")
@@ -435,7 +435,7 @@ class Page:
                 return
             is_better = found.layout is not None and found.score > first.score
             if found.layout is not None:
-                self.design = Design(first.scene, found.layout) if is_better else first
+                self.draft = Draft(first.scene, found.layout) if is_better else first
             if found.is_done:
                 self._end_search()
                 is_new = is_better or found.layout is None
@@ -455,13 +455,13 @@ class Page:
 
     def _check(self) -> None:
         """Simulate placement noise and a floor in a thread, and show the verdict."""
-        design, scene = self.design, self.design.scene
+        draft, scene = self.draft, self.draft.scene
         floor = scene.floor_friction or FLOOR
         self.notify("placing the row 256 times, and letting it fall on a floor …")
 
         def work() -> Callable[[], None]:
-            noise = placement_noise(design.wave, scene.ground, PLACED)
-            rigid = simulate_standing(design.wave.layout, design.wave.physics, floor)
+            noise = placement_noise(draft.wave, scene.ground, PLACED)
+            rigid = simulate_standing(draft.wave.layout, draft.wave.physics, floor)
             count, share = rigid.layout.count, noise["completes"]
             least = min(share, rigid.toppled / count)
             answer = "Yes" if least == 1.0 else "Probably" if least > LIKELY else "No"
@@ -471,7 +471,7 @@ class Page:
                 "dominoes fall"
             )
             text += f", at {rigid.mean_speed:.3f} m/s." if rigid.mean_speed else "."
-            return partial(self.notify, text if self.design is design else "")
+            return partial(self.notify, text if self.draft is draft else "")
 
         self._in_thread(work)
 
@@ -482,7 +482,7 @@ def gallery() -> str:
     entries = []
     for name in scene_names():
         scene = load_scene(name)
-        wave = (known_best(scene) or Design.uniform(scene)).wave
+        wave = (known_best(scene) or Draft.uniform(scene)).wave
         last = min(wave.hit, DRAWN) - 1
         leans = Motion(wave.layout, scene.physics).angles([0.5 * wave.arrival_times[last]])[0]
         corners = MM * outlines(wave.layout, leans)[:DRAWN]

@@ -14,7 +14,7 @@ from panel.custom import JSComponent
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
 from domino_env.view.comparison import layout_data, motion_data
-from optimize.interactive.design import Design
+from optimize.interactive.draft import Draft
 
 BEHIND, AHEAD = 0.8, 1.2  # [tallest domino] before the first pivot, and ahead of the last one
 TIE = 5e-4  # [s] smaller differences are a tie
@@ -33,7 +33,7 @@ class Row(JSComponent):  # type: ignore[misc]
     sound
         True for a click at every hit.
     address
-        Query of the page's address, which contains the design.
+        Query of the page's address, which contains the draft.
     """
 
     state = param.Dict(default={})
@@ -45,13 +45,13 @@ class Row(JSComponent):  # type: ignore[misc]
         __file__
     ).with_name("row.js").read_text("utf-8")
 
-    def show(self, design: Design, other: Any, name: str, *, moves: bool, keep_scale: bool) -> None:
-        """Show a design and the row that it races.
+    def show(self, draft: Draft, other: Any, name: str, *, moves: bool, keep_scale: bool) -> None:
+        """Show a draft and the row that it races.
 
         Parameters
         ----------
-        design
-            The design.
+        draft
+            The draft.
         other
             Object with the `wave` of the other row; None for none.
         name
@@ -61,7 +61,7 @@ class Row(JSComponent):  # type: ignore[misc]
         keep_scale
             True to keep the range of x, as during a drag; otherwise it is fitted to the rows.
         """
-        waves = [row.wave for row in (design, other) if row]
+        waves = [row.wave for row in (draft, other) if row]
         pivots = np.concatenate([wave.layout.pivots for wave in waves])
         tallest = max(float(wave.layout.height.max()) for wave in waves)
         (_, bottom), (end, top) = pivots.min(axis=0).tolist(), pivots.max(axis=0).tolist()
@@ -71,10 +71,10 @@ class Row(JSComponent):  # type: ignore[misc]
         self.state = {
             "rows": [_row_data(wave, moves) for wave in waves],
             "extent": {"low": low, "high": high, "bottom": bottom, "top": top + tallest},
-            "designed": design.scene.count,
-            "stop": -1 if design.stop is None else design.stop,
+            "designed": draft.scene.count,
+            "stop": -1 if draft.stop is None else draft.stop,
             "other": name,
-            "verdict": _verdict(design.wave, other.wave, name) if other else "",
+            "verdict": _verdict(draft.wave, other.wave, name) if other else "",
         }
 
 

@@ -1,4 +1,4 @@
-"""Server: the page of a design on this machine, in a browser or a notebook."""
+"""Server: the page of a draft on this machine, in a browser or a notebook."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from domino_env.core.checks import require, require_choice, require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
-from optimize.interactive.design import Design
-from optimize.interactive.exchange import KEY, open_design, read_link
+from optimize.interactive.draft import Draft
+from optimize.interactive.exchange import KEY, open_draft, read_link
 from optimize.searching import compile_simulations
 
 HOST = "localhost"
@@ -29,8 +29,8 @@ class Studio:
 
     Parameters
     ----------
-    design
-        The design with which every tab begins.
+    draft
+        The draft with which every tab begins.
     port
         Port on this machine; 0 for any free one.
 
@@ -40,16 +40,16 @@ class Studio:
         Address of the page; empty while it is not served.
     """
 
-    def __init__(self, design: Design, port: int = 0) -> None:
+    def __init__(self, draft: Draft, port: int = 0) -> None:
         require("port", port, 0, 65535, whole=True)
-        self.url, self._port, self._first = "", port, design
+        self.url, self._port, self._first = "", port, draft
         self._pages: list[Any] = []  # of all open tabs
         self._last: Any = None  # the page that was opened last
 
     @property
     def layout(self) -> Layout:
         """Layout of the tab that was opened last; before any, the first one."""
-        return (self._last.design if self._last else self._first).layout
+        return (self._last.draft if self._last else self._first).layout
 
     def serve(self, callback: Callable[[str], object], *, until_closed: bool = True) -> None:
         """Serve the page until Ctrl-C or, with `until_closed`, until the last tab is closed.
@@ -94,22 +94,22 @@ class Studio:
             self.url = ""
 
     def _new_tab(self, after_last: Callable[[], None]) -> Any:
-        """Return the page of a new tab, with the design in its link or else the first one."""
+        """Return the page of a new tab, with the draft in its link or else the first one."""
         import panel as pn
 
         from optimize.interactive.page import Page
 
-        design, message, arguments = self._first, "", pn.state.session_args or {}
+        draft, message, arguments = self._first, "", pn.state.session_args or {}
         try:
             if link := arguments.get(KEY):
-                design = read_link(link[0].decode())
+                draft = read_link(link[0].decode())
             elif name := arguments.get("scene", [b""])[0].decode():
                 require_choice("scene", name, scene_names())  # never a path
-                design = Design.uniform(load_scene(name))
+                draft = Draft.uniform(load_scene(name))
         except ValueError as error:
             message = str(error)
         document: Any = pn.state.curdoc
-        page = Page(design, document.add_next_tick_callback)
+        page = Page(draft, document.add_next_tick_callback)
         page.notify(message, "error")
 
         def end(_: object) -> None:
@@ -175,4 +175,4 @@ def studio(source: str | Path | Scene | Layout = "course", port: int = 0) -> Stu
     40
     """
     require_extra("the studio", "studio", "panel")
-    return Studio(open_design(source), port)
+    return Studio(open_draft(source), port)

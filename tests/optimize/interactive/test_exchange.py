@@ -1,4 +1,4 @@
-"""Designs as files and links: exports have the same score, and invalid files are rejected."""
+"""Drafts as files and links: exports have the same score, and invalid files are rejected."""
 
 import base64
 import json
@@ -11,47 +11,47 @@ import pytest
 
 import domino_env as de
 from optimize.interactive import exchange
-from optimize.interactive.design import SPACING, Design
+from optimize.interactive.draft import SPACING, Draft
 
 SPRINT = de.load_scene("sprint")
 
 
 @pytest.fixture
-def design() -> Design:
-    return Design.uniform(SPRINT).with_size(SPACING, 3, 0.0123456789)
+def draft() -> Draft:
+    return Draft.uniform(SPRINT).with_size(SPACING, 3, 0.0123456789)
 
 
 @pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
 def test_files_and_links_restore_the_same_design(name: str) -> None:
-    design = Design.uniform(de.load_scene(name))
+    draft = Draft.uniform(de.load_scene(name))
     files = {
-        f"row.{name}": exchange.make_file(design, name).read()
+        f"row.{name}": exchange.make_file(draft, name).read()
         for name in ("scene.toml", "layout.csv")
     }
     other = exchange.read_files(files, SPRINT)
-    link = exchange.make_link(design)
+    link = exchange.make_link(draft)
     linked = exchange.read_link(parse_qs(link[1:])["design"][0])
-    expected = design.scene, design.layout, design.score
-    for found in (other, linked, exchange.open_design(f"http://localhost:1/{link}")):
+    expected = draft.scene, draft.layout, draft.score
+    for found in (other, linked, exchange.open_draft(f"http://localhost:1/{link}")):
         assert (found.scene, found.layout, found.score) == expected
 
 
-def test_reports_and_templates_are_exported(design: Design) -> None:
-    assert exchange.make_file(design, "template.pdf").read().startswith(b"%PDF")
-    page = exchange.make_file(design, "report.html").read().decode()
+def test_reports_and_templates_are_exported(draft: Draft) -> None:
+    assert exchange.make_file(draft, "template.pdf").read().startswith(b"%PDF")
+    page = exchange.make_file(draft, "report.html").read().decode()
     assert '"uniform baseline"' in page
-    assert f"{design.score:.6f} m/s" in page
+    assert f"{draft.score:.6f} m/s" in page
 
 
-def test_a_layout_is_opened_with_its_scene_or_one_that_fits(design: Design, tmp_path: Path) -> None:
+def test_a_layout_is_opened_with_its_scene_or_one_that_fits(draft: Draft, tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir()
-    design.layout.to_csv(run / "layout.csv")
-    alone = exchange.open_design(run)
-    assert (alone.layout, alone.scene.name) == (design.layout, "own")
+    draft.layout.to_csv(run / "layout.csv")
+    alone = exchange.open_draft(run)
+    assert (alone.layout, alone.scene.name) == (draft.layout, "own")
     (run / "scene.toml").write_text(SPRINT.to_toml())
     for source in (run, run / "layout.csv"):
-        assert exchange.open_design(source).scene == SPRINT
+        assert exchange.open_draft(source).scene == SPRINT
     wide = de.Layout(np.linspace(0.001, 0.045, 11), 0.008)
     wide.to_csv(tmp_path / "wide.csv")
     received = exchange.read_files({"wide.csv": (tmp_path / "wide.csv").read_bytes()}, SPRINT)
@@ -60,7 +60,7 @@ def test_a_layout_is_opened_with_its_scene_or_one_that_fits(design: Design, tmp_
     hills = exchange.read_files({"hills.toml": de.load_scene("hills").to_toml().encode()}, SPRINT)
     assert hills.scene.name == "hills"
     with pytest.raises(ValueError, match=r"allows 0\.04 m"):
-        exchange.open_design(de.Layout([0.02], 0.008, [0.04, 0.05]))
+        exchange.open_draft(de.Layout([0.02], 0.008, [0.04, 0.05]))
 
 
 WRONG = {
@@ -77,7 +77,7 @@ def test_an_invalid_file_has_the_message_of_the_command_line(name: str, tmp_path
     path = tmp_path / name
     path.write_bytes(WRONG[name])
     with pytest.raises(ValueError, match=name) as expected:
-        exchange.open_design(path)
+        exchange.open_draft(path)
     with pytest.raises(ValueError, match=name) as error:
         exchange.read_files({name: WRONG[name]}, SPRINT)
     ours, theirs = (str(e.value).replace(f"{tmp_path}/", "") for e in (error, expected))
@@ -106,5 +106,5 @@ def packed(data: bytes) -> str:
     packed(json.dumps(["count = 3", "spacing"]).encode()),
 ])  # fmt: skip
 def test_a_damaged_link_is_rejected(text: str) -> None:
-    with pytest.raises(ValueError, match="the design in the link: "):
+    with pytest.raises(ValueError, match="the row in the link: "):
         exchange.read_link(text)

@@ -1,4 +1,4 @@
-"""The page: the story of a design in a real browser where there is one, with one server."""
+"""The page: the story of a draft in a real browser where there is one, with one server."""
 
 import signal
 import threading
@@ -16,8 +16,8 @@ import domino_env as de
 from optimize import Studio, studio
 from optimize.experiments.best_known import best_known
 from optimize.interactive import server
-from optimize.interactive.design import Design
-from optimize.interactive.exchange import make_link, open_design
+from optimize.interactive.draft import Draft
+from optimize.interactive.exchange import make_link, open_draft
 
 page = pytest.importorskip("optimize.interactive.page", reason="needs the extra 'studio'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Panel's and Bokeh's own
@@ -64,14 +64,14 @@ AudioContext.prototype.createBufferSource = function() { nodes++; return make.ca
 )
 def test_the_value_of_a_control_gives_the_same_scene(name: str) -> None:
     scene = de.load_scene(name)
-    design = Design(scene, best_known()[name].layout)
+    draft = Draft(scene, best_known()[name].layout)
     shown = {label: c for label, c in CONTROLS.items() if c.read(scene) is not None}
     assert ("Placement noise [mm]" in shown) == (name == "jitter")
     assert ("Gaps of the run-out [mm]" in shown) == (name == "relay")
     assert ("Slope [°], positive downhill" in shown) == (name != "hills")
     assert ("Smallest gap [mm]" in shown) == (name != "magnify")  # in heights of a domino
     for control in shown.values():
-        changed = control.change(design, control.read(scene)).scene
+        changed = control.change(draft, control.read(scene)).scene
         assert changed.replace(name=name, title=scene.title) == scene, control.label
 
 
@@ -111,15 +111,15 @@ class Tab:
     @property
     def layout(self) -> de.Layout:
         """The layout in the address of the page."""
-        return open_design(self.window.current_url).layout
+        return open_draft(self.window.current_url).layout
 
     @property
     def settled(self) -> bool:
-        """True if the result is complete, and that of the design in the address."""
+        """True if the result is complete, and that of the draft in the address."""
         if "design=" not in self.window.current_url:
             return False
-        design = open_design(self.window.current_url)
-        return f"{design.score:.3f} m/s" in self.result and "the best equal gaps" in self.result
+        draft = open_draft(self.window.current_url)
+        return f"{draft.score:.3f} m/s" in self.result and "the best equal gaps" in self.result
 
     def click(self, name: str) -> None:
         """Click a link, a button that is enabled or the title of a card, once it is there."""
@@ -268,7 +268,7 @@ def test_a_race_a_saved_file_and_a_wrong_one(
     for label, name in (("Layout (CSV)", "layout.csv"), ("Scene (TOML)", "scene.toml")):
         tab.click(label)
         tab.wait(lambda name=name: (tmp_path / name).exists())
-    score = open_design(tab.window.current_url).score
+    score = open_draft(tab.window.current_url).score
     assert f"score {score:.6f} m/s on 'sprint'" in output_of("simulate", tmp_path / "layout.csv")
     path, layout = tmp_path / "wrong.csv", tab.layout
     path.write_text("spacing_mm,thickness_mm\n18,5,7.5\n,7.5\n")
@@ -302,8 +302,8 @@ def test_settings_change_the_scene_and_keep_the_best_equal_gaps(tab: Tab, served
 
 def test_a_stopped_row_is_repaired_and_checked(tab: Tab, served: Studio) -> None:
     wide = SPRINT.replace(spacing=(0.002, 0.06), count=20)
-    design = Design.uniform(wide).with_size("spacing", 10, 0.055)
-    tab.window.get(served.url + make_link(design))
+    draft = Draft.uniform(wide).with_size("spacing", 10, 0.055)
+    tab.window.get(served.url + make_link(draft))
     tab.wait(lambda: "stops at domino 10" in tab.result)
     tab.click("Repair the gap where it stops")
     tab.wait(lambda: "m/s" in tab.result)
@@ -313,8 +313,8 @@ def test_a_stopped_row_is_repaired_and_checked(tab: Tab, served: Studio) -> None
 
 
 def test_a_row_on_a_floor_is_scored_there(tab: Tab, served: Studio) -> None:
-    design = Design.uniform(SPRINT.replace(count=6, floor_friction=0.4))
-    tab.open(served.url + make_link(design))
+    draft = Draft.uniform(SPRINT.replace(count=6, floor_friction=0.4))
+    tab.open(served.url + make_link(draft))
 
 
 @pytest.mark.usefixtures("phone")
@@ -360,16 +360,16 @@ def test_a_notebook_shows_the_page_in_a_frame() -> None:
 
 
 def test_a_rejected_value_keeps_the_last_accepted_one() -> None:
-    made = page.Page(Design.uniform(SPRINT), lambda _: None)
+    made = page.Page(Draft.uniform(SPRINT), lambda _: None)
     try:
         slope = CONTROLS["Slope [°], positive downhill"]
         made._call(made._edit, slope.change, 5.0)
         made._call(made._edit, slope.change, 14.0)
         assert "tips over by itself" in made.message.object
-        assert made.design.scene.ground == de.Ground(slope=5.0)
+        assert made.draft.scene.ground == de.Ground(slope=5.0)
         assert made.controls[slope].value == 5.0
         made._call(made._edit, slope.change, 0.0)
         assert made.message.object.endswith("></p>")
-        assert made.design.scene.ground is None
+        assert made.draft.scene.ground is None
     finally:
         made.close()

@@ -1,4 +1,4 @@
-"""Designs: a scene and one of its layouts, from which other designs are made within its rules."""
+"""Drafts: a scene and one of its layouts, from which other drafts are made within its rules."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ EQUAL = 1e-6  # relative range of values that count as equal
 
 
 @dataclass(frozen=True)
-class Design:
+class Draft:
     """A scene and a layout that satisfies its rules.
 
     Parameters
@@ -64,7 +64,7 @@ class Design:
             raise ValueError(message)
 
     @classmethod
-    def uniform(cls, scene: Scene) -> Design:
+    def uniform(cls, scene: Scene) -> Draft:
         """Return the best uniform layout on fixed pivots, or one found in less than a second.
 
         That has a gap to 1 µm in long rows, and ignores placement noise unless the scene ships.
@@ -79,8 +79,8 @@ class Design:
         return cls(scene, space.layout(space.project(space.design(layout)[None])[0]))
 
     @classmethod
-    def nearest(cls, scene: Scene, curves: Floats) -> Design:
-        """Return the design of the feasible values that are nearest to some (K, N-1)."""
+    def nearest(cls, scene: Scene, curves: Floats) -> Draft:
+        """Return the draft of the feasible values that are nearest to some (K, N-1)."""
         space = _problem(scene)
         design = (curves.ravel() - space.low) / (space.high - space.low)
         return cls(scene, space.layout(space.project(design[None])[0]))
@@ -108,12 +108,12 @@ class Design:
         # margins are nan from the first domino on that does not lead
         return int(np.isfinite(self.wave.stall_margin).sum()) - 1
 
-    # other designs ------------------------------------------------------------------------------
+    # other drafts -------------------------------------------------------------------------------
 
     def with_size(
         self, quantity: str, index: int, value: float, others: Sequence[int] | None = None
-    ) -> Design:
-        """Return the design with another gap or thickness, as far as the rules allow.
+    ) -> Draft:
+        """Return the draft with another gap or thickness, as far as the rules allow.
 
         Then the layout is projected to the rules.
 
@@ -152,10 +152,10 @@ class Design:
             difference, values[k] = difference - (new_value - values[k]), new_value
         if others:
             values[entry] += difference  # for which the others have no room
-        return Design.nearest(scene, values / units)
+        return Draft.nearest(scene, values / units)
 
-    def with_shift(self, index: int, shift: float, following: bool = False) -> Design:
-        """Return the design with a domino 1 … N-1 moved along the floor, as the rules allow.
+    def with_shift(self, index: int, shift: float, following: bool = False) -> Draft:
+        """Return the draft with a domino 1 … N-1 moved along the floor, as the rules allow.
 
         Parameters
         ----------
@@ -176,17 +176,17 @@ class Design:
         is_last = following or index == self.scene.count - 1
         return self.with_size(SPACING, index - 1, gap, None if is_last else [index])
 
-    def with_domino(self, gap: int) -> Design:
-        """Return the design with one more domino, in the middle of a gap 0 … N-2."""
+    def with_domino(self, gap: int) -> Draft:
+        """Return the draft with one more domino, in the middle of a gap 0 … N-2."""
         require("gap", gap, 0, self.scene.count - 2, whole=True)
         curves = np.insert(self._curves, gap, self._curves[:, gap], axis=1)
         if self.scene.free_spacing:
             rest = self.layout.spacing[gap] - self.layout.thickness[gap + 1]
             curves[0, gap : gap + 2] = 0.5 * rest / self._units[0, gap]
-        return Design.nearest(self.scene.replace(count=self.scene.count + 1, **NAMED), curves)
+        return Draft.nearest(self.scene.replace(count=self.scene.count + 1, **NAMED), curves)
 
-    def without_domino(self, index: int) -> Design:
-        """Return the design without one of the dominoes 1 … N-1."""
+    def without_domino(self, index: int) -> Draft:
+        """Return the draft without one of the dominoes 1 … N-1."""
         last = self.scene.count - 1
         require("index", index, 1, last, whole=True)
         curves = self._curves
@@ -194,25 +194,25 @@ class Design:
             rest = self.layout.thickness[index] / self._units[0, index - 1]
             curves[0, index] += curves[0, index - 1] + rest
         scene = self.scene.replace(count=last, **NAMED)
-        return Design.nearest(scene, np.delete(curves, index - 1, axis=1))
+        return Draft.nearest(scene, np.delete(curves, index - 1, axis=1))
 
-    def repaired(self) -> Design:
-        """Return the design with the best equal gap where the wave stops."""
+    def repaired(self) -> Draft:
+        """Return the draft with the best equal gap where the wave stops."""
         assert self.stop is not None
         gap = min(self.stop, self.scene.count - 2)
-        return self.with_size(SPACING, gap, Design.uniform(self.scene).layout.spacing[gap])
+        return self.with_size(SPACING, gap, Draft.uniform(self.scene).layout.spacing[gap])
 
-    def with_scene(self, scene: Scene) -> Design:
-        """Return a design of another scene with the same free quantities.
+    def with_scene(self, scene: Scene) -> Draft:
+        """Return a draft of another scene with the same free quantities.
 
         Equal gaps become the best equal gaps of that scene. Others are interpolated along the
         chain if the count changes.
         """
         curves = self._curves
         if (np.ptp(curves, axis=1) <= EQUAL * curves.max(axis=1)).all():
-            return Design.uniform(scene)
+            return Draft.uniform(scene)
         before, after = (np.linspace(0.0, 1.0, n) for n in (curves.shape[1], scene.count - 1))
-        return Design.nearest(scene, np.array([np.interp(after, before, c) for c in curves]))
+        return Draft.nearest(scene, np.array([np.interp(after, before, c) for c in curves]))
 
     @property
     def _curves(self) -> Floats:
@@ -284,11 +284,11 @@ def _problem(scene: Scene) -> Problem:
 
 
 @lru_cache(8)
-def known_best(scene: Scene) -> Design | None:
+def known_best(scene: Scene) -> Draft | None:
     """Return the best known layout of a shipped scene, with its score; None for other scenes."""
     best = best_known().get(scene.name)
     if best is None or load_scene(scene.name) != scene:
         return None
-    design = Design(scene, best.layout)
-    vars(design)["score"] = best.score
-    return design
+    draft = Draft(scene, best.layout)
+    vars(draft)["score"] = best.score
+    return draft
