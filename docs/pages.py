@@ -30,7 +30,7 @@ from domino_env.core.colours import UNIFORM
 from domino_env.core.plot_style import png
 from domino_env.core.tables import fill_tables, markdown_table
 from domino_env.core.types import Floats
-from domino_env.rigid.known import known_verification, read_verified
+from domino_env.rigid.known import known_verification, not_toppled, read_verified
 from domino_env.scenes.io.reading import schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
@@ -337,8 +337,8 @@ def floor_cell(floor: float, scene: de.Scene, record: BestKnown) -> str:
     check = next((c for c in verified.floors if c.floor == floor), None) if verified else None
     if verified is None or check is None:
         return "–"
-    if n := check.staying_up:
-        return f"{n} {'does' if n == 1 else 'do'} not topple"
+    if check.staying_up:
+        return not_toppled(check.staying_up)
     if check.error is not None and not scene.placement:
         return f"{check.error:.1f} ms"
     # a gain of the first dominoes only is another quantity

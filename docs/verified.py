@@ -25,7 +25,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, simulate
 from domino_env.rigid import known
 from domino_env.rigid.engine import engine_name, simulate_in_engine
-from domino_env.rigid.known import Check, StoredVerification
+from domino_env.rigid.known import Check, StoredVerification, not_toppled
 from domino_env.rigid.simulation import RigidWave, floor_name, simulate_standing
 from domino_env.rigid.verification import (
     FLOORS,
@@ -208,8 +208,7 @@ def known_table(verified_by_scene: dict[str, StoredVerification]) -> list[str]:
 
 def _score(check: Check) -> str:
     """Return the score, with the number of dominoes that do not topple."""
-    n = check.staying_up
-    return check.score + (f" ({n} {'does' if n == 1 else 'do'} not topple)" if n else "")
+    return check.score + (f" ({not_toppled(check.staying_up)})" if check.staying_up else "")
 
 
 def _difference(reference: Check, engine: Check | None) -> str:

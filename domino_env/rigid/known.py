@@ -120,3 +120,8 @@ def _by_digest() -> dict[str, StoredVerification]:
 def known_verification(layout: Layout, physics: Physics) -> StoredVerification | None:
     """Return the stored verification of a layout with its physics; None if there is none."""
     return _by_digest().get(digest(layout, physics))
+
+
+def not_toppled(number: int) -> str:
+    """Return "1 does not topple" or "2 do not topple"."""
+    return f"{number} {'does' if number == 1 else 'do'} not topple"
