@@ -79,7 +79,8 @@ def _without_null(schema: Any) -> Any:
 
 def write_scenes() -> None:
     """Write the JSON Schema and the uniform baselines of the shipped scenes."""
-    write_text(Path(str(SCHEMA)), json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
+    schema = json.dumps(scene_schema(), indent=1, ensure_ascii=False)
+    write_text(SCENES / "shipped" / SCHEMA.name, schema + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
     baselines = {
         name: {"stamp": stamp(scene.document()), "point": best_point(scene).tolist()}

@@ -115,7 +115,7 @@ class Renderer:
             tallest = float(uniform.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
-        line = _status_line(snapshot)
+        line = status_line(snapshot)
         image = draw_strip(layout, leans, leader, self._scale, line, ground=scene.ground)
         if len(snapshot.hand):
             draw_hand(image, snapshot.hand, scene.height, self._scale)
@@ -136,7 +136,7 @@ class Renderer:
         return self.__dict__ | {"_window": None}  # a copy opens a window of its own
 
 
-def _status_line(snapshot: Snapshot) -> str:
+def status_line(snapshot: Snapshot) -> str:
     """Return a line with the time, the number of hits, and the mean speed, as far as known."""
     layout = snapshot.layout
     line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} hit"

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from domino_env.envs.rendering import _status_line
+from domino_env.envs.rendering import status_line
 from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR
 
 
@@ -36,7 +36,7 @@ def test_an_image_shows_leader_and_fallen_dominoes(scene):
     while not env.step(np.full(env.action_space.shape, -0.1, dtype=np.float32))[2]:
         pass
     assert pixels(env.render(), FALLEN_COLOUR) > pixels(frame, FALLEN_COLOUR)
-    line, count = _status_line(env.unwrapped.snapshot()), env.unwrapped.scene.count
+    line, count = status_line(env.unwrapped.snapshot()), env.unwrapped.scene.count
     assert f"{count} of {count} hit" in line
     assert "against uniform" in line
 
