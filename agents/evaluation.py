@@ -152,7 +152,7 @@ def evaluate_gains(
     ndarray
         (S,) gains over the uniform baselines; at most -1 if the wave stops.
     """
-    env = DominoChainVector(len(scenes), distribution, autoreset_mode="SameStep")
+    env = DominoChainVector(len(scenes), distribution)
     return np.array(last_infos(policy, env, "gain", options={"scene": list(scenes)}))
 
 
@@ -312,7 +312,7 @@ def evaluate_scenes(
             "policy": lambda scene: builder.design(scene).score,
             "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
-    compile_simulations(scenes[0])
+    compile_simulations(scenes[0], episodes=True)
     scorers["policy"](scenes[0])  # not timed, as the first call loads data
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}

@@ -12,9 +12,9 @@ import numpy as np
 from agents.network import Policy
 from domino_env import DominoChain, DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.types import Floats
+from domino_env.envs.spaces import check_actions
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.notebook import SceneResult
-from optimize.searching import compile_simulations
 
 SELECTION_SEEDS = range(64)  # seeds on which plans and policies are selected
 EVALUATION_SEEDS = range(10_000, 10_200)  # seeds of reported scores; no plan is fitted to them
@@ -85,7 +85,6 @@ def build(
     """
     seeds = seeds or evaluation_seeds(scene)
     scene.uniform()  # not timed
-    compile_simulations(scene, episodes=True)
     env = DominoChain(distribution or scene)
     options = None if distribution is None else {"scene": scene}
     start = time.perf_counter()
@@ -151,7 +150,7 @@ def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats
     ndarray
         (S,) scores in the unit of the scene.
     """
-    env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+    env = DominoChainVector(len(seeds), scene)
     return np.array(last_infos(policy, env, "score", seed=list(seeds)))
 
 
@@ -163,7 +162,7 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
     policy
         Function from observations (B, O) to actions (B, A).
     env
-        B environments, each of which begins its next episode in the step that ends one.
+        B environments.
     key
         Key of the value, such as "score".
     reset
@@ -178,10 +177,12 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
     values: list[Any] = [None] * env.num_envs
     running = np.ones(env.num_envs, np.bool_)
     while running.any():
-        observations, _, terminated, _, info = env.step(policy(observations))
-        for b in np.flatnonzero(terminated & running):
-            values[b] = info["final_info"][key][b]
-        running &= ~terminated
+        actions = check_actions(policy(observations), env.action_space.shape)
+        latest, _, ended, infos = env.advance(actions)  # `step` would begin other episodes
+        for b, value in zip(np.flatnonzero(ended), infos.get(key, ()), strict=True):
+            values[b] = value
+        observations[running] = latest[running]
+        running &= ~ended
     return values
 
 

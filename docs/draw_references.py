@@ -174,7 +174,7 @@ def _improved(
 
 def _layouts_of(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
     """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
-    env = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+    env = DominoChainVector(len(seeds), scene)
     layouts = last_infos(policy, env, "layout", seed=list(seeds))
     spacing = np.array([layout.spacing for layout in layouts])
     return spacing, np.array([layout.thickness[1:] for layout in layouts])

@@ -385,7 +385,7 @@ def return_table() -> list[str]:
             if spread == 0.0 and len(evaluation_seeds(scene)) == 1:
                 seeds = range(1)
             act = partial(_random_actions, rng, spread, size)
-            vector = DominoChainVector(len(seeds), scene, autoreset_mode="SameStep")
+            vector = DominoChainVector(len(seeds), scene)
             mean_gains.append(np.mean(last_infos(act, vector, "gain", seed=[*seeds])))
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
         digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
