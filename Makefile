@@ -58,7 +58,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 
 # The simulator is compiled meanwhile.
 $(VENV)/.dev: $(VENV)/.core
-	$(BIN)/python -m benchmarks first-calls >/dev/null 2>&1 & \
+	$(BIN)/python -m benchmarks compilation >/dev/null 2>&1 & \
 	$(PIP) --no-build-isolation --group dev \
 		-e '.[rl,render,verify,dist,parquet,minari,studio]' && wait
 	@touch $@

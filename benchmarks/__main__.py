@@ -26,6 +26,7 @@ import numpy as np
 from numba.core import event
 
 import domino_env as de
+from domino_env.kernels.jit.interpreted import compiled
 from domino_env.physics.wave import MIN_RTOL
 from domino_env.rigid.simulation import largest_difference
 
@@ -270,11 +271,13 @@ def main() -> None:
         print(json.dumps(seconds))
         return
     if sys.argv[1:] == ["compilation"]:
-        print(*compilation_table(), sep="\n")
+        with compiled():
+            print(*compilation_table(), sep="\n")
         return
     print(f"{'':68}{'µs per unit':>14}   remark")
-    for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
-        print(line, flush=True)
+    with compiled():
+        for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
+            print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = (
             json.loads(output_of_new_process("first-calls", cache)) for _ in range(2)

@@ -18,6 +18,7 @@ from domino_env.core.checks import as_path, require
 from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.core.types import Floats
+from domino_env.kernels.jit.interpreted import compiled
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
@@ -39,6 +40,7 @@ NO_SUCCESS = "no layout succeeds: push harder, or allow other gaps, thicknesses 
 # line of progress on a terminal, and elsewhere
 BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"
+SHORT = 4_000  # dominoes of a search with a budget that takes less time than a compilation before
 BASELINE_SHARE = 0.5  # fraction of the seconds of a search for the uniform baseline on a floor
 
 
@@ -164,7 +166,8 @@ def search(
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(folder / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
-        compile_simulations(scene, gradients=True)
+        if seconds is not None or budget is None or budget * problem.dominoes > SHORT:
+            compile_simulations(scene, gradients=True)
         start = clock()
         scene = with_baseline(scene, seconds)
         if scene is not problem.scene:  # with a baseline that was searched on a floor
@@ -278,15 +281,16 @@ def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool
         scene = scene.on_pivots
     layouts = uniform_layouts(scene)
     gaps, thickness, height = layouts.sizes_at(0.5 * (layouts.low + layouts.high)[None])
-    scene.evaluate(scene.batch(gaps, thickness, height))
-    if gradients:
-        scene.evaluate(scene.batch(gaps, thickness, height, rtol=GRADIENT_RTOL), gradient=True)
-    if episodes:
-        from domino_env import DominoChain
+    with compiled():
+        scene.evaluate(scene.batch(gaps, thickness, height))
+        if gradients:
+            scene.evaluate(scene.batch(gaps, thickness, height, rtol=GRADIENT_RTOL), gradient=True)
+        if episodes:
+            from domino_env import DominoChain
 
-        env = DominoChain(scene)
-        env.reset()
-        env.step(np.zeros(env.action_space.shape, np.float32))
+            env = DominoChain(scene)
+            env.reset()
+            env.step(np.zeros(env.action_space.shape, np.float32))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import settings
 
 from domino_env.cli.main import main
+from domino_env.kernels.jit.interpreted import compiled
 
 # No deadlines: how long an example takes says something about the machine, not about the program.
 # The same examples every time; HYPOTHESIS_PROFILE=search looks for new ones.
@@ -23,6 +24,13 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "domino"))
 # started in the background of a shell, tests would pass on to programs that Ctrl-C is ignored
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compile_kernels() -> Iterator[None]:
+    """Compile kernels at their first calls: tests call them more often than a first user does."""
+    with compiled():
+        yield
 
 
 @pytest.fixture(scope="session")

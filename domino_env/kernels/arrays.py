@@ -115,6 +115,13 @@ class Shape(NamedTuple):
     uneven: bool
 
 
+@always_inline
+def set_zero(values):
+    """Set the numbers of an array to 0."""
+    for i in range(len(values)):
+        values[i] = 0.0
+
+
 # --- The state of a chain between two falls -------------------------------------------------------
 class Setting(NamedTuple):
     """Physics and tolerance of a simulation, which all kernels pass on together.

@@ -9,6 +9,7 @@ physics/0401018).
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numba
@@ -18,11 +19,17 @@ from numba.core import types
 from domino_env.kernels import arrays
 from domino_env.kernels.arrays import Shape, flush_rate_of, is_uneven, rise_of, turn_s_of, turn_v_of
 from domino_env.kernels.jit import always_inline, internal, leaf
+from domino_env.kernels.jit.interpreted import with_counterpart
 
 NEVER = 3.0  # in place of a value of 1 - cos θ, which is at most 2
 _FLAT, _UNEVEN = map(numba.from_dtype, (arrays.CONTACT, arrays.UNEVEN_CONTACT))
 
 
+def _contact_dtype(tilt):
+    return arrays.CONTACT if tilt is None else arrays.UNEVEN_CONTACT
+
+
+@partial(with_counterpart, counterpart=_contact_dtype)
 @numba.extending.intrinsic
 def _contact_type(_, tilt):
     """Return the record type of the contacts of a layout, by the type of its tilt."""
@@ -117,7 +124,8 @@ def _place_contact_on_ground(contact, layout, tilt, j, ahead):
     contact.rise_l = e
     contact.turn = tilt[j] - tilt[ahead]
     contact.turn_s = math.sin(contact.turn)
-    contact.turn_v = 2.0 * math.sin(0.5 * contact.turn) ** 2
+    half = math.sin(0.5 * contact.turn)
+    contact.turn_v = 2.0 * half * half
     contact.flush_rate = 0.0
     if e != 0.0:
         contact.v_flush = first_lean(p, e, contact.s_l)

@@ -110,9 +110,8 @@ def arm_behind(contact, s, v, mu):
         lost = contact.p_l * v + e * s
         sd = contact.s_l - lost
         return math.sqrt(max((1.0 + sd) * (contact.rest + lost), arrays.TINY)) + mu * sd
-    return math.sqrt(
-        contact.s_l**2 + 2.0 * contact.p_l * contact.d_l * v + e * (e + 2.0 * contact.d_l * s)
-    )
+    s_l, d_l = contact.s_l, contact.d_l
+    return math.sqrt(s_l * s_l + 2.0 * contact.p_l * d_l * v + e * (e + 2.0 * d_l * s))
 
 
 @internal

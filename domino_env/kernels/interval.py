@@ -171,9 +171,8 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, arrays.TINY))))
     if k == 3 and mismatch > SHARP:
         # the coefficients of a small narrow peak decay slowly from a low level: use their decay
-        node_error = max(
-            node_error, t * min(mismatch / max(high, top, arrays.TINY), 1.0) ** (ORDERS[k] // 2)
-        )
+        decay = min(mismatch / max(high, top, arrays.TINY), 1.0)
+        node_error = max(node_error, t * quadrature.power(decay, ORDERS[k] // 2))
     t_error = 2.0 * mismatch * (node_error + map_error * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return UNRESOLVED
@@ -199,7 +198,7 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         # with a slow decay the first coefficients that the Gauss rule integrates wrongly are hardly
         # smaller than the last two
         decay = mismatch / (mismatch + max(high, top))
-        t_error = max(t_error, t * min(max(high, top) * decay ** ORDERS[k], tol))
+        t_error = max(t_error, t * min(max(high, top) * quadrature.power(decay, ORDERS[k]), tol))
     noise = U_ROUNDING * arrays.EPS * size + state.noise
     neglected = tail * u0
     state.time_error += h * (sens * (state.u_error + local + neglected + noise) + t_error)

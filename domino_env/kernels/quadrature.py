@@ -66,6 +66,18 @@ def series(lanes, values, k):
 
 
 @internal
+def power(x, n):
+    """Return x to the power of n; the result of `**` differs between Python and machine code."""
+    result = 1.0
+    while n != 0:
+        if n & 1:
+            result *= x
+        n >>= 1
+        x *= x
+    return result
+
+
+@internal
 def series_at(lanes, count, x):
     """Return the value and two derivatives of the polynomial in COEF at x."""
     z = 2.0 * x - 1.0

@@ -106,7 +106,7 @@ def tilt_back(layout, ring, param_bars, bar, tilt):
     if tilt is None:
         return
     count = len(tilt)
-    bar.tilt[:] = 0.0
+    arrays.set_zero(bar.tilt)
     for i in range(count):
         tan_phi, domino = layout.thickness[i] / layout.height[i], ring[i]
         s, c = math.sin(tilt[i]), math.cos(tilt[i])
@@ -134,8 +134,8 @@ def layout_back(layout, ring, param_bars, bar):
     """Convert the bars of contacts and dominoes to those of the layout."""
     tilt_back(layout, ring, param_bars, bar, layout.tilt)
     count = len(layout.thickness)
-    bar.thickness[:] = 0.0
-    bar.height[:] = 0.0
+    arrays.set_zero(bar.thickness)
+    arrays.set_zero(bar.height)
     for i in range(count):
         length, d, rho = layout.height[i], layout.thickness[i], layout.density[i]
         inertia_bar, half_bar = param_bars[i, PARAM_INERTIA], param_bars[i, PARAM_HALF]
@@ -206,9 +206,11 @@ def chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bar):
 @internal
 def clear(bar, tilt):
     """Set all bars of a layout to 0."""
-    bar.spacing[:] = bar.thickness[:] = bar.height[:] = bar.density[:] = 0.0
+    for values in (bar.spacing, bar.thickness, bar.height, bar.density):
+        arrays.set_zero(values)
     if tilt is not None:
-        bar.rise[:] = tilt[:] = 0.0
+        arrays.set_zero(bar.rise)
+        arrays.set_zero(tilt)
 
 
 @entry_point

@@ -297,7 +297,7 @@ def flush_back(reverse, event, u_bar):
         s, v, w, jac = above[SIN], above[VER], above[WGT], above[JAC]
         o_bar, r_bar = jac_bar * jac, w_bar * w
         o_new = 0.0 if contact.kind == FLUSHING else o_bar
-        sums[:] = 0.0
+        arrays.set_zero(sums)
         s_bar, v_bar, shape_bar, mu_bar, omega, _, ratio = contact_back_at(
             contact, s, v, mu, s_bar, v_bar, o_new, 0.0, r_bar
         )

@@ -33,7 +33,7 @@ def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
     if x_low >= 0.0:  # else time was not integrated in panels
         quadrature.series(lanes, SPEED2, k)
         moments = bars[B_MU : B_MU + arrays.STRIDE]
-        moments[:] = 0.0
+        arrays.set_zero(moments)
         time, _ = quadrature.slow_time(lanes, count, x_low, moments)
         for j in range(count):
             f = 0.0

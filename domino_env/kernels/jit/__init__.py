@@ -41,12 +41,14 @@ The compilation depends on parts of Numba that are not public (`internals`).  If
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numba
 from numba.core import types
 
 from domino_env.core.progress import advise
+from domino_env.kernels.jit.interpreted import check_deadline, with_counterpart
 from domino_env.kernels.jit.plain import compile_plainly
 from domino_env.kernels.jit.waiting import announce
 
@@ -126,6 +128,12 @@ def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
     return dispatcher
 
 
+def _borrow_in_python(value: Any) -> Any:
+    check_deadline()  # here, as every fall borrows its arrays
+    return value
+
+
+@partial(with_counterpart, counterpart=_borrow_in_python)
 @numba.extending.intrinsic
 def borrow(_: Any, value: Any) -> Any:
     """Return an array or tuple of arrays without reference counts; the owners must outlive it.
@@ -174,7 +182,7 @@ def optional_field(name: str) -> Any:
 
         return types.float64(record), read
 
-    return field
+    return with_counterpart(field, lambda record: getattr(record, name, 0.0))
 
 
 def has_field(name: str) -> Any:
@@ -187,11 +195,12 @@ def has_field(name: str) -> Any:
 
         return types.boolean(record), read
 
-    return has
+    return with_counterpart(has, lambda record: hasattr(record, name))
 
 
 def select(array: Any, index: Any) -> Any:
-    """Return array[index] in compiled code; None if the array is None."""
+    """Return array[index]; None if the array is None."""
+    return None if array is None else array[index]
 
 
 @numba.extending.overload(select, strict=False)

@@ -19,6 +19,7 @@ import numba
 from numba.core import caching, codegen, compiler, types
 
 from domino_env.core.progress import Advice
+from domino_env.kernels.jit import interpreted
 from domino_env.kernels.jit.plain import STAMP
 from domino_env.kernels.jit.waiting import take_turn
 
@@ -114,8 +115,10 @@ class _Cache(caching.FunctionCache):
             result = None
             with contextlib.suppress(OSError):
                 self.flush()
-        if result is None and take_turn(self.cache_path):  # another process may have compiled it
-            return self.load_overload(sig, target_context)
+        if result is None:
+            interpreted.end_search()
+            if take_turn(self.cache_path):  # another process may have compiled it
+                return self.load_overload(sig, target_context)
         return result
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -269,7 +272,9 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
     dispatcher.get_call_template = lambda arguments, names: template(
         tuple(types.unliteral(argument) for argument in arguments), tuple(names.items())
     )
-    if library is not EntryPoint:
+    if library is EntryPoint:
+        interpreted.postpone_compilation(dispatcher)
+    else:
         _forbid_python(dispatcher)
     if library is NoInline:
         register_noinline(dispatcher)

@@ -261,7 +261,7 @@ def place_vjp(first, last, batch, actions, bars, action_bars):
         pairs, kinds = len(layout.spacing), view.box.shape[1]
         for n in range(pairs):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
-        later_bars[:] = 0.0
+        later_bars[0] = later_bars[1] = 0.0
         for n in range(pairs - 1, -1, -1):
             taken, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
             action.decode_back(

@@ -33,9 +33,12 @@ def nested(values):
 """
 CALL = """
 import json
+from domino_env.kernels.jit.interpreted import compiled
 from domino_env.kernels.probe import direct, nested
+with compiled():
+    values = [*direct(None), *nested(None)]
 result = {
-    "values": [*direct(None), *nested(None)],
+    "values": values,
     "hits": [sum(entry.stats.cache_hits.values()) for entry in (direct, nested)],
 }
 print(json.dumps(result))
@@ -128,6 +131,7 @@ if sys.argv[1] == "plain":
 from domino_env.kernels import arrays, contact, jit
 from domino_env.kernels.adjoint import contact as backwards
 from domino_env.kernels.contact import contact_at, shape_of, sin_versine
+from domino_env.kernels.jit.interpreted import compiled
 
 @jit.entry_point
 def walk(row, mu, result):
@@ -145,7 +149,8 @@ def walk(row, mu, result):
 
 result = np.zeros((5, 7))
 row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
-walk(arrays.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
+with compiled():
+    walk(arrays.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
 print(json.dumps([result.tolist(), jit._FAST is not None]))
 """
 
@@ -161,6 +166,36 @@ def test_plain_compilation_gives_the_same_results():
     np.testing.assert_allclose(results["plain"], results["fast"], rtol=1e-12)
 
 
+FIRST_CALLS = """
+import json, sys
+import numpy as np
+from domino_env.kernels.jit import borrow, entry_point, interpreted
+
+@entry_point
+def count_inverse(x, result):
+    result[0] += 1.0
+    borrow(result)
+    result[1] = 1.0 / x
+
+x, more, interpreted.PATIENCE = map(float, sys.argv[1:])
+result = np.zeros(2 + int(more))
+count_inverse(x, result)
+count_inverse(x, result)
+print(json.dumps([*result[:2], len(count_inverse.signatures)]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("x", "more_numbers", "patience", "compiled"),
+    [(4.0, 0, 100.0, 0), (0.0, 0, 100.0, 1), (4.0, 10_000, 100.0, 1), (4.0, 0, 1e-9, 1)],
+    ids=["short", "error in Python", "large arrays", "no time"],
+)
+def test_python_runs_short_calls(tmp_path, x, more_numbers, patience, compiled):
+    given = map(str, (x, more_numbers, patience))
+    output, _ = start(FIRST_CALLS, *given, NUMBA_CACHE_DIR=str(tmp_path)).communicate()
+    assert json.loads(output) == [2.0, 1.0 / x if x else np.inf, compiled]
+
+
 def test_a_long_layout_is_diagnosed():
     # reading arrays of this size after they are freed fails
     layout = de.Layout.uniform(3000, pitch=0.016)
@@ -172,7 +207,9 @@ def test_a_long_layout_is_diagnosed():
 SIMULATE = """
 import domino_env as de
 from domino_env.kernels.chain import solve_batch
-de.simulate(de.Layout.uniform(5, pitch=0.02))
+from domino_env.kernels.jit.interpreted import compiled
+with compiled():
+    de.simulate(de.Layout.uniform(5, pitch=0.02))
 print(sum(solve_batch.stats.cache_hits.values()))
 """
 
