@@ -185,7 +185,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
         if algorithm == "td3":
             noise = {"action_noise": 0.1, "target_policy_noise": 0.05, "target_noise_clip": 0.1}
         return Hyperparameters(
-            num_envs=16, steps=30_000, last_rate=1.0,
+            num_envs=16, steps=30_000 if scene is target else 60_000, last_rate=1.0,
             reward_scale=0.1 if algorithm == "td3" else 1.0,
             options={
                 "train_freq": 1, "gradient_steps": -1, "learning_starts": 2000,

@@ -17,7 +17,7 @@ no ODE solver is needed.
     ground      dominoes placed along curved ground
     step        one step of the environments
     adjoint     derivatives of arrival times, in reverse mode
-    jit         compilation and its cache
+    jit         compilation and its cache; short calls before it
 
 Python calls only the entry points of these modules, such as `chain.solve_batch`.
 
