@@ -86,7 +86,7 @@ MEASURED = {
     # [s] simulation of forty free-standing dominoes on one core (domino simulate --floor 0.5)
     "seconds.standing.least": "0.1",
     "seconds.standing.most": "0.2",
-    # [s] first simulation on one core, with compilation (empty the cache, then domino simulate)
+    # [s] compilation before a first search on one core (empty the cache, then domino optimize)
     "seconds.compile.least": "10",
     "seconds.compile.most": "25",
     # [µs] de.simulate of forty dominoes on one core: equal ones, random layouts (timeit)
