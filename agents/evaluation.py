@@ -312,7 +312,7 @@ def evaluate_scenes(
             "policy": lambda scene: builder.design(scene).score,
             "proposal": lambda scene: builder.design(scene, steps=0).score,
         }
-    compile_simulations(scenes[0], episodes=True)
+    compile_simulations(scenes[0], gradients=True, episodes=True)
     scorers["policy"](scenes[0])  # not timed, as the first call loads data
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}

@@ -39,7 +39,8 @@ class Rollout(SceneResult):
     uniform
         The uniform baseline, with its mean score over the same seeds.
     seconds
-        Time to build the layout [s], without the simulation of the baseline.
+        Time to build the layout [s], without the simulation of the baseline; see
+        `domino_env.compiled`.
     simulations
         Number of layouts that were simulated to build it.
     """

@@ -3,6 +3,7 @@ from .envs.layout import DominoLayout as DominoLayout
 from .envs.layout import DominoLayoutVector as DominoLayoutVector
 from .envs.rendering import Snapshot as Snapshot
 from .envs.vector import DominoChainVector as DominoChainVector
+from .kernels.jit.interpreted import compiled as compiled
 from .physics.forces import Diagnosis as Diagnosis
 from .physics.forces import diagnose as diagnose
 from .physics.gradient import Gradient as Gradient

@@ -40,7 +40,7 @@ NO_SUCCESS = "no layout succeeds: push harder, or allow other gaps, thicknesses 
 # line of progress on a terminal, and elsewhere
 BAR_FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 PLAIN_FORMAT = "{desc} {percentage:.0f} %, {elapsed}{postfix}"
-SHORT = 4_000  # dominoes of a search with a budget that takes less time than a compilation before
+SHORT = 2_000  # budget times dominoes up to which a search without compilation takes less time
 BASELINE_SHARE = 0.5  # fraction of the seconds of a search for the uniform baseline on a floor
 
 
@@ -75,7 +75,8 @@ def search(
         One of `METHODS`, or your own: a function `run(evaluator, rng)`, or its name as
         "package.module:function".
     budget
-        Largest number of layouts that may be simulated; None for no limit. At the end the best
+        Largest number of layouts that may be simulated; None for no limit. With a small budget
+        nothing is compiled before the search, see `domino_env.compiled`. At the end the best
         few are simulated again at a tighter tolerance, which is not counted. On a floor only the
         free-standing simulations count, not the analytic ones that select their layouts.
     seed

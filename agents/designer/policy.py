@@ -151,7 +151,7 @@ class Designer:
             If the scene is of another kind than those of the training.
         """
         require_type("scene", scene, Scene, "a Scene, as load_scene returns")
-        compile_simulations(scene)
+        compile_simulations(scene, gradients=True)
         design = self.design(scene)
         return make_rollout(scene, design.layout, design.seconds)
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from domino_env.kernels import arrays, fall
 from domino_env.kernels.contact import contact_at, new_ring, past_flush, sin_versine, stack_terms
-from domino_env.kernels.jit import entry_point, internal
+from domino_env.kernels.jit import borrow, entry_point, internal
 from domino_env.kernels.stack import switch
 
 EULER, RK4, LOCATED = 0, 1, 2  # methods of `take_fixed_steps`; LOCATED: RK4 with located events
@@ -165,6 +165,7 @@ def take_fixed_steps(layout, ring, states, h, method, arrival_times):
     n, angle, speed, now = 0, 0.0, math.sqrt(state.u), 0.0
     end = fall.fall_angle(ring[n], fall.strikes_next(layout, n))
     while True:
+        ring = borrow(ring)  # here, so that Python does not run for too long
         a = acceleration(ring, state, n, angle, speed)
         dt = h
         if method == EULER:

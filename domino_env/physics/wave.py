@@ -229,11 +229,11 @@ class Wave(Results):
             raise ValueError(
                 f"arrival_bar[{k}] = {bar[k]}, but the wave did not reach domino {k}: leave it at 0"
             )
-        arrays, physics_bar = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)[0]
+        arrays, physics_bars = arrays_from(self.layout), np.zeros(1, PHYSICS_BAR)
         setting, bars = checked_setting(self.physics, self.rtol), _empty_bars(arrays)
         # a copy can be written, as the kernel is compiled for the tape of a batch
-        vjp(arrays, setting, self.tape.copy(), bar, bars, physics_bar)
-        derivatives: list[Any] = [*bars[:4], *physics_bar.item(), *bars[4:]]
+        vjp(arrays, setting, self.tape.copy(), bar, bars, physics_bars)
+        derivatives: list[Any] = [*bars[:4], *physics_bars[0].item(), *bars[4:]]
         return Gradient(*derivatives)
 
     def gradient(self, quantity: str = "time") -> Gradient:

@@ -21,6 +21,7 @@ from domino_env.core.colours import AMBER, BLUE, GREEN, INK, PALE, PINK, RED, SH
 from domino_env.core.plot_style import LEGEND, new_panels, style, write_png
 from domino_env.core.results import as_json
 from domino_env.core.tables import csv_table, text_table
+from domino_env.kernels.jit.interpreted import compiled
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import MIN_RTOL, Outcome, Wave, simulate
@@ -125,10 +126,12 @@ def measure(
         Error and run time of each setting, coarse to fine.
     """
     for example in examples:
-        exact = simulate(example.layout, example.physics, rtol=MIN_RTOL)
+        with compiled():
+            exact = simulate(example.layout, example.physics, rtol=MIN_RTOL)
         for solver in SOLVERS:
-            if solver != SIMULATE:  # compile it
-                integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
+            if solver != SIMULATE:
+                with compiled():
+                    integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
             growth = 2.2 if solver in FIXED else 4.0  # largest expected increase of the run time
             used = 0.0
             for setting in settings(solver, example, quick):

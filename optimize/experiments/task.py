@@ -271,7 +271,7 @@ def scene_with_baseline(
         See `optimize.search`.
     """
     scene = parse_scene(text, "scene", "scene")
-    compile_simulations(scene)
+    compile_simulations(scene, gradients=True)
     start = clock()
     scene = with_baseline(scene, seconds)
     return scene, clock() - start

@@ -214,10 +214,10 @@ def clear(bar, tilt):
 
 
 @entry_point
-def vjp(layout, setting, tape, arrival_bar, bar, physics_bar):
+def vjp(layout, setting, tape, arrival_bar, bar, physics_bars):
     """Write the derivatives of Σ arrival_bar · arrival times; see `chain_vjp`."""
     layout, tape = borrow((layout, tape))
-    chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bar)
+    chain_vjp(layout, setting, tape, arrival_bar, bar, physics_bars[0])
 
 
 @entry_point

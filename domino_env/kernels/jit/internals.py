@@ -116,7 +116,7 @@ class _Cache(caching.FunctionCache):
             with contextlib.suppress(OSError):
                 self.flush()
         if result is None:
-            interpreted.end_search()
+            interpreted.stop_if_searching()
             if take_turn(self.cache_path):  # another process may have compiled it
                 return self.load_overload(sig, target_context)
         return result

@@ -13,6 +13,8 @@ point (one that returns arrays), the entry point is compiled and called instead.
 from __future__ import annotations
 
 import contextlib
+import logging
+import math
 import sys
 import threading
 import time
@@ -28,7 +30,9 @@ MOST_NUMBERS = 5_000  # in the arrays of a call
 
 _PACKAGE = __name__.rpartition(".jit.")[0]
 _COUNTERPARTS: dict[Any, Callable[..., Any]] = {}  # Python functions, by intrinsic function
-_spent: dict[Any, float] = {}  # time in Python [s], by entry point
+_spent: dict[Any, float] = {}  # processor time of calls without machine code [s], by entry point
+_missing: set[tuple[Any, ...]] = set()  # entry points and types without machine code in the cache
+logger = logging.getLogger(__name__)
 _contexts: list[None] = []  # one entry for each open context `compiled`, of all threads
 _thread = threading.local()  # deadline of a call; `searching`: machine code is searched
 
@@ -45,7 +49,17 @@ def with_counterpart(intrinsic: Any, counterpart: Callable[..., Any]) -> Any:
 
 @contextlib.contextmanager
 def compiled() -> Iterator[None]:
-    """Open a context in which every entry point that is called is compiled."""
+    """Open a context in which every simulation is run by machine code.
+
+    Outside, Python runs short calls of a process that has no machine code yet, as compiling it
+    takes seconds. Results are the same; run times should be measured inside.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> with de.compiled():
+    ...     wave = de.simulate(de.Layout.uniform(40, pitch=0.024))
+    """
     _contexts.append(None)
     try:
         yield
@@ -59,23 +73,39 @@ def postpone_compilation(dispatcher: Any) -> None:
 
     def first_call(*arguments: Any) -> Any:
         """Return the function that Numba calls with the arguments."""
-        if _is_allowed(dispatcher, arguments):
-            _thread.searching = True
-            try:
-                return compile_for(*arguments)
-            except NotFoundError:
-                with contextlib.suppress(Exception):  # machine code raises the same, or does not
-                    result = interpret(dispatcher, arguments)
-                    return lambda *_: result
-            finally:
-                _thread.searching = False
-        return compile_for(*arguments)
+        if not _is_allowed(dispatcher, arguments):
+            return compile_for(*arguments)
+        start, spent = time.thread_time(), _spent.get(dispatcher, 0.0)
+        _thread.deadline = start + PATIENCE - spent
+        try:
+            key = dispatcher, *map(dispatcher.typeof_pyval, arguments)
+            if key not in _missing:
+                with contextlib.suppress(NotFoundError), _searching():
+                    return compile_for(*arguments)
+                _missing.add(key)
+            result = interpret(dispatcher, arguments)
+        except Exception:  # of whatever kind: machine code decides
+            logger.debug("compiling %s", dispatcher.py_func.__name__, exc_info=True)
+            return compile_for(*arguments)
+        finally:
+            _spent[dispatcher] = spent + time.thread_time() - start
+        return lambda *_: result
 
     dispatcher._compile_for_args = first_call
 
 
-def end_search() -> None:
-    """Raise NotFoundError if an entry point without machine code shall not be compiled."""
+@contextlib.contextmanager
+def _searching() -> Iterator[None]:
+    """Open a context in which machine code is searched in the cache, and nothing is compiled."""
+    _thread.searching = True
+    try:
+        yield
+    finally:
+        _thread.searching = False
+
+
+def stop_if_searching() -> None:
+    """Raise NotFoundError if machine code is only searched."""
     if getattr(_thread, "searching", False):
         raise NotFoundError
 
@@ -90,7 +120,7 @@ def _is_allowed(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
 
 def check_deadline() -> None:
     """Raise TimeoutError if Python has taken too long."""
-    if time.thread_time() > _thread.deadline:
+    if time.thread_time() > getattr(_thread, "deadline", math.inf):
         raise TimeoutError
 
 
@@ -102,23 +132,24 @@ def interpret(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
         if isinstance(value, tuple):
             parts = map(unpacked, value)
             return value._make(parts) if hasattr(value, "_make") else tuple(parts)
+        if isinstance(value, np.void):
+            raise TypeError("a record that is no array")
         if not isinstance(value, np.ndarray):
             return value
-        copies = value.copy(), _unpack(value.copy())
-        return arrays.setdefault(id(value), (value, *copies))[-1]
+        if id(value) not in arrays:
+            arrays[id(value)] = value, value.copy(), _unpack(value.copy())
+        return arrays[id(value)][-1]
 
-    start = time.thread_time()
-    _thread.deadline = start + PATIENCE - _spent.get(dispatcher, 0.0)
-    try:
-        with np.errstate(all="ignore"):
-            result = _in_python(dispatcher)(*map(unpacked, arguments))
-    finally:
-        _spent[dispatcher] = _spent.get(dispatcher, 0.0) + time.thread_time() - start
+    with np.errstate(all="ignore"):
+        result = _in_python(dispatcher)(*map(unpacked, arguments))
     if not all(isinstance(part, int | float | None) for part in _parts(result)):
         raise TypeError("the result contains an array")
-    for original, before, after in arrays.values():
-        if original.flags.writeable:
-            _write_changes(original, before, _pack(after, original.dtype))
+    changes = [
+        change for original, before, after in arrays.values() if original.flags.writeable
+        for change in _changes(original, before, _pack(after, original.dtype))
+    ]  # fmt: skip
+    for target, changed, values in changes:
+        target[changed] = values
     return result
 
 
@@ -164,22 +195,24 @@ def _pack(value: Any, dtype: Any) -> Any:
     return np.array(records(value), dtype)
 
 
-def _write_changes(original: Any, before: Any, after: Any) -> None:
-    """Write the numbers that differ from those before: other threads write the others."""
+def _changes(original: Any, before: Any, after: Any) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield array, mask and values of the numbers that have changed: threads write the others."""
     for field in original.dtype.names or (...,):
         old, new = (np.ascontiguousarray(array[field]) for array in (before, after))
         bits = f"u{new.itemsize}"
         changed = old.view(bits) != new.view(bits)
-        original[field][changed] = new[changed]
+        yield original[field], changed, new[changed]
 
 
 def _zeros(*arguments: Any) -> Any:
-    """Return zeros: of one axis as a list, which is faster; kernels write into no slice of it."""
+    """Return zeros: of one axis as a list, which is faster, but whose slices are copies."""
     array = np.zeros(*arguments)
     return array.tolist() if array.ndim == 1 and array.dtype == float else _unpack(array)
 
 
 _NUMPY = SimpleNamespace(**vars(np) | {"zeros": _zeros, "empty": _zeros})
+# that of the C library, which machine code calls; Python has its own
+_MATH = SimpleNamespace(**vars(math) | {"hypot": lambda x, y: float(np.hypot(x, y))})
 
 
 def _parts(value: Any) -> Iterator[Any]:
@@ -198,8 +231,8 @@ def _in_python(value: Any) -> Any:
     if hasattr(value, "py_func"):
         function = value.py_func
         return _namespace(function.__module__)[function.__name__]
-    if value is np:
-        return _NUMPY
+    if value is np or value is math:
+        return _NUMPY if value is np else _MATH
     if isinstance(value, np.ndarray):  # a table of constants
         if value.ndim == 1:
             return value.tolist()
