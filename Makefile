@@ -22,11 +22,12 @@ help:
 run: $(VENV)/.core
 	$(BIN)/domino optimize $(SCENE) $(OPTIMIZE_FLAGS) --out $(OUT) --resume
 
-# Files as wholes: what a file sets up once, a cluster say, is set up once. Two processes have both
-# cores: threads of linear algebra would only wait for each other.
+# Files as wholes: what a file sets up once, a cluster say, is set up once. Four processes keep two
+# cores busy, as some tests wait for a browser or another process; threads of linear algebra would
+# only wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 4 --dist loadfile
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks

@@ -55,7 +55,7 @@ def test_every_method_resumes_bitwise(bits, problems, tmp_path, method, name):
 
 
 def test_known_answers_are_not_simulated_again(bits, problems, simulated, tmp_path):
-    words = (problems["both"], "auto", 400, 1)
+    words = (problems["both"], "auto", 300, 1)
     first = search(*words, folder=tmp_path, callback=stopped_after(20))
     assert first.interrupted
     problems["both"].uniform()
