@@ -23,6 +23,7 @@ from functools import cache
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
+import numba
 import numpy as np
 
 PATIENCE = 4.0  # processor time [s] of each entry point in Python, about as long as its compilation
@@ -78,7 +79,7 @@ def postpone_compilation(dispatcher: Any) -> None:
         start, spent = time.thread_time(), _spent.get(dispatcher, 0.0)
         _thread.deadline = start + PATIENCE - spent
         try:
-            key = dispatcher, *map(dispatcher.typeof_pyval, arguments)
+            key = dispatcher, *map(numba.typeof, arguments)
             if key not in _missing:
                 with contextlib.suppress(NotFoundError), _searching():
                     return compile_for(*arguments)
