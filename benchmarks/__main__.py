@@ -26,7 +26,6 @@ import numpy as np
 from numba.core import event
 
 import domino_env as de
-from domino_env.kernels.jit.interpreted import compiled
 from domino_env.physics.wave import MIN_RTOL
 from domino_env.rigid.simulation import largest_difference
 
@@ -260,25 +259,23 @@ def compilation_table() -> Iterator[str]:
         )
 
 
+@de.compiled()
 def main() -> None:
     """Print the tables; an argument names a table of this process alone."""
     if sys.argv[1:] == ["first-calls"]:
         seconds = {}
-        with compiled():
-            for name, call in first_calls().items():
-                start = time.process_time()
-                call()
-                seconds[name] = time.process_time() - start
+        for name, call in first_calls().items():
+            start = time.process_time()
+            call()
+            seconds[name] = time.process_time() - start
         print(json.dumps(seconds))
         return
     if sys.argv[1:] == ["compilation"]:
-        with compiled():
-            print(*compilation_table(), sep="\n")
+        print(*compilation_table(), sep="\n")
         return
     print(f"{'':68}{'µs per unit':>14}   remark")
-    with compiled():
-        for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
-            print(line, flush=True)
+    for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
+        print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = (
             json.loads(output_of_new_process("first-calls", cache)) for _ in range(2)

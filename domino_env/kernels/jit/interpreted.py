@@ -30,7 +30,7 @@ PATIENCE = 4.0  # processor time [s] of each entry point in Python, about as lon
 MOST_NUMBERS = 5_000  # in the arrays of a call
 
 _PACKAGE = __name__.rpartition(".jit.")[0]
-_COUNTERPARTS: dict[Any, Callable[..., Any]] = {}  # Python functions, by intrinsic function
+_COUNTERPARTS: dict[Any, Any] = {}  # what stands for intrinsic functions and for modules
 _spent: dict[Any, float] = {}  # processor time of calls without machine code [s], by entry point
 _missing: set[tuple[Any, ...]] = set()  # entry points and types without machine code in the cache
 logger = logging.getLogger(__name__)
@@ -211,9 +211,9 @@ def _zeros(*arguments: Any) -> Any:
     return array.tolist() if array.ndim == 1 and array.dtype == float else _unpack(array)
 
 
-_NUMPY = SimpleNamespace(**vars(np) | {"zeros": _zeros, "empty": _zeros})
+_COUNTERPARTS[np] = SimpleNamespace(**vars(np) | {"zeros": _zeros, "empty": _zeros})
 # that of the C library, which machine code calls; Python has its own
-_MATH = SimpleNamespace(**vars(math) | {"hypot": lambda x, y: float(np.hypot(x, y))})
+_COUNTERPARTS[math] = SimpleNamespace(**vars(math) | {"hypot": lambda x, y: float(np.hypot(x, y))})
 
 
 def _parts(value: Any) -> Iterator[Any]:
@@ -232,8 +232,6 @@ def _in_python(value: Any) -> Any:
     if hasattr(value, "py_func"):
         function = value.py_func
         return _namespace(function.__module__)[function.__name__]
-    if value is np or value is math:
-        return _NUMPY if value is np else _MATH
     if isinstance(value, np.ndarray):  # a table of constants
         if value.ndim == 1:
             return value.tolist()
