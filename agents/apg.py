@@ -232,11 +232,10 @@ class _Placing(torch.autograd.Function):
 
 def require_smooth(scene: Scene) -> None:
     """Raise ValueError for a scene whose layouts are not a smooth function of the actions."""
-    lists = (scene.spacing_values, scene.thickness_values, scene.stock)
-    if not random_parts(scene) and any(rule is not None for rule in lists):
+    if scene.stock is not None and not random_parts(scene):
         raise ValueError(
-            f"scene '{scene.name}' has a list of values, a step or a stock: its score has no "
-            "gradient with respect to actions, which apg needs; remove them, or use ppo"
+            f"scene '{scene.name}' has a stock: its score has no gradient with respect to actions, "
+            "which apg needs; leave it out, or use ppo"
         )
 
 

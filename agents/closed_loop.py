@@ -35,7 +35,7 @@ TEMPO_PARTS = "lateness", "intervals", "gaps", "thicknesses"
 
 def random_parts(scene: Scene) -> tuple[str, ...]:
     """Return the names of the random parts of an observation that a policy uses; () for none."""
-    if scene.hand and scene.spacing_values is None:
+    if scene.hand:
         return HAND_PARTS
     return TEMPO_PARTS if scene.placement and scene.tempo is not None else ()
 

@@ -28,7 +28,7 @@ TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, 
 POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 # tables in which a number may be a range
 RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable"
-RANGE_FORMS = [{"required": ["fixed"]}, {"required": ["values"]}, {"required": ["min", "max"]}]
+RANGE_FORMS = [{"required": ["fixed"]}, {"required": ["min", "max"]}]
 # relations between the keys of a table, which its class checks
 RELATIONS: dict[str, dict[str, Any]] = {
     "SceneFile": {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]},

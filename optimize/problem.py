@@ -40,8 +40,8 @@ class Problem:
     vector has one entry for each free gap, then for each free thickness, then for each growth
     (height over that of the domino before). 0 stands for the least value and 1 for the largest. The
     layout of a design vector is the nearest one (in metres) that keeps all rules of the scene. If
-    a length, a list of values or a stock ties entries together, `coupled` is true: many design
-    vectors stand for the same layout, and `project` returns the one of these that has its values.
+    a length or a stock ties entries together, `coupled` is true: many design vectors stand for the
+    same layout, and `project` returns the one of these that has its values.
     No layout that breaks a rule is simulated.
 
     A problem has no state and no randomness: equal design vectors have bitwise equal scores. It can
@@ -65,15 +65,13 @@ class Problem:
     low, high
         (n,) least and largest values [m], in domino heights if the scene gives them so; growths are
         ratios.
-    discrete
-        True if some values come from a list or the stock, so that scores have steps.
     dominoes
         Number of dominoes that are simulated for one score.
 
     Raises
     ------
     ValueError
-        If the scene is unknown or has no free values, or if its rules contradict each other.
+        If the scene is unknown or has no free values.
 
     Examples
     --------
@@ -91,15 +89,7 @@ class Problem:
         self.scene = scene
         self._feasible = FeasibleSet(scene)
         self.low, self.high = self._feasible.low, self._feasible.high
-        try:
-            self._feasible.project(0.5 * (self.low + self.high)[None])
-        except ValueError as error:  # lists may contradict a length; other rules are always met
-            raise ValueError(
-                f"scene '{scene.name}' with its length of {scene.length:.10g} m: {error}: change "
-                "the length or a list"
-            ) from None
         self.dimension = len(self.low)
-        self.discrete = self._feasible.discrete
         self.rtol = rtol
         self.dominoes = scene.row_count * scene.scoring.cost
 
@@ -131,8 +121,8 @@ class Problem:
             True to compute a gradient by differences, with 2n simulations, where the wave stops or
             violates a limit, so that there is no exact one; otherwise that gradient is zero.
         relaxed
-            True to treat values from a list or the stock as continuous in exact gradients;
-            otherwise, and in differences, these derivatives are 0.
+            True to treat values from the stock as continuous in exact gradients; otherwise, and in
+            differences, these derivatives are 0.
         stop
             Function that returns True to stop a simulation on a floor; None to run it to its end.
 
@@ -203,11 +193,11 @@ class Problem:
     @property
     def coupled(self) -> bool:
         """True if several design vectors stand for the same layout, see `project`."""
-        return self.scene.length is not None or self.discrete
+        return self.scene.length is not None or self._feasible.stock is not None
 
     @property
     def is_continuous(self) -> Bools:
-        """(n,) True for continuous entries; the others are from a list or the stock."""
+        """(n,) True for continuous entries; the others are from the stock."""
         return ~self._feasible.is_discrete
 
     def project(self, designs: Floats) -> Floats:

@@ -25,7 +25,8 @@ from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Scores
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import UniformBaseline, best_point, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, best_point
+from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize.evaluator import TOLERANCE, BudgetSpent, Evaluator, require_options
 from optimize.journal import Journal
 from optimize.methods import registry
@@ -280,7 +281,7 @@ def compile_simulations(scene: Scene, *, gradients: bool = False, episodes: bool
     if scene.simulator.is_slow:  # a simulation of two dominoes compiles all functions
         simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics)
         scene = scene.on_pivots
-    layouts = uniform_layouts(scene)
+    layouts = UniformLayouts(scene)
     gaps, thickness, height = layouts.sizes_at(0.5 * (layouts.low + layouts.high)[None])
     with compiled():
         scene.evaluate(scene.batch(gaps, thickness, height))

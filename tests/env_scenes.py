@@ -63,10 +63,8 @@ def courses():
 def demanding():
     """Return scenes with every rule and objective beyond bounds, by name."""
     thick, gentle = short("sprint-thickness", 9), short("gentle", 6).replace(limits=None)
-    grid = tuple((np.arange(4, 81) * 0.0005).tolist())
     jitter = de.load_scene("jitter")
     return {
-        "grid": thick.replace(spacing_values=grid, thickness_values=(0.004, 0.0075, 0.012)),
         "box": short("stock", 9).replace(
             name="box", stock=de.Stock((0.01, 0.005, 0.0075), (3, 4, 2))
         ),

@@ -75,7 +75,7 @@ def range_violations(scene: Scene) -> tuple[str, ...]:
 
 def require_kind(scene: Scene) -> None:
     """Raise ValueError for a scene whose rules or objective no training scene has."""
-    restrictions = (scene.stock, scene.thickness_values, scene.growth)
+    is_restricted = (scene.stock, scene.growth) != (None, None)
     reasons = {
         "its dominoes stand on a floor": scene.simulator.is_slow,
         "a run-out follows its dominoes": scene.run_out is not None,
@@ -83,8 +83,7 @@ def require_kind(scene: Scene) -> None:
         "its scores are those of draws of placement noise": scene.scoring.placement is not None,
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,
-        "its dominoes are from a stock or list, or grow": restrictions != (None,) * 3,
-        "its gaps are listed": scene.spacing_values is not None,
+        "its dominoes are from a stock, or grow": is_restricted,
         "it limits the wave": scene.limits is not None,
         f"it has {scene.count} dominoes": scene.count < 4,
     }

@@ -201,13 +201,12 @@ class DominoChain(DominoEnv):
       plus thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
       smallest thickness). The thickness is bounded so that a gap exists for such a pitch, and the
       gap is bounded for the chosen thickness; the last pitch is the remaining length.
-    - Lists, steps: the nearest allowed value is taken.
     - A stock: of the pieces that are left in the stock, or in the hand if the scene has one, the
       kind with the largest preference is taken; of equal ones that of the uniform baseline, else
       the thinnest, or from a hand the piece that was drawn first.
 
     If narrowed bounds exclude the value of the baseline, an entry of 0 is the nearest bound. Scenes
-    with a length and also lists or a stock are rejected.
+    with a length and also a stock are rejected.
 
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, v the

@@ -23,7 +23,7 @@ from domino_env.scenes.objectives.tempo import LEAST_SCORE
 from domino_env.scenes.placement import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import uniform_layouts
+from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Generators = Callable[[int], np.random.Generator]  # returns the generator of an environment
 SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
@@ -193,7 +193,7 @@ class SceneSource:
         baseline, layout = scene.uniform(), scene.uniform().layout
         times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
         if scene.hand and speed > 0.0:  # means over orders of the pieces
-            times = uniform_layouts(scene).mean_arrival_times(layout.spacing)
+            times = UniformLayouts(scene).mean_arrival_times(layout.spacing)
             speed = baseline.score if scene.scoring.is_mean_speed else speed
         positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
@@ -218,7 +218,7 @@ class SceneSource:
             if not (is_speed and scene.is_homogeneous):
                 self._store(i, scene, pool.features[i])
                 continue
-            spacing, thickness, _ = uniform_layouts(scene).sizes_at(pool.points[i : i + 1])
+            spacing, thickness, _ = UniformLayouts(scene).sizes_at(pool.points[i : i + 1])
             height = np.full(scene.count, scene.height)
             self._store_sizes(i, scene, pool.features[i], spacing[0], thickness[0], height)
             positions = np.append(0.0, np.cumsum(spacing + thickness))
@@ -302,7 +302,7 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest + self.run_out
-        kinds, chooses = _allowed_thicknesses(scene), bool(scene.stock) and scene.free_thickness
+        kinds, chooses = _kinds(scene), bool(scene.stock) and scene.free_thickness
         pieces = int(kinds[1].sum()) if scene.hand and chooses else 0
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
@@ -317,7 +317,6 @@ class SceneSource:
             uniform=self.uniform,
             schedule=self.schedule,
             closeness=closeness(longest),
-            gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
             kinds=kinds,
             box=np.tile(kinds[1, : kinds.shape[1] * chooses], (num_envs, 1)),
             order=np.zeros((num_envs, pieces), np.int16),
@@ -341,14 +340,13 @@ class SceneSource:
         )
 
 
-def _allowed_thicknesses(scene: Scene) -> Floats:
-    """Return the thicknesses of a list or stock [m], and their numbers (inf for a list), (2, K)."""
-    if scene.stock is not None:
-        box = scene.stock.without(scene.first_thickness)
-        kinds = np.array([box.thickness, box.count], dtype=np.float64)
-        return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
-    values = scene.thickness_values or ()
-    return np.array([values, np.full(len(values), np.inf)], dtype=np.float64)
+def _kinds(scene: Scene) -> Floats:
+    """Return the thicknesses of a stock [m], and the numbers of pieces, (2, K)."""
+    if scene.stock is None:
+        return np.empty((2, 0))
+    box = scene.stock.without(scene.first_thickness)
+    kinds = np.array([box.thickness, box.count], dtype=np.float64)
+    return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
 
 
 @lru_cache(maxsize=8)  # distributions
@@ -427,31 +425,23 @@ def _check_scene(scene: Scene) -> None:
             f"scene '{scene.name}' has [placement], and {reason}: leave one out, or search with "
             "`optimize`"
         )
-    rules = scene.spacing_values, scene.thickness_values, scene.stock
-    if scene.length is not None and any(rule is not None for rule in rules):
+    if scene.length is not None and scene.stock is not None:
         raise ValueError(
-            f"scene '{scene.name}' has a length and also lists or a stock: an environment cannot "
-            "compute after which actions the length can still be met; leave one out, or search "
-            "with `optimize`"
+            f"scene '{scene.name}' has a length and also a stock: an environment cannot compute "
+            "after which actions the length can still be met; leave one out, or search with "
+            "`optimize`"
         )
 
 
 def _check_distribution(distribution: SceneDistribution) -> None:
-    """Raise a ValueError for uneven ground, and for lists or stocks that differ between scenes."""
+    """Raise a ValueError for uneven ground, and for stocks that differ between scenes."""
     first, ranges = distribution.first, distribution.ranges
     if first.ground is not None:
         raise ValueError(
             f"'{distribution.name}' has uneven ground, which only a fixed scene may have: "
             "leave out [ground], or the ranges"
         )
-    gaps = "spacing.min", "spacing.max"
-    thicknesses = "thickness.min", "thickness.max", "row.first_thickness"
-    for rule, name, keys in (
-        (first.spacing_values, "a list or steps of gaps", gaps),
-        (first.thickness_values, "a list, steps or a box of thicknesses", thicknesses),
-    ):
-        sampled = [key for key in keys if tuple(key.split(".")) in ranges]
-        if rule is not None and sampled:
-            raise ValueError(
-                f"'{distribution.name}' has {name} and samples {', '.join(sampled)}: leave one out"
-            )
+    if first.stock is not None and ("row", "first_thickness") in ranges:
+        raise ValueError(
+            f"'{distribution.name}' has a stock and samples row.first_thickness: leave one out"
+        )

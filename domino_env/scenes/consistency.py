@@ -13,7 +13,7 @@ from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds
-from domino_env.scenes.tables import MAX_COMBINATIONS, RangeTable, SceneFile
+from domino_env.scenes.tables import RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
 
@@ -74,13 +74,6 @@ def _violations(tables: SceneFile) -> Iterator[str]:
     yield from _violations_of_number(tables)
     yield from _violations_of_objective(tables)
     yield from _violations_of_sizes(tables)
-    gaps, thicknesses = tables.spacing.domain()[1], tables.thickness_domain()[1]
-    combinations = len(gaps or (None,)) * len(thicknesses or (None,))  # no list counts once
-    if combinations > MAX_COMBINATIONS:
-        yield (
-            f"spacing and thickness have {combinations:,} combinations of listed values, and each "
-            f"is tried for the uniform baseline: list at most {MAX_COMBINATIONS:,}"
-        )
     yield from _violations_of_length(tables)
     if tables.ground is not None:
         yield from _violations_of_ground(tables, tables.ground)
@@ -99,17 +92,14 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
     for name in ("row.length", "[stock]"):
         if tables.value_at(name) is not None:
             yield f'{name} is in metres: leave it out, or leave out of = "height"'
-    for name, table in (("spacing", tables.spacing), ("thickness", tables.thickness)):
-        if table is not None and table.domain()[1] is not None:
-            yield f'{name} has step or values in metres: leave them out, or leave out of = "height"'
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
     """Yield sentences about lengths that were probably given in another unit."""
     height, unit = tables.row.height, tables.row.height if tables.in_heights else 1.0
-    low, high = (unit * gap for gap in tables.spacing.domain()[0])
+    low, high = (unit * gap for gap in tables.spacing.bounds())
     # a stock is checked later; until then a plausible thickness takes its place
-    thicknesses = (height, height) if tables.stock else tables.thickness_domain()[0]
+    thicknesses = (height, height) if tables.stock else tables.thickness_bounds()
     thinnest, thickest = (unit * thickness for thickness in thicknesses)
     if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
         hint = unit_hint(height, (low, high), (thinnest, thickest))
@@ -161,7 +151,7 @@ def _violations_of_sizes(tables: SceneFile) -> Iterator[str]:
     """Yield contradictions between the number of dominoes, first thickness, stock and growth."""
     row, stock = tables.row, tables.stock
     # a stock, like bounds that differ, does not fix the thickness of domino 0
-    low, high = tables.thickness.domain()[0] if tables.thickness else (0.0, 1.0)
+    low, high = tables.thickness.bounds() if tables.thickness else (0.0, 1.0)
     if row.first_thickness is None and low < high:
         yield (
             "row.first_thickness is missing: give the thickness of domino 0 [m], as that of the "
@@ -190,8 +180,8 @@ def _violations_of_sizes(tables: SceneFile) -> Iterator[str]:
 def _pitches(tables: SceneFile) -> Bounds:
     """Return the smallest and the largest mean pitch within the bounds [m]."""
     unit = tables.row.height if tables.in_heights else 1.0
-    (low, high), _ = tables.spacing.domain()
-    (thinnest, thickest), _ = tables.thickness_domain()
+    low, high = tables.spacing.bounds()
+    thinnest, thickest = tables.thickness_bounds()
     if tables.stock is not None:
         dominoes = tables.stock.without(tables.first_thickness()).dominoes
         thinnest = thickest = float(dominoes.mean())
@@ -201,7 +191,7 @@ def _pitches(tables: SceneFile) -> Bounds:
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     """Yield a sentence if no layout within the bounds has the total length.
 
-    Lists of allowed values are ignored. The constants 1e-12 m and 1e-9 allow for rounding.
+    The constants 1e-12 m and 1e-9 allow for rounding.
     """
     length, pairs = tables.row.length, tables.row.count - 1
     if length is None:
@@ -209,7 +199,7 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     low, high = _pitches(tables)
     if pairs * low - 1e-12 <= length <= pairs * high + 1e-12:
         return
-    hint = unit_hint(tables.row.height, tables.spacing.domain()[0], tables.thickness_domain()[0])
+    hint = unit_hint(tables.row.height, tables.spacing.bounds(), tables.thickness_bounds())
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
     if hint is None and pairs * low <= 1e3 * length <= pairs * high:
@@ -234,7 +224,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     """
     height, first = tables.row.height, tables.first_thickness()
     unit = height if tables.in_heights else 1.0
-    others = [unit * thickness for thickness in tables.thickness_domain()[0]]
+    others = [unit * thickness for thickness in tables.thickness_bounds()]
     thinnest, thickest = min(first, *others), max(first, *others)
     place, steepest = ground.steepest
     if steepest >= thinnest / height:
@@ -250,7 +240,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
         return
     if violation := ground.violation(thickest):
         yield violation
-    low, high = (unit * gap for gap in tables.spacing.domain()[0])
+    low, high = (unit * gap for gap in tables.spacing.bounds())
     yield from _violations_of_bends(ground, height, thickest, (low, high))
 
 

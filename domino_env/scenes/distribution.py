@@ -299,10 +299,7 @@ class SceneDistribution:
 
 def _some_uniform_succeeds(scene: Scene) -> bool:
     """Return True if one of a few uniform layouts scores more than 0."""
-    try:
-        layouts = UniformLayouts(scene)
-    except ValueError:
-        return False
+    layouts = UniformLayouts(scene)
     numbers = COARSE_GRID_WITH_THICKNESS if layouts.low[1] < layouts.high[1] else COARSE_GRID
     # a relative tolerance of 1e-5 suffices for the sign of a score
     return bool(layouts.scores(grid(layouts.axes(numbers, np.geomspace)), 1e-5).max() > 0.0)

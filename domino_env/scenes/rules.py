@@ -14,10 +14,8 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 
 Bounds = tuple[float, float]  # smallest and largest value
-Values = tuple[float, ...]  # all allowed values, in increasing order
 
 GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
-LIST_TOLERANCE = 1e-9  # [m] largest difference from a listed value
 
 
 def bounds_violations(
@@ -32,23 +30,6 @@ def bounds_violations(
     allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
     is_allowed = (values >= low - tolerance) & (values <= high + tolerance)
     return _violations(f"{name}[{{0}}]", values, is_allowed, allowed, first, unit)
-
-
-def list_violations(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
-    """Return a sentence if values are not on the list; None allows any value.
-
-    `first` is the index of the first value in the array of the layout.
-    """
-    if allowed is None:
-        return []
-    shown = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    is_allowed = is_listed(values, allowed)
-    return _violations(f"{name}[{{0}}]", values, is_allowed, f"only {shown} m", first)
-
-
-def is_listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
-    """Return a mask (…) of the values (…) that are among `allowed`, which increase."""
-    return np.abs(values - find_nearest(values, np.array(allowed))) <= LIST_TOLERANCE
 
 
 def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
@@ -67,15 +48,6 @@ def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
         allowed = f"{value}; make the layout with `scene.layout`"
         violations += _violations(f"{name}[{{0}}]", values, is_allowed, allowed, unit=unit)
     return violations
-
-
-def find_nearest(values: Floats, allowed: Floats) -> Floats:
-    """Return the nearest of the increasing values `allowed` (K,) for each of the values (…)."""
-    if len(allowed) == 1:
-        return np.full_like(values, allowed[0])
-    index = np.clip(np.searchsorted(allowed, values), 1, len(allowed) - 1)
-    below, above = allowed[index - 1], allowed[index]
-    return np.where(values - below <= above - values, below, above)
 
 
 def _violations(
@@ -199,8 +171,8 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         """
         sizes = np.array(self.thickness)
         order = np.argsort(sizes)
-        nearest = find_nearest(thickness, sizes[order])
-        kinds = order[np.searchsorted(sizes[order], nearest)]
+        middles = 0.5 * (sizes[order[1:]] + sizes[order[:-1]])
+        kinds = order[np.searchsorted(middles, thickness)]  # the nearest
         unknown = np.flatnonzero(~(np.abs(thickness - sizes[kinds]) <= SAME_THICKNESS))
         if len(unknown):
             i = int(unknown[0])

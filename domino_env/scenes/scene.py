@@ -54,10 +54,6 @@ class Scene(SceneBase):
     length
         Distance from the first to the last pivot [m], with a tolerance of 1e-9 m; None if it is
         free.
-    spacing_values
-        All allowed gaps in increasing order [m]; None for any within the bounds.
-    thickness_values
-        All allowed thicknesses in increasing order [m]; None for any within the bounds.
     stock
         Stock from which all dominoes are taken, the first one included; None for no stock.
     growth
@@ -165,11 +161,6 @@ class Scene(SceneBase):
         -------
         UniformBaseline
             The baseline, with its `layout`, `wave` and `score`.
-
-        Raises
-        ------
-        ValueError
-            If the rules allow no uniform layout.
         """
         return self._uniform
 

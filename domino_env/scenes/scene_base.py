@@ -25,7 +25,7 @@ from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective, Scores
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.placement import Placement, add_errors
-from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, Values
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scoring import Scoring
 from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator, Stop
@@ -74,9 +74,7 @@ class SceneBase:
     ] = DERIVED
     length: Annotated[Size | None, about("exact distance from first to last pivot [m]")] = None
     spacing: Bounds
-    spacing_values: Values | None = None
     thickness: Bounds = DERIVED
-    thickness_values: Values | None = None
     in_heights: bool = False
     stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
     growth: Bounds | None = None
@@ -344,12 +342,10 @@ class SceneBase:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
             thicknesses, unit = thicknesses / layout.height[1:], "heights"
         violations += rules.bounds_violations("spacing", gaps, self.spacing, 0, unit)
-        violations += rules.list_violations("spacing", gaps, self.spacing_values, 0)
         if self.stock is not None:
             violations += self.stock.violations(layout.thickness)
         else:
             violations += rules.bounds_violations("thickness", thicknesses, self.thickness, 1, unit)
-            violations += rules.list_violations("thickness", thicknesses, self.thickness_values, 1)
         if complete and self.length is not None:
             error = layout.length - self.length
             if abs(error) > LENGTH_TOLERANCE:

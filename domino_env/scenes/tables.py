@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import msgspec
@@ -19,13 +17,8 @@ from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import LARGEST, Size, Table, about, plain
 from domino_env.physics.physics import Physics, require_physics
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.rules import Bounds, Values
+from domino_env.scenes.rules import Bounds
 from domino_env.scenes.scene_base import SceneBase
-
-# largest number of combinations of a listed gap and a listed thickness, all of which are simulated
-# for the uniform baseline
-MAX_COMBINATIONS = 100_000
-RESOLUTION = 1e-8  # [m] smallest difference between two listed values
 
 HINTS = get_type_hints(SceneBase, include_extras=True)
 DEFAULTS = {field.name: field.default for field in dataclasses.fields(SceneBase)}
@@ -52,74 +45,36 @@ class RowTable(_with_fields(Table, *ROW)):  # type: ignore[misc]
     """Dominoes of the chain."""
 
 
-Step = Annotated[float, Meta(ge=RESOLUTION, le=LARGEST)]
-ListedValues = Annotated[list[Size], Meta(min_length=1)]
 BOUNDS_HINT = "a pair of bounds, such as (0.002, 0.04)"
 
 
 class RangeTable(Table):
-    """Allowed values: one value, an interval, an interval in steps, or a list."""
+    """Allowed values: one value or an interval."""
 
     fixed: Annotated[Size | None, about("the only value allowed [m]")] = None
     min: Annotated[Size | None, about("smallest value [m]")] = None
     max: Annotated[Size | None, about("largest value [m]")] = None
-    step: Annotated[Step | None, about("difference of values allowed from min to max [m]")] = None
-    values: Annotated[ListedValues | None, about("all values allowed [m]")] = None
     of: Annotated[
         Literal["height"] | None,
         about("unit of the values: height of the domino, of the shorter one at a gap; default: m"),
     ] = None
 
     def __post_init__(self) -> None:
-        keys = ("fixed", "values", "min", "max", "step")
-        given = [key for key in keys if getattr(self, key) is not None]
-        if given not in (["fixed"], ["values"], ["min", "max"], ["min", "max", "step"]):
-            raise ValueError(
-                f"it has {' and '.join(given) or 'no value'}: give either fixed, or values, or min "
-                "and max, with step if only steps are allowed [m]"
-            )
-        for a, b in pairwise(sorted(self.values or ())):
-            if b - a < RESOLUTION:
-                raise ValueError(f"values has {a} and {b}: keep {RESOLUTION} m between values")
-        low, high = self.min or 0.0, self.max or 0.0
+        given = [key for key in ("fixed", "min", "max") if getattr(self, key) is not None]
+        if given not in (["fixed"], ["min", "max"]):
+            has = " and ".join(given) or "no value"
+            raise ValueError(f"it has {has}: give either fixed, or min and max [m]")
+        low, high = self.bounds()
         if low > high:
             raise ValueError(f"min = {low} is more than max = {high}: give min <= max")
-        if self.step is not None and (high - low) / self.step >= MAX_COMBINATIONS:
-            values = f"{MAX_COMBINATIONS:,} values or more"
-            raise ValueError(f"step = {self.step} m gives {values}: make it larger")
 
-    @classmethod
-    def from_bounds(
-        cls, name: str, bounds: Bounds, values: Values | None, **entries: Any
-    ) -> dict[str, Any]:
-        """Return the document of a table with these bounds and values; inverse of `domain`.
-
-        `entries` are the other keys of the table. Messages of errors begin with `name`.
-        """
-        low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
-        if values is None:
-            return ({"fixed": low} if low == high else {"min": low, "max": high}) | entries
-        if low == high:
-            raise ValueError(f"{name} = {low} is fixed and has values: give bounds, or no values")
-        listed = numbers(f"{name}.values", values).ravel().tolist()
-        step = round(listed[1] - listed[0], 12) if len(listed) > 2 else 0.0
-        # their number is compared first, as tiny steps would make a very long list
-        is_possible = step > 0.0 and (high - low) / step < len(listed)
-        if is_possible and steps(low, high, step) == tuple(listed):
-            return {"min": low, "max": high, "step": step, **entries}
-        return {"values": values, **entries}
-
-    def domain(self) -> tuple[Bounds, Values | None]:
-        """Return the bounds, and all values if only listed ones are allowed, else None."""
+    def bounds(self) -> Bounds:
+        """Return the smallest and the largest value; inverse of `_range_document`."""
         if self.fixed is not None:
-            return (self.fixed, self.fixed), None
-        low, high = self.min or 0.0, self.max or 0.0
-        values = tuple(sorted(self.values or ()))
-        if self.step is not None:
-            values = steps(low, high, self.step)
-        elif not values:
-            return (low, high), None
-        return (values[0], values[-1]), values if len(values) > 1 else None
+            return self.fixed, self.fixed
+        assert self.min is not None
+        assert self.max is not None
+        return self.min, self.max
 
 
 class GrowthTable(Table, kw_only=True):
@@ -163,30 +118,27 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
         if self.row.first_thickness is not None:
             return float(self.row.first_thickness)
         assert self.thickness is not None
-        (low, _), _ = self.thickness.domain()
+        low, _ = self.thickness.bounds()
         return low * self.row.height if self.in_heights else low
 
-    def thickness_domain(self) -> tuple[Bounds, Values | None]:
-        """Return `RangeTable.domain` of the thicknesses of dominoes 1 … N-1."""
+    def thickness_bounds(self) -> Bounds:
+        """Return the smallest and the largest thickness of dominoes 1 … N-1."""
         if self.thickness is not None:
-            return self.thickness.domain()
+            return self.thickness.bounds()
         assert self.stock is not None
         remaining = self.stock.without(self.first_thickness()).dominoes
-        values = tuple(sorted({float(d) for d in remaining}))
-        return (values[0], values[-1]), values
+        return float(remaining.min()), float(remaining.max())
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
-        spacing, spacing_values = self.spacing.domain()
-        thickness, thickness_values = self.thickness_domain()
         shared = {name: getattr(self, name) for name in TOP + TABLES}
         return msgspec.structs.asdict(self.row) | shared | {
             "title": self.title or self.name,
             "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
             "floor_friction": self.physics.floor_friction,
             "first_thickness": self.first_thickness(),
-            "spacing": spacing, "spacing_values": spacing_values,
-            "thickness": thickness, "thickness_values": thickness_values,
+            "spacing": self.spacing.bounds(),
+            "thickness": self.thickness_bounds(),
             "growth": (self.growth.min, self.growth.max) if self.growth else None,
             "in_heights": self.in_heights,
             "settings": self.value_at(self.objective),
@@ -200,12 +152,11 @@ def make_document(scene: Any) -> dict[str, Any]:
     of = "height" if scene.in_heights else None
     tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP + TABLES} | {
         "row": {name: getattr(scene, name) for name in ROW},
-        "spacing": RangeTable.from_bounds("spacing", scene.spacing, scene.spacing_values, of=of),
+        "spacing": _range_document("spacing", scene.spacing, of),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
     if scene.stock is None and scene.thickness is not None:
-        bounds, values = scene.thickness, scene.thickness_values
-        tables["thickness"] = RangeTable.from_bounds("thickness", bounds, values, of=of)
+        tables["thickness"] = _range_document("thickness", scene.thickness, of)
     if scene.growth is not None:
         low, high = numbers("growth", scene.growth, None, (2,), BOUNDS_HINT).tolist()
         tables["growth"] = {"min": low, "max": high}
@@ -216,17 +167,17 @@ def make_document(scene: Any) -> dict[str, Any]:
     return dict(_drop_none(plain(tables)))
 
 
+def _range_document(name: str, bounds: Bounds, of: str | None) -> dict[str, Any]:
+    """Return the document of a `RangeTable`; messages of errors begin with `name`."""
+    low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
+    return ({"fixed": low} if low == high else {"min": low, "max": high}) | {"of": of}
+
+
 def _drop_none(value: Any) -> Any:
     """Return a value without entries that are None, and with lists for tuples."""
     if isinstance(value, dict):
         return {key: _drop_none(entry) for key, entry in value.items() if entry is not None}
     return [_drop_none(entry) for entry in value] if isinstance(value, tuple | list) else value
-
-
-def steps(low: float, high: float, step: float) -> Values:
-    """Return low, low + step, … up to high, rounded to twelve decimals."""
-    number = math.floor((high - low) / step + 1e-9) + 1  # 1e-9: rounding
-    return tuple(round(low + k * step, 12) for k in range(number))
 
 
 if TYPE_CHECKING:

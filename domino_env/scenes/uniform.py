@@ -90,8 +90,7 @@ def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> Uni
     drawn in random order, they stand at one gap in that order, and the score is the mean over the
     orders of the seeds 0 to 63; the layout has the first of these orders. If heights grow, all gaps
     have the same ratio to the height of the domino before them, and all heights the same ratio to
-    the height before. If no layout with listed values has the length of the scene, the lists are
-    ignored.
+    the height before.
 
     Parameters
     ----------
@@ -104,13 +103,8 @@ def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> Uni
     -------
     UniformBaseline
         The baseline; equal arguments have the same one.
-
-    Raises
-    ------
-    ValueError
-        If the rules allow no uniform layout.
     """
-    layouts, score = uniform_layouts(scene), None
+    layouts, score = UniformLayouts(scene), None
     if point is None and scene.count >= LONG_COUNT:
         notice(f"searching for the uniform baseline of '{one_line(scene.name, 40)}' ...")
     if point is None and scene.simulator.is_slow:
@@ -146,7 +140,7 @@ def best_point(scene: SceneBase, *, quick: bool = False, seconds: float | None =
     Raises
     ------
     ValueError
-        If the rules allow no uniform layout, and for a negative time limit.
+        For a negative time limit.
 
     Notes
     -----
@@ -161,7 +155,7 @@ def best_point(scene: SceneBase, *, quick: bool = False, seconds: float | None =
     flat.
     """
     require("seconds", seconds, 0.0, unit="s", optional=True)
-    layouts = uniform_layouts(scene)
+    layouts = UniformLayouts(scene)
     if scene.simulator.is_slow:
         return _best_free_standing(layouts, math.inf if seconds is None else seconds)[0]
     is_random = scene.scoring.placement is not None or scene.hand > 0
@@ -179,14 +173,6 @@ def best_point(scene: SceneBase, *, quick: bool = False, seconds: float | None =
         if abs(extended - whole) <= SAME_SCORE * abs(whole):
             return point
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
-
-
-def uniform_layouts(scene: SceneBase) -> UniformLayouts:
-    """Return the uniform layouts within the rules; if there are none, those without the lists."""
-    try:
-        return UniformLayouts(scene)
-    except ValueError:
-        return UniformLayouts(scene.replace(spacing_values=None, thickness_values=None))
 
 
 def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, float]:
@@ -235,12 +221,8 @@ def _search(
     The first points are `start` (P, 2); None for a grid.
     """
     axes = _axes(layouts, fineness)
-    # distances of the first points on each axis; 0 for an axis that is not refined, as its values
-    # are listed or fixed
-    cell = np.array([
-        axis[1] - axis[0] if len(axis) > 1 and values is None else 0.0
-        for axis, values in zip(axes, layouts.allowed, strict=True)
-    ])  # fmt: skip
+    # distances of the first points on each axis; 0 for an axis that is fixed
+    cell = np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in axes])
     first = points = grid(axes) if start is None else start
     first_scores = scores = score(points, np.inf)
     keep = fineness.keep[0]

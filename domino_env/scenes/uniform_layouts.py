@@ -16,7 +16,6 @@ from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
-from domino_env.scenes.rules import is_listed
 from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.simulators import Stop
 
@@ -86,8 +85,6 @@ class UniformLayouts:
     ----------
     low, high
         (2,) bounds of the two numbers.
-    allowed
-        Allowed values of each number; None for any within its bounds.
     thicknesses
         (N-1,) thicknesses of the pieces of a stock in their order [m]; empty without a stock.
     one_pitch
@@ -95,17 +92,11 @@ class UniformLayouts:
     orders
         (M, N-1) thicknesses in the random orders over which scores are means [m]; one order of
         zeros if pieces are not drawn in random order.
-
-    Raises
-    ------
-    ValueError
-        If the rules of the scene allow no uniform layout.
     """
 
     def __init__(self, scene: SceneBase) -> None:
         self.scene = scene
         pairs = scene.count - 1
-        self.allowed = [scene.spacing_values, scene.thickness_values]
         first, second = scene.spacing, scene.thickness
         self.thicknesses, self.one_pitch = np.zeros(0), False
         self.orders = np.zeros((1, pairs))
@@ -115,10 +106,10 @@ class UniformLayouts:
             second = scene.growth
         if scene.stock is not None:
             self.thicknesses = scene.stock.without(scene.first_thickness).dominoes[:pairs]
-            second, self.allowed[1] = (0.0, 0.0), None
+            second = (0.0, 0.0)
             pitch = first[0] + self.thicknesses.max(), first[1] + self.thicknesses.min()
             mean = pitch[0] if scene.length is None else scene.length / pairs
-            self.one_pitch = scene.spacing_values is None and pitch[0] <= mean <= pitch[1]
+            self.one_pitch = pitch[0] <= mean <= pitch[1]
             if scene.hand:  # the order of drawing is random, so one gap is used for all
                 self.thicknesses, self.one_pitch = self.orders[0], False
             if self.one_pitch:  # the gaps follow from the thicknesses
@@ -126,52 +117,24 @@ class UniformLayouts:
         self.low, self.high = np.array([first, second]).T.copy()
         if scene.length is not None:
             self._meet_length(scene.length / pairs)
-        # 1e-12 m here and below: rounding
-        if self.low[0] > self.high[0] + 1e-12 or self.low[1] > self.high[1] + 1e-12:
-            raise ValueError(
-                f"scene '{scene.name}': no uniform layout of {scene.count} dominoes is "
-                f"{scene.length} m long within spacing {scene.spacing} m and thickness "
-                f"{scene.thickness} m: change the length or the bounds"
-            )
 
     def _meet_length(self, pitch: float) -> None:
-        """Restrict the numbers to those with a mean pitch [m]; low > high if there are none."""
-        scene, gaps = self.scene, self.allowed[0]
-        self.allowed[0] = None
+        """Restrict the numbers to those with a mean pitch [m]."""
+        scene = self.scene
         if scene.stock is not None:
             exact = pitch if self.one_pitch else pitch - float(self.thicknesses.mean())
-            is_allowed = gaps is None or bool(is_listed(np.array([exact]), gaps).all())
-            self.low[0] = max(self.low[0], exact) if is_allowed else np.inf
-            self.high[0] = min(self.high[0], exact)
+            self.low[0], self.high[0] = max(self.low[0], exact), min(self.high[0], exact)
             return
         self.low[1] = max(self.low[1], pitch - scene.spacing[1])
         self.high[1] = min(self.high[1], pitch - scene.spacing[0])
-        values = self.allowed[1]
-        if gaps is not None and values is None:
-            values = tuple(pitch - gap for gap in reversed(gaps))
-        if values is not None:
-            values = tuple(
-                float(d) for d in values if self.low[1] - 1e-12 <= d <= self.high[1] + 1e-12
-                and (gaps is None or is_listed(np.array([pitch - d]), gaps).all())
-            )  # fmt: skip
-            self.allowed[1] = values
-            self.low[1], self.high[1] = (values[0], values[-1]) if values else (1.0, 0.0)
-        if self.low[1] <= self.high[1] + 1e-12:
-            self.low[0] = self.high[0] = pitch - self.low[1]
+        self.low[0] = self.high[0] = pitch - self.low[1]
 
     def axes(
         self, numbers: tuple[int, int], spread: Callable[..., Floats] = np.linspace
     ) -> list[Floats]:
-        """Return the values of a grid for both numbers.
-
-        They are the allowed values if these are listed, else `numbers` values from `spread`, a
-        function such as `numpy.linspace`.
-        """
-        bounds = zip(self.low, self.high, self.allowed, numbers, strict=True)
-        return [
-            spread(low, high, 1 if low == high else number) if values is None else np.array(values)
-            for low, high, values, number in bounds
-        ]
+        """Return the values of a grid for both numbers, by a function such as `numpy.linspace`."""
+        bounds = zip(self.low, self.high, numbers, strict=True)
+        return [spread(low, high, 1 if low == high else number) for low, high, number in bounds]
 
     def sizes_at(
         self, points: Floats, pairs: int | None = None

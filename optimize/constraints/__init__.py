@@ -1,1 +1,1 @@
-"""Projections onto the rules of a scene: bounds, lists, stock, length."""
+"""Projections onto the rules of a scene: bounds, stock, length."""

@@ -27,7 +27,8 @@ Point = dict[str, Value]
 
 MAX_NUMBER = 100_000  # values of a key, each of which is at least one scene
 DEFAULT_BUDGET = 2000  # largest number of layouts that each search simulates
-RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # keys of a table such as [spacing]
+# keys of [spacing] and [thickness], with those that each replaces
+OTHER_KEYS = {"fixed": ("min", "max"), "min": ("fixed",), "max": ("fixed",)}
 SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
 
 
@@ -119,10 +120,8 @@ def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") ->
         table = document.setdefault(table_name, {}) if table_name else document
         if not isinstance(table, dict):
             raise ValueError(f"{place}: '{key}': {table_name} is not a table of the scene's file")
-        if table_name in ("spacing", "thickness") and last in RANGE_KEYS:
-            # one form of a range replaces another; min, max and step are one form
-            other_keys = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
-            for other_key in other_keys:
+        if table_name in ("spacing", "thickness") and last in OTHER_KEYS:
+            for other_key in OTHER_KEYS[last]:
                 table.pop(other_key, None)
         table[last] = copy.deepcopy(value)
     scene = scene_from_document(document, name, place)

@@ -16,12 +16,8 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import (
-    UniformBaseline,
-    best_point,
-    stored_point,
-    uniform_layouts,
-)
+from domino_env.scenes.uniform import UniformBaseline, best_point, stored_point
+from domino_env.scenes.uniform_layouts import UniformLayouts
 from domino_env.view.animation import require_drawable
 from optimize.experiments.best_known import best_known
 from optimize.problem import Problem
@@ -70,14 +66,14 @@ class Draft:
         It ignores the placement noise of a scene that does not ship, and its gap has an error of
         1 µm in rows of more than 100 dominoes.
         """
-        space, analytic = _problem(scene), scene.on_pivots
+        analytic = scene.on_pivots
         is_stored = stored_point(analytic.document()) is not None
         analytic = analytic if is_stored else analytic.as_placed
         if is_stored or scene.count <= 100:
             layout = analytic.uniform().layout
         else:
-            layout = uniform_layouts(analytic).layout(best_point(analytic, quick=True))
-        return cls(scene, space.layout(space.project(space.design(layout)[None])[0]))
+            layout = UniformLayouts(analytic).layout(best_point(analytic, quick=True))
+        return cls(scene, layout)
 
     @classmethod
     def nearest(cls, scene: Scene, curves: Floats) -> Draft:

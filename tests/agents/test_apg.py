@@ -83,9 +83,9 @@ def test_an_update_uses_all_sampled_scenes():
     assert not torch.equal(before, model.policy.action_net.weight)
 
 
-def test_listed_values_have_no_gradient():
-    with pytest.raises(ValueError, match="'short' has a list of values, a step or a stock"):
-        require_smooth(replace(SHORT, spacing_values=(0.01, 0.02)))
+def test_scores_of_a_stock_have_no_gradient():
+    with pytest.raises(ValueError, match="'stock' has a stock: its score has no gradient"):
+        require_smooth(de.load_scene("stock"))
     with pytest.raises(TypeError, match=r"spacing = 3: give a tensor \(B, 11\)"):
         torch_score(SHORT)(3)
     with pytest.raises(ValueError, match="rtol = 5: give a finite number from 1e-13"):

@@ -175,21 +175,11 @@ def take_from_box(preferences, box, usual):
     return best
 
 
-@internal
-def nearest_within(values, low, high, gap):
-    """Return the value of a list in [low, high] that is nearest to a gap; the gap if none is."""
-    best, least = gap, np.inf
-    for value in values:  # the bounds are exact to rounding only
-        if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < least:
-            best, least = value, abs(value - gap)
-    return best
-
-
 @always_inline
 def decode(action, rules, batch, b, n, distance, layout):
     """Write gap n and the thickness and height of domino n+1 from an action into layout b.
 
-    The batch has the lists of allowed gaps and thicknesses, if any, and the rest of a stock.
+    The batch has the kinds of dominoes of a stock, if any, and what is left of them.
     """
     spacing, height, uniform = layout.spacing, layout.height, uniform_of(batch, b)[n]
     growths = int(rules.growth_low < rules.growth_high)
@@ -214,14 +204,10 @@ def decode(action, rules, batch, b, n, distance, layout):
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         entry = action[len(action) - growths - 1]
         thickness = scale_entry(entry, low, high, uniform.thickness)
-        if batch.kinds.shape[1] > 0:
-            thickness = batch.kinds[0, nearest_kind(batch.kinds[0], thickness)]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, len(spacing) - n, distance, thickness)
         gap = scale_entry(action[0], low, high, uniform.gap)
-        if len(batch.gap_values) > 0:
-            gap = nearest_within(batch.gap_values, low, high, gap)
     if rules.in_heights:
         thickness *= ahead
         gap *= min(behind, ahead)
@@ -306,7 +292,7 @@ def decode_back(action, rules, uniform, kinds, n, distance, layout, bars, later_
     n. bars: direct derivatives by gap, thickness and height.
     later_bars: derivatives through later dominoes by the distance to pivot n+1 and the height of
     n+1; replaced by those by the distance to pivot n and the height of n.
-    The choice of a value of a list counts as the identity; entries for kinds have derivative 0.
+    Entries for kinds have derivative 0.
     """
     spacing, column = layout.spacing, len(action) - 1
     behind, ahead = layout.height[n], layout.height[n + 1]

@@ -4,8 +4,8 @@ At a layout whose gaps a local search has refined, the exact gradient predicts t
 of domino at each place. An integer programme, solved by HiGHS, finds the assignment with the
 largest predicted gain and a limited number of changes (see `optimize.constraints.stock`). Exchanges
 of two dominoes, and moves of one to another place, are tried too. Short local searches refine the
-gaps of the best few of all these layouts, and the best one is kept. Values from a list change by a
-step up or down instead. Without a stock and a list, only the local searches remain.
+gaps of the best few of all these layouts, and the best one is kept. Without a stock, only the local
+searches remain.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
     problem = evaluator.problem
     score, design = _refine(evaluator, problem.project(start[None]), THOROUGH)
     idle = 0
-    while problem.discrete and idle < MAX_IDLE:
+    while not problem.is_continuous.all() and idle < MAX_IDLE:
         neighbours = _neighbours(evaluator, design, rng, first=idle == 0)
         if len(neighbours) == 0:
             return
@@ -50,7 +50,7 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
             score, design, idle = new_score, new_design, 0
         else:
             idle += 1
-    if problem.discrete:
+    if not problem.is_continuous.all():
         _refine(evaluator, design[None], THOROUGH)
 
 
@@ -65,20 +65,15 @@ def _refine(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[floa
 def _neighbours(
     evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
 ) -> Floats:
-    """Propose layouts (B, n) with another order, or with other values from a list.
+    """Propose layouts (B, n) with another order.
 
     `first` is true if this design vector is changed for the first time; assignments, which are not
     random, are proposed only then.
     """
     problem = evaluator.problem
-    has_stock = problem.scene.stock is not None
-    proposals = []
-    if has_stock:
-        proposals += [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
-    if has_stock and first:
+    proposals = [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
+    if first:
         proposals.append(_assignments(evaluator, design))
-    if problem.scene.spacing_values or (problem.scene.thickness_values and not has_stock):
-        proposals.append(_steps(problem, design, rng))
     designs = problem.project(np.concatenate(proposals))
     return unique_points(designs[np.any(designs != design, axis=1)])
 
@@ -131,17 +126,3 @@ def _insertions(problem: Problem, design: Floats, rng: np.random.Generator) -> F
         i, j = rng.integers(pairs, size=2)
         proposal[-pairs:] = np.insert(np.delete(thickness, i), j, thickness[i])
     return designs
-
-
-def _steps(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose steps of one value up or down; with a length, of one up and of another down."""
-    values = problem.scene.spacing_values or problem.scene.thickness_values
-    assert values is not None
-    step = float(np.diff(values).mean()) / (problem.high - problem.low)
-    designs = np.repeat(design[None], PROPOSALS, axis=0)
-    # direction 0: a random one for each layout
-    for direction in (1.0, -1.0) if problem.equality is not None else (0.0,):
-        place = rng.integers(len(design), size=PROPOSALS)
-        sign = direction or rng.choice([-1.0, 1.0], PROPOSALS)
-        designs[np.arange(PROPOSALS), place] += sign * step[place]
-    return np.clip(designs, 0.0, 1.0)

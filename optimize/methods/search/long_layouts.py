@@ -43,11 +43,10 @@ def is_long(scene: Scene) -> bool:
     """Return True if a scene has many dominoes and its layouts resemble shorter ones.
 
     They do if the score rewards speed and the rules are the same for every domino and any count: no
-    stock, no growing heights, no uneven ground, no length with values from a list.
+    stock, no growing heights, no uneven ground.
     """
-    has_list = scene.spacing_values is not None or scene.thickness_values is not None
-    is_homogeneous = scene.is_homogeneous and not (has_list and scene.length is not None)
-    return scene.count >= LONG_COUNT and scene.criterion.rewards_speed and is_homogeneous
+    rewards_speed = scene.criterion.rewards_speed
+    return scene.count >= LONG_COUNT and rewards_speed and scene.is_homogeneous
 
 
 def search_stretched(

@@ -312,7 +312,7 @@ def test_invalid_calls_are_rejected(kind):
         ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
         ("sprint", {"rtol": 0.1}, r"rtol = 0\.1: give a finite number from 1e-13 to 0.001"),
         (de.load_scene("sprint").replace(spacing=(0.02, 0.02)), {}, "leaves nothing free"),
-        (de.load_scene("course").replace(spacing_values=(0.002, 0.04)), {}, "has a length and"),
+        (de.load_scene("stock").replace(length=0.9), {}, "has a length and"),
     ):
         with pytest.raises(ValueError, match=words):
             kind(scene, **options)

@@ -18,7 +18,7 @@ NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMod
 KINDS = {"chain": (DominoChainVector, DominoChain), "layout": (DominoLayoutVector, DominoLayout)}
 GENTLE, COURSE = de.load_scene("gentle"), short("course", 13)
 NAMES = (
-    "sprint", "gentle", "limits", "grid", "few draws", "tempo-noise", "draw", "ideal",
+    "sprint", "gentle", "limits", "few draws", "tempo-noise", "draw", "ideal",
     "hills", "two", "three", "magnify", "box", "tempo",
 )  # fmt: skip
 FIXED = {name: SCENES[name] for name in NAMES} | {

@@ -22,16 +22,6 @@ def read(top: str = "", **tables: str | None) -> de.Scene:
     return parse_scene("\n".join([top, *parts]), "asked", "asked.toml")
 
 
-def test_a_step_defines_a_list_of_values():
-    scene = read(spacing="min = 0.004\nmax = 0.0061\nstep = 0.0005")
-    assert scene.spacing_values == (0.004, 0.0045, 0.005, 0.0055, 0.006)
-    assert scene.spacing == (0.004, 0.006)
-    assert "step = 0.0005" in scene.to_toml()
-    listed = read(thickness="values = [0.01, 0.005, 0.0075]")
-    assert listed.thickness_values == (0.005, 0.0075, 0.01)
-    assert read(thickness="values = [0.005]").thickness_values is None  # that is fixed
-
-
 GROWING = {
     "spacing": 'min = 0.05\nmax = 0.9\nof = "height"',
     "thickness": 'fixed = 0.15\nof = "height"',
@@ -39,7 +29,8 @@ GROWING = {
 }
 BOX = {"thickness": None, "stock": "thickness = [0.005, 0.0075]\ncount = [4, 4]"}
 BAD = [
-    ({"spacing": "values = [0.01, 0.01]"}, "spacing.values has 0.01 and 0.01"),
+    ({"spacing": "fixed = 0.01\nmax = 0.02"}, "spacing: it has fixed and max: give either fixed, or"),
+    ({"spacing": "min = 0.01"}, "spacing: it has min: give either fixed, or min and max [m]"),
     ({"spacing": 'min = 0.05\nmax = 0.9\nof = "height"'}, 'spacing.of = "height" but thickness'),
     ({"growth": "max = 1.6"}, "[growth] needs spacing and thickness in heights"),
     (GROWING | {"row": "count = 8\nlength = 1.0\nfirst_thickness = 0.0075"},

@@ -1,8 +1,7 @@
-"""Objectives, limits, stock, lists and growth."""
+"""Objectives, limits, stock and growth."""
 
 import math
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -169,7 +168,7 @@ def test_a_broken_limit_scores_between_failures_and_successes():
     assert np.all(np.argsort(before[stopped]) == np.argsort(after[stopped]))
 
 
-# stock and lists --------------------------------------------------------------------------------
+# stock -------------------------------------------------------------------------------------------
 
 
 def test_violations_of_the_stock_are_reported_and_its_uniform_baseline_has_none():
@@ -188,50 +187,6 @@ def test_violations_of_the_stock_are_reported_and_its_uniform_baseline_has_none(
     assert np.ptp(baseline.layout.pitch) < 1e-12
     assert np.all(np.diff(baseline.layout.thickness[1:]) >= 0.0)  # as the file lists them
     assert scene.violations(baseline.layout) == []
-
-
-def test_violations_of_lists_are_reported():
-    scene = some("sprint", count=5, spacing_values=(0.002, 0.01, 0.02, 0.04))
-    assert scene.violations(scene.layout([0.002, 0.01, 0.02, 0.02])) == []
-    assert scene.violations(scene.layout([0.002, 0.011, 0.04, 0.021])) == [
-        "spacing[1] = 0.011 m (and 1 more): the scene allows only 0.002, 0.01, 0.02, 0.04 m"
-    ]
-
-
-def test_the_uniform_baseline_of_lists_is_the_best_pair_of_values():
-    scene = some("sprint", count=12, spacing_values=(0.002, 0.011, 0.017, 0.04),
-                 thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
-    baseline = scene.uniform()
-    assert scene.violations(baseline.layout) == []
-    pairs = product(scene.spacing_values, scene.thickness_values)
-    assert baseline.score == max(scene.score(scene.layout(s, d)) for s, d in pairs)
-
-
-GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
-LISTS = {
-    "gaps": ("course", {"spacing_values": GRID}),
-    "thicknesses": ("sprint", {
-        "count": 6, "length": 0.0755, "spacing": (0.0078, 0.0078), "thickness": (0.0044, 0.0091),
-        "thickness_values": (0.0044, 0.0059, 0.0065, 0.0091),
-    }),
-    "stock": ("stock", {"length": 0.84, "spacing_values": GRID}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "changes"), LISTS.values(), ids=LISTS)
-def test_the_uniform_baseline_ignores_lists_that_do_not_meet_the_length(name, changes):
-    scene = some(name, **changes)
-    uniform = scene.uniform().layout
-    assert uniform.length == pytest.approx(scene.length, abs=1e-12)
-    assert np.ptp(uniform.pitch[1:]) < 1e-12
-    kinds = {sentence.split("[")[0] for sentence in scene.violations(uniform)}
-    assert kinds == {"thickness" if name == "sprint" else "spacing"}
-
-
-def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length():
-    scene = some("course", spacing_values=GRID, length=59 * (0.0075 + 0.0125))
-    assert scene.uniform().layout.spacing == pytest.approx(np.full(59, 0.0125))
-    assert scene.violations(scene.uniform().layout) == []
 
 
 # all objectives ----------------------------------------------------------------------

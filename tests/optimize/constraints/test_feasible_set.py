@@ -11,14 +11,10 @@ from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
 from optimize import METHODS, Problem, search
-from optimize.constraints.lists import Lists
 from optimize.constraints.stock import assign, nearest_from_stock
 from optimize.methods.gradient.least_squares import compute_lateness
 
-GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
-FEW = (0.002, 0.006, 0.011, 0.02, 0.03)
 BOX = de.Stock((0.005, 0.0075, 0.010), (3, 4, 2))
-BODIES = float(BOX.without(0.0075).dominoes.sum())
 
 
 def ruled(**rules: object) -> de.Scene:
@@ -26,23 +22,13 @@ def ruled(**rules: object) -> de.Scene:
     return replace(de.load_scene("sprint"), count=9, name="ruled", **rules)
 
 
-BOXED = {"stock": BOX, "thickness": (0.005, 0.01), "thickness_values": BOX.thickness}
+BOXED = {"stock": BOX, "thickness": (0.005, 0.01)}
 RULED = {
     "free": ruled(thickness=(0.005, 0.01)),
     "length": ruled(length=0.18),
     "length-both": ruled(length=0.18, thickness=(0.005, 0.01)),
-    "grid": ruled(spacing_values=GRID),
-    "list-both": ruled(spacing_values=FEW, spacing=(0.002, 0.03), thickness=(0.005, 0.01),
-                        thickness_values=(0.005, 0.0075, 0.01)),
-    "length-grid": ruled(length=0.18, spacing_values=GRID),
-    "length-list": ruled(length=0.172, spacing_values=FEW, spacing=(0.002, 0.03)),
-    "length-thickness-list": ruled(length=0.18, thickness=(0.005, 0.01),
-                                    thickness_values=(0.005, 0.0075, 0.01)),
-    "length-spacing-list": ruled(length=0.18, thickness=(0.005, 0.01), spacing_values=FEW,
-                                  spacing=(0.002, 0.03)),
     "stock": ruled(**BOXED),
     "stock-length": ruled(length=0.16, **BOXED),
-    "stock-length-grid": ruled(length=BODIES + 8 * 0.0105, spacing_values=GRID, **BOXED),
     "stock-more": ruled(**(BOXED | {"stock": de.Stock(BOX.thickness, (3, 5, 4))})),
     "growth": replace(de.load_scene("magnify"), count=7),
     "growth-both": replace(de.load_scene("magnify"), count=7, thickness=(0.1, 0.2),
@@ -67,8 +53,6 @@ def test_projected_designs_keep_the_rules_and_project_to_themselves(name):
             coefficients, total = problem.equality
             assert coefficients @ y == pytest.approx(total, abs=1e-12)
     assert len(np.unique(nearest.round(9), axis=0)) > 30
-    if name in ("length-list", "length-spacing-list"):
-        return  # no gap of the list meets the length: the uniform baseline ignores the list
     uniform = scene.uniform().layout
     assert scene.violations(uniform) == []
     layout = problem.layout(problem.design(uniform))
@@ -77,29 +61,6 @@ def test_projected_designs_keep_the_rules_and_project_to_themselves(name):
 
 
 # nearest, by brute force ------------------------------------------------------------------------
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans())
-def test_no_allowed_layout_is_nearer(seed, even, length):
-    random = np.random.default_rng(seed)
-    n = int(random.integers(1, 5))
-    step = 0.001
-    rise = np.arange(5) if even else np.cumsum(random.integers(1, 5, 5))
-    values = tuple((0.002 + step * rise).tolist())
-    wanted = random.uniform(0.0, values[-1] + 0.002, n)
-    layouts = list(product(values, repeat=n))
-    total = None
-    if length:
-        sums = [sum(layout) for layout in layouts]
-        low = sums[int(random.integers(len(sums)))]
-        total = low, low + (0.0 if random.random() < 0.5 else 0.003)
-        layouts = [r for r, s in zip(layouts, sums, strict=True)
-                if total[0] - 1e-10 <= s <= total[1] + 1e-10]  # fmt: skip
-    nearest = Lists([values] * n, total).nearest(wanted[None])[0]
-    assert any(np.allclose(nearest, layout, atol=1e-12, rtol=0.0) for layout in layouts)
-    least = min(float(np.square(np.array(layout) - wanted).sum()) for layout in layouts)
-    assert float(np.square(nearest - wanted).sum()) == pytest.approx(least, abs=1e-15)
 
 
 @settings(max_examples=40, deadline=None)
@@ -194,9 +155,9 @@ def test_gradients_match_finite_differences(scenes, name):
     assert checked >= 10
 
 
-def test_listed_values_have_a_gradient_only_if_relaxed():
+def test_pieces_of_a_stock_have_a_gradient_only_if_relaxed():
     problem = Problem(RULED["stock"])
-    assert problem.discrete
+    assert problem.is_continuous.sum() == 8
     x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
     exact, relaxed = (problem.evaluate(x, True, relaxed=relaxed) for relaxed in (False, True))
     assert exact.score == relaxed.score > 0.0
@@ -209,7 +170,7 @@ def test_listed_values_have_a_gradient_only_if_relaxed():
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["length", "stock-length-grid", "growth"])
+@pytest.mark.parametrize("name", ["length", "stock-length", "growth"])
 def test_every_method_keeps_the_rules(method, name):
     result = search(RULED[name], method, budget=60, seed=2)
     assert RULED[name].violations(result.layout) == []
@@ -225,24 +186,3 @@ def test_the_gradient_of_lateness_matches_finite_differences():
         later, earlier = (compute_lateness(problem, x + sign * step)[1][0] for sign in (1, -1))
         assert gradient[:, i] == pytest.approx((later - earlier) / 2e-6, abs=1e-6)
     assert lateness.shape == (6,)
-
-
-# conflicts ---------------------------------------------------------------------------------------
-
-PAIRED = {"stock": de.Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
-          "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
-
-
-def test_rules_that_conflict_are_rejected():
-    message = r"scene 'ruled' with its length of 0.1\d+ m: no layout of the allowed values has"
-    with pytest.raises(ValueError, match=message):
-        search(ruled(length=0.18025, spacing_values=GRID), "random", budget=10)
-
-
-@pytest.mark.parametrize("scene", [
-    *map(de.load_scene, de.scene_names()),
-    ruled(length=8 * 0.0075 + 7 * 0.002 + 0.04, spacing_values=(0.002, 0.04)),
-    ruled(length=0.16, **PAIRED),
-])  # fmt: skip
-def test_scenes_without_conflicts_are_accepted(scene):
-    Problem(scene)

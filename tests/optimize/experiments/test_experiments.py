@@ -151,7 +151,7 @@ def test_only_a_better_layout_replaces_the_best_known(script, tmp_path):
     ("row.count=10:30:3", [10, 20, 30]),
     ("placement.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
     ("objective=mean_speed,toppled", ["mean_speed", "toppled"]),
-    ("spacing.values=[[0.01, 0.02], [0.01, 0.03]]", [[0.01, 0.02], [0.01, 0.03]]),
+    ("stock.count=[[16, 24], [20, 20]]", [[16, 24], [20, 20]]),
 ])  # fmt: skip
 def test_an_axis_has_the_values_of_its_text(text, values):
     key, read = parse_axis(text)
