@@ -34,7 +34,6 @@ RELATIONS: dict[str, dict[str, Any]] = {
     "SceneFile": {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]},
     "RangeTable": {"oneOf": RANGE_FORMS},
     "Ground": {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]},
-    "Limits": {"minProperties": 1},
     "Tempo": {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]},
 }
 

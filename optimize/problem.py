@@ -33,8 +33,8 @@ class Problem:
 
     **Higher scores are better**: minimise their negative. A layout that completes and keeps the
     limits of the scene scores more than 0 (with `objective = "mean_speed"`, its speed [m/s]). One
-    whose wave stops scores less than 0 (with "toppled" it may score more), and higher the further
-    the wave comes, so that a search can ascend. See `Scene.score`.
+    whose wave stops scores less than 0, and higher the further the wave comes, so that a search can
+    ascend. See `Scene.score`.
 
     A design vector is an array (n,) of entries in [0, 1], and a batch of them is (B, n). A design
     vector has one entry for each free gap, then for each free thickness, then for each growth

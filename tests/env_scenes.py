@@ -68,9 +68,8 @@ def demanding():
         "box": short("stock", 9).replace(
             name="box", stock=de.Stock((0.01, 0.005, 0.0075), (3, 4, 2))
         ),
-        "limits": thick.replace(limits=de.Limits(0.5, 0.3)),
-        "deadly limits": gentle.replace(limits=de.Limits(0.5, 0.3)),
-        "toppled": gentle.replace(objective="toppled"),
+        "limits": thick.replace(limits=de.Limits(0.5)),
+        "deadly limits": gentle.replace(limits=de.Limits(0.5)),
         "magnify": short("magnify", 8),
         "tempo": short("tempo", 8),
         "few draws": short("jitter", 8).replace(

@@ -272,7 +272,7 @@ class DominoChain(DominoEnv):
       of the uniform baseline. The unit is the decibel.
     - If pieces are drawn in random order, T_k and v are means over the orders of seeds 0 to 63.
       Rewards and return of the baseline in one order therefore differ from 0.
-    - With the other objectives ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
+    - With the objective "magnify", Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
 
@@ -284,11 +284,11 @@ class DominoChain(DominoEnv):
     |             | with a schedule: S + log10(1e-4 / S_u) / 10                            |
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
-    `Scene.score`), except with "toppled", where it may score more. Its return is below that of
-    every layout that completes; for speeds it is between -200 and -100. The return orders layouts
-    as `scene.score` does, above 1e-4 with a schedule, and does not depend on the size of
-    the dominoes. If the score of the uniform baseline is 0 or less, S_u is 1 in this table, for
-    speeds √(g h) and for heights h, and the gain is relative to that of the baseline.
+    `Scene.score`). Its return is below that of every layout that completes; for speeds it is
+    between -200 and -100. The return orders layouts as `scene.score` does, above 1e-4 with a
+    schedule, and does not depend on the size of the dominoes. If the score of the uniform baseline
+    is 0 or less, S_u is 1 in this table, for speeds √(g h) and for heights h, and the gain is
+    relative to that of the baseline.
 
     On a floor (`floor_friction`), the rewards before the last step are those of the analytic wave.
     On the last step a complete layout is simulated free-standing, and the last reward makes the

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -59,11 +59,6 @@ class LayoutBatch:
     def count(self) -> int:
         """Number of dominoes N."""
         return int(self.thickness.shape[1])
-
-    def __getitem__(self, part: slice) -> LayoutBatch:
-        heights = self.height if len(self.height) == 1 else self.height[part]
-        spacing, thickness = self.spacing[part], self.thickness[part]
-        return replace(self, spacing=spacing, thickness=thickness, height=heights)
 
     def layout(self, b: int) -> Layout:
         """Return the layout with index b."""

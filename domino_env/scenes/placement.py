@@ -74,10 +74,10 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         """Return the errors of the gaps (draws, pairs) [m]; equal arguments share one array."""
         return _draw_errors(self, pairs)
 
-    def evaluate(
-        self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool, row_count: int
-    ) -> Scores:
+    def evaluate(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
         """Score all draws of layouts, and return the statistic for each layout.
+
+        The derivatives of a quantile are those of the draw at the quantile.
 
         Parameters
         ----------
@@ -87,25 +87,12 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             Function that scores layouts as placed.
         gradient
             Compute the derivatives of the statistic too.
-        row_count
-            Number of dominoes that `evaluate` simulates for each layout.
 
         Returns
         -------
         Scores
             Statistics of the B layouts. If a quantile is not a success, the score is the mean reach
             of the draws minus 1. `falls` are those of all draws.
-        """
-        size = max(1, MOST_DRAWN_DOMINOES // (self.draws * row_count))  # that fit into memory
-        return Scores.concatenate([
-            self._statistic(layouts[i : i + size], evaluate, gradient)
-            for i in range(0, max(len(layouts), 1), size)
-        ])  # fmt: skip
-
-    def _statistic(self, layouts: LayoutBatch, evaluate: Evaluate, gradient: bool) -> Scores:
-        """Return the statistics of layouts whose draws fit into memory.
-
-        The derivatives of a quantile are those of the draw at the quantile.
         """
         errors, shape = self.errors(layouts.count - 1), (len(layouts), self.draws)
         drawn = evaluate(draw_layouts(layouts, errors), gradient and self.quantile is None)

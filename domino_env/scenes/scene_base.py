@@ -390,8 +390,7 @@ class SceneBase:
         -------
         float
             More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that stops
-            scores between -1 and 0, higher the further it came; with "toppled" it scores more than
-            0 too. See `domino_env.scenes.objectives`.
+            scores between -1 and 0, higher the further it came. See `domino_env.scenes.objectives`.
 
         Raises
         ------

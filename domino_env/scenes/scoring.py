@@ -71,9 +71,7 @@ class Scoring:
         """Simulate layouts and score them; arguments and result are those of `Scene.evaluate`."""
         if self.placement is None:
             return self._evaluate(layouts, gradient, stop)
-        evaluate = partial(self._evaluate, stop=stop)
-        count = layouts.count + (0 if self.run_out is None else self.run_out.count)
-        return self.placement.evaluate(layouts, evaluate, gradient, count)
+        return self.placement.evaluate(layouts, partial(self._evaluate, stop=stop), gradient)
 
     def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop = None) -> Scores:
         """Evaluate layouts as placed."""

@@ -1,13 +1,13 @@
 """Interface of all objectives: scores of waves and their derivatives.
 
-A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came;
-with the objective "toppled" it is a success too. So a search can compare any two layouts.
+A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came,
+so that a search can compare any two layouts.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -80,15 +80,6 @@ class Scores:
     gradient: Any = None
 
     __repr__ = dataclass_repr
-
-    @classmethod
-    def concatenate(cls, parts: Sequence[Scores]) -> Scores:
-        """Concatenate the scores of batches, all with a gradient or all without."""
-        columns = zip(*((part.score, part.reach, part.falls) for part in parts), strict=True)
-        score, reach, falls = map(np.concatenate, columns)
-        gradients = [part.gradient for part in parts if part.gradient is not None]
-        arrays = map(np.concatenate, zip(*gradients, strict=True))
-        return cls(score, reach, falls, ScoreGradient(*arrays) if gradients else None)
 
     def with_gradient(self, gradient: ScoreGradient) -> Scores:
         """Return the scores with derivatives, which are set to 0 for scores of 0 or less."""

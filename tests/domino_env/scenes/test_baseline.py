@@ -51,7 +51,6 @@ LONG = {
     "length": {"length": 3.2, "thickness": (0.005, 0.010)},
     "dying": {"physics": de.Physics(friction=0.25, push=0.5)},
     "limited": {"limits": de.Limits(stall_margin=0.3)},
-    "toppled": {"objective": "toppled"},
 }
 
 

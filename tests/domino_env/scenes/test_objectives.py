@@ -101,20 +101,7 @@ def test_the_score_under_placement_noise_is_a_mean_over_fixed_draws(name):
         assert score == pytest.approx(drawn.mean(), rel=1e-9)
 
 
-# toppled, magnify, time -------------------------------------------------------------------------
-
-
-def test_more_dominoes_toppled_score_more():
-    scene = some("sprint", objective="toppled", count=20, spacing=(0.01, 0.05))
-    spacings = np.full((13, 19), 0.016)
-    for k in range(12):
-        spacings[k, k + 3] = 0.049  # out of reach, each later than the last
-    scores = scene.evaluate(scene.batch(spacings)).score
-    assert np.all(np.diff(scores) > 0.0)
-    for gaps, score in zip(spacings, scores, strict=True):
-        wave = scene.simulate(scene.layout(gaps))
-        assert math.floor(score) == wave.toppled
-    assert scores[-1] == 20.0
+# magnify, time ----------------------------------------------------------------------------------
 
 
 def test_magnify_scores_the_height_of_the_last_domino_and_reports_violations():
@@ -147,17 +134,16 @@ def test_the_uniform_baseline_has_the_largest_growth():
 
 
 def test_a_broken_limit_scores_between_failures_and_successes():
-    plain = some("gentle", count=20, limits=None)
+    plain = some("gentle", count=20, limits=None, physics=de.Physics(friction=0.5, push=4.0))
     random = np.random.default_rng(7)
     gaps = random.uniform(*plain.spacing, (400, 19))
     thick = random.uniform(*plain.thickness, (400, 19))
-    limited = plain.replace(limits=de.Limits(stall_margin=0.1, flush_loss=0.1))
+    limited = plain.replace(limits=de.Limits(stall_margin=0.4))
     before, after = (one.evaluate(one.batch(gaps, thick)).score for one in (plain, limited))
     layouts = map(plain.layout, gaps, thick)
     waves = [plain.simulate(layout, rtol=1e-6) for layout in layouts]
     assert after.tolist() == [limited.score(wave) for wave in waves]
-    margin, loss = np.array([[w.stall_margin.min(), w.largest_flush_loss] for w in waves]).T
-    excess = np.maximum(0.1 - margin, 0.0) + np.maximum(loss - 0.1, 0.0)
+    excess = np.maximum(0.4 - np.array([wave.stall_margin.min() for wave in waves]), 0.0)
     stopped = np.array([wave.outcome != de.Outcome.PROPAGATED for wave in waves])
     kept, broken = ~stopped & (excess == 0.0), ~stopped & (excess > 0.0)
     assert min(kept.sum(), broken.sum()) > 5
@@ -193,7 +179,7 @@ def test_violations_of_the_stock_are_reported_and_its_uniform_baseline_has_none(
 
 
 @pytest.mark.parametrize("name", ["sprint", "course", "tempo", "jitter", "magnify"])
-@pytest.mark.parametrize("limits", [None, de.Limits(0.3, 0.02)])
+@pytest.mark.parametrize("limits", [None, de.Limits(0.3)])
 def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
     scene = de.load_scene(name).replace(limits=limits)
     layouts = [scene_layout(np.random.default_rng(seed), scene) for seed in range(6)]

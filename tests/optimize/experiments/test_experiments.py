@@ -150,7 +150,7 @@ def test_only_a_better_layout_replaces_the_best_known(script, tmp_path):
     ("physics.push = 4, 8.5,12", [4, 8.5, 12]),
     ("row.count=10:30:3", [10, 20, 30]),
     ("placement.deviation=0.001:0.1:3:log", [0.001, 0.01, 0.1]),
-    ("objective=mean_speed,toppled", ["mean_speed", "toppled"]),
+    ("objective=mean_speed,magnify", ["mean_speed", "magnify"]),
     ("stock.count=[[16, 24], [20, 20]]", [[16, 24], [20, 20]]),
 ])  # fmt: skip
 def test_an_axis_has_the_values_of_its_text(text, values):
@@ -252,7 +252,7 @@ def test_the_report_of_a_sweep_has_all_runs(scenes, swept, tmp_path):
 
 
 @pytest.mark.parametrize(("scene", "axes"), [
-    ("spacing", ["objective=mean_speed,toppled", "row.count=5,6"]),
+    ("spacing", ["title=short,long", "row.count=5,6"]),
     ("dead", ["physics.push=0.3,0.5"]),
     ("tempo", ["tempo.tolerance=0.001,0.002"]),
 ], ids=["words", "dead", "tempo"])  # fmt: skip

@@ -1,4 +1,4 @@
-"""Objectives of toppled dominoes: their number, or the height of the last one."""
+"""Height of the last domino."""
 
 from __future__ import annotations
 
@@ -11,34 +11,7 @@ import numpy as np
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
-from domino_env.scenes.objectives.base import Objective, ScoreGradient, Scores
-
-
-@dataclass(frozen=True)
-class Toppled(Objective):
-    """Number of dominoes that topple, plus the reach of a wave that stops."""
-
-    name: ClassVar[str] = "toppled"
-    unit: ClassVar[str] = "dominoes"
-
-    def success(self, waves: WaveBatch) -> Floats:
-        """Return the numbers (B,) of dominoes that topple."""
-        return np.asarray(waves.toppled)
-
-    def score(self, waves: WaveBatch) -> Scores:
-        """Score waves, also those that stop, by the number of dominoes that topple."""
-        score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
-        return Scores(score, waves.reach, waves.falls)
-
-    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
-        """Format the numbers of dominoes that topple and of all dominoes."""
-        return f"{wave.toppled} of {wave.layout.count} toppled"
-
-    @classmethod
-    def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield a sentence if there are limits, which apply only to waves that complete."""
-        if tables.limits is not None:
-            yield "[limits] apply to waves that complete: leave them out with objective = 'toppled'"
+from domino_env.scenes.objectives.base import Objective, ScoreGradient
 
 
 @dataclass(frozen=True)
