@@ -18,9 +18,9 @@ from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
 from domino_env.scenes import scene_base, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
-from domino_env.scenes.io.ranges import Place, Range
+from domino_env.scenes.io.ranges import Range
 from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
-from domino_env.scenes.pool import BEYOND_TESTS, DIGITS, ScenePool, make_stamp
+from domino_env.scenes.pool import DIGITS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
 SCENES = Path(scene_base.__file__).parent
@@ -89,13 +89,10 @@ def write_scenes() -> None:
 
 
 def write_distribution(name: str) -> None:
-    """Write the test sets of a distribution, and its pool if policies are trained on it."""
+    """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
     columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
     entries_of = {"test": (columns, _test_scenes(distribution, TEST_SIZE))}
-    if name == "varied":
-        wider = [_with_wider_range(distribution, place) for place in distribution.ranges]
-        entries_of["beyond"] = (columns, [x for d in wider for x in _test_scenes(d, BEYOND_TESTS)])
     if name != "varied-beyond":
         bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
         scores = [pool.scene(i).uniform().score for i in bar]
@@ -114,14 +111,6 @@ def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[floa
         numbers = distribution.sample_numbers(np.random.default_rng([TEST_SEED, i]), DIGITS)
         scenes.append([*numbers, *best_point(distribution.scene(numbers))])
     return scenes
-
-
-def _with_wider_range(distribution: SceneDistribution, place: Place) -> SceneDistribution:
-    """Return the distribution with one range taken from "varied-beyond"."""
-    table, key = place
-    wider = load_distribution("varied-beyond").document[table][key]
-    changed = distribution.document[table] | {key: wider}
-    return SceneDistribution(distribution.document | {table: changed}, distribution.name)
 
 
 if __name__ == "__main__":

@@ -268,39 +268,29 @@ class Problem:
         """
         return self._feasible.project(self._targets(designs))
 
-    def split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
+    def split(self, values: Floats) -> tuple[Floats, Floats, Floats | None]:
         """Convert free values (B, n) to gaps, thicknesses and heights.
 
         Returns
         -------
         gaps : ndarray
             (B, N-1) all gaps [m].
-        thickness : ndarray or None
-            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None if they are not free.
+        thickness : ndarray
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m].
         height : ndarray or None
             (B, N-1) heights of dominoes 1 … N-1 [m]; None if all heights are equal.
         """
         scene, pairs, start = self.scene, self.scene.count - 1, 0
         gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
-        thickness: Floats | None = None
-        height: Floats | None = None
+        thickness: Floats = np.full_like(gaps, scene.thickness[0])
+        growth: Floats | None = None
         if scene.free_spacing:
             gaps, start = values[:, :pairs], pairs
         if scene.free_thickness:
             thickness, start = values[:, start : start + pairs], start + pairs
         if scene.growth is not None:
             growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
-            height = np.asarray(scene.height * np.cumprod(growth, axis=1))
-        if scene.in_heights:
-            scale = np.full_like(gaps, scene.height) if height is None else height
-            gaps = gaps * self._heights_before(scale)
-            thickness = None if thickness is None else thickness * scale
-        return gaps, thickness, height
-
-    def _heights_before(self, height: Floats) -> Floats:
-        """Return the heights (B, N-1) of dominoes 0 … N-2 [m] from those of dominoes 1 … N-1."""
-        first = np.full((len(height), 1), self.scene.height)
-        return np.concatenate([first, height[:, :-1]], axis=1)
+        return scene.in_metres(gaps, thickness, growth)
 
     def design_gradient(
         self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
@@ -367,14 +357,13 @@ class Problem:
             if height is None:
                 by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
             else:
-                thickness = scene.thickness[0] * height if thickness is None else thickness
                 # a height scales the thickness of its domino and the gap to the next one
                 by_scale = by_height * height + by_thickness * thickness
                 by_scale[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
                 growth = values[:, -pairs:] if scene.free_height else np.ones_like(height)
                 # a growth scales all later heights
                 by_height = np.cumsum(by_scale[:, ::-1], axis=1)[:, ::-1] / growth
-                by_gap = by_gap * self._heights_before(height)
+                by_gap = by_gap * scene.heights_before(height)
                 by_thickness = by_thickness * height
         free = [scene.free_spacing, scene.free_thickness, scene.free_height]
         parts = zip((by_gap, by_thickness, by_height), free, strict=True)

@@ -52,6 +52,14 @@ class LayoutBatch:
 
     __repr__ = dataclass_repr
 
+    @classmethod
+    def of_one(
+        cls, layout: Layout, physics: Physics, rtol: float, ground: Ground | None
+    ) -> LayoutBatch:
+        """Return the batch of one layout."""
+        sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
+        return cls(*sizes, layout.width, layout.density, physics, rtol, ground)
+
     def __len__(self) -> int:
         return len(self.spacing)
 

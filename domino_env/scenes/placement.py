@@ -14,14 +14,13 @@ from msgspec import Meta
 from domino_env.core.models import Size, Value, about
 from domino_env.core.types import Floats, read_only
 from domino_env.physics.ground import Ground
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.physics.wave import Wave
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import ScoreGradient, Scores
 
 LARGEST_DRAWS = 100_000  # largest number of draws of one layout
 MOST_DRAWN_DOMINOES = 4_000_000  # [dominoes] in all draws, whose simulation takes some 200 MB
+DRAWS = 256  # draws of `placement_noise`
 LEAST_GAP = 0.0002  # [m] smallest gap with a placement error
 
 Evaluate = Callable[[LayoutBatch, bool], Scores]
@@ -162,45 +161,7 @@ def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
     )
 
 
-def simulate_draws(
-    layout: Layout, physics: Physics, placement: Placement, ground: Ground | None = None
-) -> WaveBatch:
-    """Simulate the draws of a layout with placement noise.
-
-    Parameters
-    ----------
-    layout
-        The layout without errors.
-    physics
-        Friction, gravity and push.
-    placement
-        Deviation, number and seed of the draws. The number is reduced if the draws have more than
-        4 million dominoes.
-    ground
-        Ground on which the layout stands; None for flat ground.
-
-    Returns
-    -------
-    WaveBatch
-        Waves of all draws.
-
-    Raises
-    ------
-    ValueError
-        For a layout on uneven ground if `ground` is None.
-    """
-    if ground is None and not layout.is_flat:
-        raise ValueError("the layout is on uneven ground: give the `ground` of its scene")
-    draws = min(placement.draws, max(MOST_DRAWN_DOMINOES // layout.count, 1))
-    sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
-    batch = LayoutBatch(*sizes, layout.width, layout.density, physics, rtol=1e-6, ground=ground)
-    errors = placement.replace(draws=draws).errors(layout.count - 1)
-    return draw_layouts(batch, errors).simulate()
-
-
-def placement_noise(
-    wave: Wave, ground: Ground | None, deviation: float, draws: int = 256
-) -> dict[str, float]:
+def placement_noise(wave: Wave, ground: Ground | None, deviation: float) -> dict[str, float]:
     """Return the fraction of draws that complete and statistics of their total times [s].
 
     Parameters
@@ -211,16 +172,21 @@ def placement_noise(
         Ground on which the layout stands; None for flat ground.
     deviation
         Standard deviation of the placement error of each gap [m].
-    draws
-        Number of draws.
 
     Returns
     -------
     dict
-        `deviation`, `draws`, `completes`, and if a draw completes `mean`, `spread` (standard
-        deviation), `fastest_5_percent` and `slowest_5_percent` of their times.
+        `deviation`, `draws` (256, or fewer if these have more than 4 million dominoes),
+        `completes`, and if a draw completes `mean`, `spread` (standard deviation),
+        `fastest_5_percent` and `slowest_5_percent` of their times.
     """
-    waves = simulate_draws(wave.layout, wave.physics, Placement(deviation, draws), ground)
+    layout = wave.layout
+    if ground is None and not layout.is_flat:
+        raise ValueError("the layout is on uneven ground: give the `ground` of its scene")
+    draws = min(DRAWS, max(MOST_DRAWN_DOMINOES // layout.count, 1))
+    errors = Placement(deviation, draws).errors(layout.count - 1)
+    batch = LayoutBatch.of_one(layout, wave.physics, 1e-6, ground)
+    waves = draw_layouts(batch, errors).simulate()
     times = waves.total_time[waves.mean_speed > 0.0]
     noise = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
     if len(times):

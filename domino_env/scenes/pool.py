@@ -9,7 +9,6 @@ import hashlib
 
 import numpy as np
 
-from domino_env.core.checks import require_choice
 from domino_env.core.files import raise_with_path
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
@@ -19,7 +18,6 @@ from domino_env.scenes.uniform import best_point
 
 POOL_SIZE = 4096  # [scenes]
 TRAINING_SEED = 0  # scene i of a pool has the seed [TRAINING_SEED, i]
-BEYOND_TESTS = 100  # test scenes for each number that is beyond its range in them
 DIGITS = 5  # significant digits of sampled numbers, for legible files
 
 
@@ -80,7 +78,7 @@ class ScenePool:
         self.features[i] = self.distribution.scale(self.numbers[i])
 
 
-def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
+def load_test_set(name: str) -> list[Scene]:
     """Load a test set: scenes sampled independently of those of the training.
 
     Parameters
@@ -88,39 +86,30 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
     name
         Name of a shipped distribution. All numbers of the scenes of "varied-beyond" are out of the
         ranges of "varied".
-    beyond
-        Name of one of the numbers that "varied" samples (`SceneDistribution.features`). Only this
-        number is out of its range in "varied", and within its range in "varied-beyond". None for a
-        test set with all numbers in their ranges.
 
     Returns
     -------
     list of Scene
-        200 scenes, or 100 with one number out of its range, with their uniform baselines.
+        200 scenes with their uniform baselines.
 
     Raises
     ------
     ValueError
-        For a distribution without a test set, and for a number that it does not sample.
+        For a distribution without a test set.
     """
-    distribution, label = load_distribution(name), "test"
-    table = _load_table(distribution, "test" if beyond is None else "beyond")
+    distribution = load_distribution(name)
+    table = _load_table(distribution, "test")
     if table is None:
-        missing = "no test set" if beyond is None else "no test set beyond its ranges"
-        raise_with_path(distribution.file, f"{missing} ships with it: name another, as 'varied'")
-    if beyond is not None:
-        require_choice("beyond", beyond, distribution.features)
-        first = BEYOND_TESTS * distribution.features.index(beyond)
-        table, label = table[first : first + BEYOND_TESTS], f"beyond-{beyond.replace(' ', '-')}"
+        raise_with_path(distribution.file, "no test set ships with it: name another, as 'varied'")
     # the last two columns are the point
     return [
-        distribution.scene(line[:-2], f"{distribution.name}-{label}-{i}").with_uniform(line[-2:])
+        distribution.scene(line[:-2], f"{distribution.name}-test-{i}").with_uniform(line[-2:])
         for i, line in enumerate(table)
     ]
 
 
 def _load_table(distribution: SceneDistribution, kind: str) -> Floats | None:
-    """Load the shipped table "pool", "test" or "beyond"; None if this distribution has none."""
+    """Load the shipped table "pool" or "test"; None if this distribution has none."""
     file = DISTRIBUTIONS / f"{distribution.name}.{kind}.csv"
     lines = file.read_text("utf-8").splitlines() if file.is_file() else [""]
     if lines[0] != make_stamp(distribution):

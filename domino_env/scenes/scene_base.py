@@ -186,9 +186,8 @@ class SceneBase:
         """Return the whole row of a layout: with the dominoes of the run-out, if it is complete."""
         if self.run_out is None or layout.count != self.count:
             return layout
-        sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
-        parts = *sizes, layout.width, layout.density, self.physics, 0.0, self.ground
-        return self.run_out.append_to(LayoutBatch(*parts)).layout(0)
+        batch = LayoutBatch.of_one(layout, self.physics, 0.0, self.ground)
+        return self.run_out.append_to(batch).layout(0)
 
     @property
     def free_spacing(self) -> bool:
@@ -297,6 +296,33 @@ class SceneBase:
         thicknesses[:, 1:] = given
         sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
+
+    def in_metres(
+        self, gaps: Floats, thickness: Floats, growth: Floats | None
+    ) -> tuple[Floats, Floats, Floats | None]:
+        """Convert values in the units of the scene to sizes in metres.
+
+        Parameters
+        ----------
+        gaps, thickness, growth
+            (B, N-1) gaps, and thicknesses and growths of dominoes 1 … N-1; None if all heights are
+            equal.
+
+        Returns
+        -------
+        tuple
+            Gaps, thicknesses and heights (B, N-1) [m]; None for equal heights.
+        """
+        if not self.in_heights:
+            return gaps, thickness, None
+        factors = np.ones(gaps.shape) if growth is None else np.cumprod(growth, axis=1)
+        heights: Floats = np.asarray(self.height * factors)
+        sizes = gaps * self.heights_before(heights), thickness * heights
+        return *sizes, None if growth is None else heights
+
+    def heights_before(self, height: Floats) -> Floats:
+        """Return the heights (B, N-1) of dominoes 0 … N-2 [m] from those of dominoes 1 … N-1."""
+        return np.insert(height[:, :-1], 0, self.height, axis=1)
 
     def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
         """Return one sentence for each rule of the scene that a layout violates.

@@ -157,13 +157,7 @@ class UniformLayouts:
         ones = np.ones(pairs or scene.count - 1)
         first, second = points[:, :1], points[:, 1:]
         if scene.growth is not None:
-            heights: Floats = np.asarray(scene.height * np.cumprod(second * ones, axis=1))
-            before = np.concatenate([np.full_like(first, scene.height), heights[:, :-1]], axis=1)
-            gaps: Floats = first * before
-            return gaps, scene.thickness[0] * heights, heights
-        if scene.in_heights:
-            scale = scene.height * ones
-            return first * scale, second * scale, None
+            return scene.in_metres(first * ones, scene.thickness[0] * ones, second * ones)
         if scene.stock is not None:
             thicknesses = np.broadcast_to(self.thicknesses, (len(points), scene.count - 1))
             if self.one_pitch:
@@ -171,7 +165,7 @@ class UniformLayouts:
             return first * ones, thicknesses, None
         if scene.length is not None:
             first = scene.length / (scene.count - 1) - second
-        return first * ones, second * ones, None
+        return scene.in_metres(first * ones, second * ones, None)
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""

@@ -126,10 +126,6 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: de.load_scene("varid"), "there is no scene 'varid': did you mean 'varied'"),
     (lambda: de.load_scene("varied"), "varied.toml: it describes many scenes: name one"),
     (lambda: de.load_distribution("sprint"), "it is one scene, without a range: load it by"),
-    (lambda: de.load_test_set("varied", beyond="frction"),
-     "beyond = 'frction': did you mean 'friction'"),
-    (lambda: de.load_test_set("varied-course", beyond="friction"),
-     "no test set beyond its ranges ships with it"),
 ])  # fmt: skip
 def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError), match=re.escape(words)):
