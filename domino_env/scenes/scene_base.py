@@ -594,6 +594,6 @@ class SceneBase:
             Text such as "0.828550 m/s", or the reason for a score of 0 or less.
         """
         if score > 0.0:
-            return self.scoring.format_score(score, wave)
+            return self.scoring.format_score(score)
         violates_limit = self.limits is not None and wave.outcome == Outcome.PROPAGATED
         return "violates a limit of the scene" if violates_limit else self.criterion.failure

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import Objective, Scores
@@ -80,7 +80,7 @@ class Scoring:
             layouts = self.run_out.append_to(layouts)
         waves = self.simulator.simulate(
             layouts, record=objective.needs_arrivals or self.limits is not None,
-            gradient=gradient and objective.differentiates_waves, stop=stop,
+            gradient=gradient and objective.rewards_speed, stop=stop,
         )  # fmt: skip
         scores = self.score(waves)
         if not gradient:
@@ -96,10 +96,10 @@ class Scoring:
         ratio = np.where(both, scores.score / np.where(both, on_pivots.score, 1.0), 0.0)
         return scores.with_gradient(on_pivots.gradient.scale(ratio).first(pairs))
 
-    def format_score(self, score: float, wave: Wave) -> str:
+    def format_score(self, score: float) -> str:
         """Format the score of a success with its unit, its simulator and its statistic."""
         objective, noise = self.objective, self.placement
-        text = objective.format_score(score, wave, self.simulator.digits)
+        text = objective.format_score(score, self.simulator.digits)
         if noise is not None and noise.quantile is None:  # a mean is that of no wave
             text = objective.label(score)
         text += self.simulator.place

@@ -18,7 +18,7 @@ from domino_env.core.models import Value
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.gradient import Gradient
-from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 
 
@@ -36,11 +36,6 @@ class ScoreGradient(NamedTuple):
     spacing: Floats
     thickness: Floats
     height: Floats
-
-    @classmethod
-    def zero(cls, batch: LayoutBatch) -> ScoreGradient:
-        """Return derivatives of 0 for every layout of a batch."""
-        return cls(*(np.zeros(batch.spacing.shape) for _ in range(3)))
 
     @classmethod
     def from_gradient(cls, gradient: Gradient) -> ScoreGradient:
@@ -119,11 +114,9 @@ class Objective(ABC):
     failure: ClassVar[str] = "no success"
     """Text in place of the score of a wave that stops."""
     rewards_speed: ClassVar[bool] = False
-    """True if a faster wave scores more."""
+    """True if a faster wave scores more; `derivatives` then needs the gradient of total times."""
     needs_arrivals: ClassVar[bool] = False
     """True if scores depend on the arrival time of each domino."""
-    differentiates_waves: ClassVar[bool] = False
-    """True if `derivatives` needs waves with the gradient of their total time."""
 
     @abstractmethod
     def success(self, waves: WaveBatch) -> Floats:
@@ -136,9 +129,9 @@ class Objective(ABC):
             score = np.where(waves.propagated, self.success(waves), score)
         return Scores(score, waves.reach, waves.falls)
 
+    @abstractmethod
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of waves; those of scores up to 0 are not used."""
-        return ScoreGradient.zero(layouts)
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return the gains of scores of 0 or more over references of more than 0."""
@@ -185,7 +178,7 @@ class Objective(ABC):
             text = f"level with {name}"
         return text + f" ({reference:.6f})" * detailed
 
-    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
+    def format_score(self, score: float, digits: int = 6) -> str:
         """Format the score of a success with its unit; a speed has `digits` decimals."""
         return self.label(score)
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
 
@@ -28,11 +28,11 @@ class Magnify(Objective):
 
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return 1 for the last height and 0 for all other sizes."""
-        gradient = ScoreGradient.zero(layouts)
-        gradient.height[:, -1] = 1.0
-        return gradient
+        by_height = np.zeros(layouts.spacing.shape)
+        by_height[:, -1] = 1.0
+        return ScoreGradient(zeros := np.zeros(by_height.shape), zeros, by_height)
 
-    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
+    def format_score(self, score: float, digits: int = 6) -> str:
         """Format the height of the last domino."""
         return f"last domino {score:.6f} m high"
 

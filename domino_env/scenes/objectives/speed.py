@@ -9,7 +9,7 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import with_length_gradient
-from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
 
@@ -22,7 +22,6 @@ class MeanSpeed(Objective):
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
-    differentiates_waves: ClassVar[bool] = True
 
     def success(self, waves: WaveBatch) -> Floats:
         """Return the mean speeds (B,) [m/s]."""
@@ -45,6 +44,6 @@ class MeanSpeed(Objective):
             -speed * time_gradient.height[:, 1:] / time,
         )
 
-    def format_score(self, score: float, wave: Wave, digits: int = 6) -> str:
+    def format_score(self, score: float, digits: int = 6) -> str:
         """Format the speed."""
         return f"{score:.{digits}f} m/s"

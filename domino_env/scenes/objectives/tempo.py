@@ -142,8 +142,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
             (B, N) derivatives [1/s]; 0 where all errors are 0.
         """
         errors = self._errors(arrivals)
-        # 1e-300: no division by 0
-        rms = np.maximum(np.sqrt(np.mean(errors**2, axis=1, keepdims=True)), 1e-300)
+        rms = np.maximum(self.error(arrivals)[:, None], 1e-300)  # no division by 0
         score = 1.0 / (1.0 + rms / self.tolerance)
         by_time = -(score**2) / self.tolerance * errors / (errors.shape[1] * rms)
         return np.concatenate([np.zeros((len(errors), 1)), by_time], axis=1)
