@@ -307,8 +307,8 @@ class Problem:
             (B, N-1) derivatives with respect to the gaps, and to the thicknesses and heights of
             dominoes 1 … N-1 [unit of the score per m].
         relaxed
-            True to treat values from a list or the stock as continuous; otherwise their derivative
-            is 0, because they do not change when a design vector changes a little.
+            True to treat values from the stock as continuous; otherwise their derivative is 0,
+            because they do not change when a design vector changes a little.
 
         Returns
         -------
