@@ -256,14 +256,13 @@ class Evaluator:
         gradient: bool = False,
         *,
         rtol: float | None = None,
-        differences: bool = True,
         relaxed: bool = False,
     ) -> Scores:
         """Simulate design vectors and score them.
 
         Parameters
         ----------
-        designs, gradient, rtol, differences, relaxed
+        designs, gradient, rtol, relaxed
             See `Problem.evaluate`.
 
         Returns
@@ -299,8 +298,6 @@ class Evaluator:
                 try:
                     for chunk, scores in zip(chunks, outputs, strict=True):
                         self._count(scores)
-                        if gradient and differences:
-                            self.problem.fill_gradients(chunk, scores, self.evaluate)
                         self._update_best(scores, chunk.__getitem__)
                         results.append(scores)
                 except StoppedError:  # no time was left during a free-standing simulation
@@ -405,9 +402,7 @@ class Evaluator:
         while chunks and (arrays := self._replay(kind, chunks[0])) is not None:
             chunks.pop(0)
             yield Scores(*arrays)
-        evaluate = partial(
-            self.problem.evaluate, gradient=gradient, rtol=rtol, differences=False, relaxed=relaxed
-        )
+        evaluate = partial(self.problem.evaluate, gradient=gradient, rtol=rtol, relaxed=relaxed)
         with loss_as_error():
             if self._executor is None or len(chunks) < 2:
                 results = (evaluate(chunk, stop=self._stop) for chunk in chunks)

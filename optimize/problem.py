@@ -21,11 +21,6 @@ from optimize.constraints.feasible_set import FeasibleSet
 
 ROUNDING = 1e-9  # distance outside of [0, 1] that counts as rounding
 GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradient
-# The error of a score is smooth, except for jumps within the tolerance where the simulator changes
-# its quadrature rule. With this step and this tolerance, differences are exact to about 1e-8.
-STEP = 1e-5  # change of an entry of a design vector for a difference
-# relative error allowed in the arrival times for a difference
-STEP_RTOL = 1e-10
 
 
 class Problem:
@@ -99,14 +94,14 @@ class Problem:
         gradient: bool = False,
         *,
         rtol: float | None = None,
-        differences: bool = True,
         relaxed: bool = False,
         stop: Callable[[], bool] | None = None,
     ) -> Scores:
         """Simulate design vectors and score them; higher is better.
 
         A gradient costs some four simulations for each design vector, for any n. Where a rule binds
-        (a face of the box, the given length) it is that of the nearest layout that keeps the rule.
+        (a face of the box, the given length) it is that of the nearest layout that keeps the rule,
+        and where the wave stops or violates a limit it is 0.
 
         Parameters
         ----------
@@ -116,13 +111,10 @@ class Problem:
             True to compute gradients too.
         rtol
             Relative error allowed in the arrival times, 1e-13 to 1e-3; None for that of the
-            problem. Exact gradients always use 1e-8, differences 1e-10.
-        differences
-            True to compute a gradient by differences, with 2n simulations, where the wave stops or
-            violates a limit, so that there is no exact one; otherwise that gradient is zero.
+            problem. Gradients always use 1e-8.
         relaxed
-            True to treat values from the stock as continuous in exact gradients; otherwise, and in
-            differences, these derivatives are 0.
+            True to treat values from the stock as continuous in gradients; otherwise these
+            derivatives are 0.
         stop
             Function that returns True to stop a simulation on a floor; None to run it to its end.
 
@@ -146,35 +138,8 @@ class Problem:
         scores = self.scene.evaluate(self.scene.batch(*sizes, rtol), gradient, stop)
         if scores.gradient is not None:
             gradients = self.design_gradient(designs, values, scores.gradient, relaxed=relaxed)
-            gradients[scores.without_gradient] = 0.0
             scores = replace(scores, gradient=gradients)
-            if differences:
-                self.fill_gradients(designs, scores, self.evaluate)
         return scores.squeeze() if single else scores
-
-    def fill_gradients(
-        self, designs: Floats, scores: Scores, evaluate: Callable[..., Scores]
-    ) -> None:
-        """Compute gradients by differences where a score has no exact one.
-
-        Parameters
-        ----------
-        designs
-            (B, n) design vectors.
-        scores
-            Their scores; gradients are replaced where `without_gradient` is true.
-        evaluate
-            Function with the arguments of `evaluate`, which scores the 2n points of a difference.
-        """
-        n = self.dimension
-        for b in np.flatnonzero(scores.without_gradient):
-            design = np.clip(designs[b], 0.0, 1.0)
-            above, below = np.minimum(design + STEP, 1.0), np.maximum(design - STEP, 0.0)
-            points = np.repeat(design[None], 2 * n, axis=0)
-            np.fill_diagonal(points[:n], above)
-            np.fill_diagonal(points[n:], below)
-            score = evaluate(points, rtol=STEP_RTOL).score
-            scores.gradient[b] = (score[:n] - score[n:]) / (above - below) * self.is_continuous
 
     # design vectors and layouts ------------------------------------------------------------------
 

@@ -228,7 +228,7 @@ def refine(scene: Scene, layout: Layout, steps: int) -> Layout:
     unit = float(np.sqrt(scene.physics.gravity * scene.height))  # [m/s] scores are about one unit
     local = LocalSearch(start, problem.projection, inverse / unit)
     while local.evaluations < steps and not local.done:
-        scores = problem.evaluate(local.candidate, gradient=True, differences=False)
+        scores = problem.evaluate(local.candidate, gradient=True)
         local.update(scores.score, scores.gradient)
     return problem.layout(local.design)
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.models import Value
 from domino_env.core.results import dataclass_repr
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Floats
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
@@ -79,11 +79,6 @@ class Scores:
     def with_gradient(self, gradient: ScoreGradient) -> Scores:
         """Return the scores with derivatives, which are set to 0 for scores of 0 or less."""
         return replace(self, gradient=gradient.scale(self.score > 0.0))
-
-    @property
-    def without_gradient(self) -> Bools:
-        """Mask (B,) of designs without exact gradient: the wave stops or violates a limit."""
-        return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
     def squeeze(self) -> Scores:
         """Drop the first axis of a batch of one."""

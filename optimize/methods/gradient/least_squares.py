@@ -26,8 +26,9 @@ from domino_env.scenes.objectives import ScoreGradient, Scores
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
 from optimize.methods.starts import starts
-from optimize.problem import STEP_RTOL, Problem
+from optimize.problem import Problem
 
+RTOL = 1e-10  # relative error allowed in the arrival times
 ON_TIME_ERROR = 1e-9  # [s] RMS error below which a layout is on time
 DAMPING = 1e-2  # first damping, over the largest sum of squared derivatives of a variable
 # factor of the damping after a step that fails; divisor after one that gains
@@ -111,7 +112,7 @@ def compute_lateness(problem: Problem, design: Floats) -> tuple[Scores, list[Flo
         with respect to the design vector [s]; both empty if the wave stops.
     """
     scene, pairs = problem.scene, problem.scene.count - 1
-    wave = simulate(problem.layout(design), scene.physics, rtol=STEP_RTOL, gradient=True)
+    wave = simulate(problem.layout(design), scene.physics, rtol=RTOL, gradient=True)
     scores = scene.evaluate_waves(wave.as_batch())
     if wave.outcome != Outcome.PROPAGATED:
         return scores, [np.empty(0), np.empty((0, problem.dimension))]

@@ -79,7 +79,7 @@ def _evaluate(
     if not groups:
         return {}
     designs = np.concatenate(list(groups.values()))
-    scores = evaluator.evaluate(designs, gradient, differences=False)
+    scores = evaluator.evaluate(designs, gradient)
     gradients = scores.gradient if gradient else np.empty((len(designs), 0))
     ends = np.cumsum([len(part) for part in groups.values()])[:-1]
     parts = zip(np.split(scores.score, ends), np.split(gradients, ends), strict=True)

@@ -85,7 +85,7 @@ def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
     stock = problem.scene.stock.without(problem.scene.first_thickness)
     kinds = np.array(stock.thickness)
     pairs = problem.scene.count - 1
-    gradient = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
+    gradient = evaluator.evaluate(design, True, relaxed=True).gradient
     span = (problem.high - problem.low)[-pairs:]  # the last variables are the thicknesses
     thickness = problem.low[-pairs:] + design[-pairs:] * span
     current = np.abs(thickness[:, None] - kinds).argmin(axis=1)

@@ -182,7 +182,7 @@ class _SimulatedLayouts:
 
         Each of the B design vectors has its own coefficients (B, n).
         """
-        analytic = self.analytic.evaluate(designs, True, differences=False)
+        analytic = self.analytic.evaluate(designs, True)
         completes = analytic.score > 0.0
         exponent = np.sum(coefficients * self._offset(designs), axis=1)
         factor = np.where(completes, np.exp(exponent), 1.0)
