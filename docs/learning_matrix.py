@@ -121,9 +121,10 @@ def train(case: Case) -> list[object]:
             gamma=chosen.options["gamma"], seed=seed, device="cpu",
         )  # fmt: skip
     else:
+        defaults: dict[str, Any] = {"tau": 0.005}  # of Stable-Baselines3
         if algorithm == "td3":  # the noise on target actions of its authors
-            noise = {"target_policy_noise": 0.2, "target_noise_clip": 0.5}
-            chosen = chosen.replace(options=chosen.options | noise)
+            defaults |= {"target_policy_noise": 0.2, "target_noise_clip": 0.5}
+        chosen = chosen.replace(options=chosen.options | defaults)
         model = make_model(target, algorithm, chosen, seed, env=env)
 
     if isinstance(target, SceneDistribution):
