@@ -14,7 +14,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.chain import DominoEnv
 from domino_env.envs.sources import Generators, SceneLike
 from domino_env.envs.vector import RTOL, DominoChainVector, Infos
-from domino_env.kernels.step.batch import RUNNING
+from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.kernels.step.environment import place_batch
 from domino_env.scenes.scene import Scene
 
@@ -131,7 +131,6 @@ class DominoLayoutVector(DominoChainVector):
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "
                 "an action would change with its number of dominoes: use DominoChain-v2"
             )
-        self._chain_observations = self._observations  # not those of this environment
         self._batch.rules["length"] = 0.0  # left to `_project`
         _, pairs, entries = self._placing_shape
         self._set_spaces(entries * pairs, Box(0.0, 1.0, (1,), np.float32))
@@ -140,13 +139,16 @@ class DominoLayoutVector(DominoChainVector):
         self, mask: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in some environments; see `DominoChainVector.begin`."""
-        observations[mask] = 0.0
-        return super().begin(mask, self._chain_observations, generators)
+        infos = self._prepare(mask, generators)
+        self._episodes["phase"][mask], observations[mask] = RUNNING, 0.0
+        return infos
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place all dominoes and simulate them; see `DominoChainVector.advance`."""
         observations, scene = np.ones(self._observations.shape, np.float32), self.source.first
-        rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == RUNNING
+        phase, rewards = self._episodes["phase"], np.zeros(self.num_envs)
+        begins, ended = phase == BEGINNING, phase == RUNNING
+        phase[begins], observations[begins] = RUNNING, 0.0
         envs = np.flatnonzero(ended)
         if not len(envs):
             return observations, rewards, ended, {}

@@ -229,6 +229,14 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         ValueError
             For options from which no episode can begin; all environments are then unchanged.
         """
+        infos = self._prepare(mask, generators, **options)
+        no_actions, rewards = np.empty((self.num_envs, 0)), np.empty(self.num_envs)
+        ended = np.empty(self.num_envs, np.bool_)
+        kernels.step_batch(0, self.num_envs, self._batch, no_actions, observations, rewards, ended)
+        return infos
+
+    def _prepare(self, mask: Bools, generators: Generators, **options: Any) -> Infos:
+        """Prepare episodes, which the next call of the kernel begins; as `begin` otherwise."""
         envs, indices, source = np.flatnonzero(mask), self._batch.scene.copy(), self.source
         layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
@@ -251,9 +259,6 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             if self._scene(b).growth is not None:
                 batch.height[b, : start.count] = start.height
         self._episodes["phase"][mask], self._episodes["placed"][mask] = BEGINNING, placed[mask]
-        no_actions, rewards = np.empty((self.num_envs, 0)), np.empty(self.num_envs)
-        ended = np.empty(self.num_envs, np.bool_)
-        kernels.step_batch(0, self.num_envs, batch, no_actions, observations, rewards, ended)
         self._waves[mask] = None
         if self.distribution is None:
             return {}
@@ -399,10 +404,11 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
                 f"the episode of environment {int(np.argmax(over))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
-        observations, rewards, ended, last_infos = self.advance(values)
-        infos = self._spread({}, last_infos, ended)
+        infos: dict[str, Any] = {}
         if over.any():
-            infos = self._spread(infos, self.begin(over, observations, self._generator), over)
+            infos = self._spread(infos, self._prepare(over, self._generator), over)
+        observations, rewards, ended, last_infos = self.advance(values)
+        infos = self._spread(infos, last_infos, ended)
         self._over = ended
         if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = self._spread({}, {"final_obs": np.fromiter(observations[ended], object)}, ended)
@@ -413,7 +419,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
-        """Take a step in every environment whose episode is not over.
+        """Take a step in every environment whose episode is not over, and begin prepared episodes.
 
         Parameters
         ----------
