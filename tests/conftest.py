@@ -75,7 +75,9 @@ def phone(chromium: Any) -> Iterator[None]:
     """The browser with the screen of a phone."""
     size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
     chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    chromium.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
     yield
+    chromium.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
     chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 

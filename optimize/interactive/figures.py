@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.events import Pan, PanEnd, PanStart
-from bokeh.models import ColumnDataSource, HoverTool, PointDrawTool, Range1d, Span
+from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 
 from domino_env.core.colours import BEST_KNOWN, RESULT, UNIFORM
@@ -34,14 +34,21 @@ class Curve:
         Range of x [m], shared by all figures.
     quantity
         One of `TITLES`.
+
+    Attributes
+    ----------
+    figure
+        Figure with the curves.
+    follows_pointer
+        True if points can be dragged; not with a finger, whose swipes scroll the page.
     """
 
     def __init__(self, view: Range1d, quantity: str) -> None:
-        self._quantity = quantity
+        self._quantity, self.follows_pointer = quantity, True
         self.figure = figure(
             x_range=view, height=170, sizing_mode="stretch_width", tools="",
             title=TITLES[quantity], toolbar_location=None, min_border_left=48, min_border_right=12,
-            outline_line_color=None, y_range=Range1d(0.0, 1.0),
+            outline_line_color=None, y_range=Range1d(0.0, 1.0), styles={"user-select": "none"},
         )  # fmt: skip
         self.figure.title.text_font_style = "normal"
         self.sources = [ColumnDataSource({"x": [], "y": []}) for _ in range(2)]
@@ -102,16 +109,13 @@ class Curve:
             "x", "y", source=source, color=RESULT, size=8, nonselection_alpha=1.0,
             selection_color=BEST_KNOWN, hover_color=BEST_KNOWN,
         )  # fmt: skip
-        # this tool has no points to move; it prevents a mouse from selecting text
-        tool = PointDrawTool(renderers=[self.figure.scatter([], [])], add=False)
         tips = [("number", "$index"), (self._quantity, "@y{0.000} mm")]
-        self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips), tool)
-        self.figure.toolbar.active_drag = tool
+        self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips))
         offset = 0.0  # [mm] from the pointer to the point
 
         def begin(event: Any) -> None:
             nonlocal offset
-            if self.figure.toolbar.active_drag:
+            if self.follows_pointer:
                 nearest = int(np.argmin(np.abs(source.data["x"] - event.x)))
                 offset, source.selected.indices = source.data["y"][nearest] - event.y, [nearest]
 

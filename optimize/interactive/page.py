@@ -231,9 +231,9 @@ class Page:
         )  # fmt: skip
 
     def _use_touch(self) -> None:
-        """Let a swipe over a curve scroll the page; gaps then follow dominoes only."""
+        """Let a swipe over a curve only scroll the page; gaps then follow dominoes."""
         for curve in self.curves.values():
-            curve.figure.toolbar.active_drag = None
+            curve.follows_pointer = False
 
     # calls --------------------------------------------------------------------------------------
 

@@ -323,6 +323,25 @@ def test_scenes_of_the_gallery_open_on_a_phone_too(tab: Tab) -> None:
     tab.wait(lambda: tab.run("return document.documentElement.scrollWidth") <= 390)
 
 
+@pytest.mark.usefixtures("phone")
+def test_a_swipe_over_the_gaps_scrolls_the_page(tab: Tab, served: Studio) -> None:
+    tab.open(served.url)
+    x, y, before = (
+        200,
+        tab.run("return find('.bk-events').getBoundingClientRect().y + 80"),
+        tab.layout,
+    )
+    for kind, points in (
+        ("touchStart", [{"x": x, "y": y}]),
+        *(("touchMove", [{"x": x + k, "y": y - 10 * k}]) for k in range(1, 16)),
+        ("touchEnd", []),
+    ):
+        touch = {"type": kind, "touchPoints": points}
+        tab.window.execute_cdp_cmd("Input.dispatchTouchEvent", touch)
+    tab.wait(lambda: tab.run("return scrollY") > 50)
+    assert tab.layout == before
+
+
 def test_a_damaged_link_shows_an_error(tab: Tab, served: Studio) -> None:
     tab.window.get(f"{served.url}?design=AAAA")
     tab.wait(lambda: "copy the whole link" in tab.status)
