@@ -28,11 +28,10 @@ TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, 
 POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 # tables in which a number may be a range
 RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable"
-RANGE_FORMS = [{"required": ["fixed"]}, {"required": ["min", "max"]}]
 # relations between the keys of a table, which its class checks
 RELATIONS: dict[str, dict[str, Any]] = {
     "SceneFile": {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]},
-    "RangeTable": {"oneOf": RANGE_FORMS},
+    "RangeTable": {"oneOf": [{"required": ["fixed"]}, {"required": ["min", "max"]}]},
     "Ground": {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]},
     "Tempo": {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]},
 }

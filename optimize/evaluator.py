@@ -21,6 +21,7 @@ from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.rigid.simulation import StoppedError
 from domino_env.scenes.objectives import Scores
+from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from optimize.executors import loss_as_error, require_executor
 from optimize.journal import Journal
 from optimize.problem import Problem
@@ -135,7 +136,8 @@ class Evaluator:
         self.least_effort = min(LEAST_EFFORT / size, self.most_effort)
         self._callback, self._journal, self._executor = callback, journal, executor
         # layouts of a chunk, which are simulated between two checks of the limits
-        self._chunk = min(max(8, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
+        least = min(max(1, MOST_DRAWN_DOMINOES // problem.dominoes), 8)  # that fit into memory
+        self._chunk = min(max(least, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.simulator.is_slow:
             self._chunk = min(self._chunk, allowed_threads())  # each simulation may take seconds

@@ -36,8 +36,8 @@ class Problem:
     (height over that of the domino before). 0 stands for the least value and 1 for the largest. The
     layout of a design vector is the nearest one (in metres) that keeps all rules of the scene. If
     a length or a stock ties entries together, `coupled` is true: many design vectors stand for the
-    same layout, and `project` returns the one of these that has its values.
-    No layout that breaks a rule is simulated.
+    same layout, and `project` returns the one of these that has its values. No layout that breaks a
+    rule is simulated.
 
     A problem has no state and no randomness: equal design vectors have bitwise equal scores. It can
     be pickled for other processes, and threads may share it. Batches are faster than single design
@@ -198,9 +198,8 @@ class Problem:
         ValueError
             If the shape is another one, or if entries are outside of [0, 1].
         """
-        gaps, *sizes = self.split(self.values(self.check([design])))
-        thickness, height = (None if size is None else size[0] for size in sizes)
-        return self.scene.layout(gaps[0], thickness, height)
+        gaps, thickness, height = self.split(self.values(self.check([design])))
+        return self.scene.layout(gaps[0], thickness[0], None if height is None else height[0])
 
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene.
@@ -255,7 +254,7 @@ class Problem:
             thickness, start = values[:, start : start + pairs], start + pairs
         if scene.growth is not None:
             growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
-        return scene.in_metres(gaps, thickness, growth)
+        return scene.to_metres(gaps, thickness, growth)
 
     def design_gradient(
         self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False

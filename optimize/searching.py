@@ -252,7 +252,7 @@ def _best_point(scene: Scene, seconds: float) -> Floats:
 
 
 def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
-    """Record the uniform baseline as the first evaluation, unless lists exclude its sizes.
+    """Record the uniform baseline as the first evaluation, unless a given one breaks the rules.
 
     Simulating it again may take longer than the time that is left.
     """

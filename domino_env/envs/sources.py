@@ -97,8 +97,7 @@ class SceneSource:
     ------
     ValueError
         For a scene that leaves nothing free or has rules that need the whole layout, for a
-        distribution with uneven ground or with sampled bounds of a list, and for numbers out of
-        range.
+        distribution with uneven ground, and for numbers out of range.
     """
 
     def __init__(
@@ -302,8 +301,8 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest + self.run_out
-        kinds, chooses = _kinds(scene), bool(scene.stock) and scene.free_thickness
-        pieces = int(kinds[1].sum()) if scene.hand and chooses else 0
+        kinds = _kinds(scene)
+        pieces = int(kinds[1].sum()) if scene.hand else 0
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
         # a power of two for the whole chain, or for the part that influences the wave
@@ -318,7 +317,7 @@ class SceneSource:
             schedule=self.schedule,
             closeness=closeness(longest),
             kinds=kinds,
-            box=np.tile(kinds[1, : kinds.shape[1] * chooses], (num_envs, 1)),
+            box=np.tile(kinds[1], (num_envs, 1)),
             order=np.zeros((num_envs, pieces), np.int16),
             errors=np.zeros((num_envs if scene.placement else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
@@ -341,8 +340,8 @@ class SceneSource:
 
 
 def _kinds(scene: Scene) -> Floats:
-    """Return the thicknesses of a stock [m], and the numbers of pieces, (2, K)."""
-    if scene.stock is None:
+    """Return the thicknesses [m] and numbers of pieces of a stock that leaves a choice, (2, K)."""
+    if scene.stock is None or not scene.free_thickness:
         return np.empty((2, 0))
     box = scene.stock.without(scene.first_thickness)
     kinds = np.array([box.thickness, box.count], dtype=np.float64)
@@ -434,14 +433,9 @@ def _check_scene(scene: Scene) -> None:
 
 
 def _check_distribution(distribution: SceneDistribution) -> None:
-    """Raise a ValueError for uneven ground, and for stocks that differ between scenes."""
-    first, ranges = distribution.first, distribution.ranges
-    if first.ground is not None:
+    """Raise a ValueError for uneven ground."""
+    if distribution.first.ground is not None:
         raise ValueError(
             f"'{distribution.name}' has uneven ground, which only a fixed scene may have: "
             "leave out [ground], or the ranges"
-        )
-    if first.stock is not None and ("row", "first_thickness") in ranges:
-        raise ValueError(
-            f"'{distribution.name}' has a stock and samples row.first_thickness: leave one out"
         )

@@ -542,8 +542,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         actions
             (B, P, A) actions of that call. Outside [-1, 1] derivatives are those at the nearer end,
             and 0 where a nearer entry reaches the bound. If the baseline is at a bound, those on
-            that side of 0 are those at 0. The choice of the nearest value of a list counts as the
-            identity, and preferences have derivative 0.
+            that side of 0 are those at 0. Preferences have derivative 0.
         derivatives
             (B, P, 3) derivatives with respect to gap, thickness and height [1/m].
 

@@ -20,7 +20,7 @@ MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products
 EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
     ("physics.floor_friction", "[limits]",
-     "stall margins and losses in face impacts are those of fixed pivots"),
+     "stall margins are those of fixed pivots"),
     ("stock.hand", "physics.floor_friction",
      "the uniform baseline is a mean over orders, which takes too long on a floor"),
     ("stock.hand", "row.length", "no environment has both a stock and a length"),

@@ -179,6 +179,11 @@ def placement_noise(wave: Wave, ground: Ground | None, deviation: float) -> dict
         `deviation`, `draws` (256, or fewer if these have more than 4 million dominoes),
         `completes`, and if a draw completes `mean`, `spread` (standard deviation),
         `fastest_5_percent` and `slowest_5_percent` of their times.
+
+    Raises
+    ------
+    ValueError
+        For a layout on uneven ground if `ground` is None.
     """
     layout = wave.layout
     if ground is None and not layout.is_flat:

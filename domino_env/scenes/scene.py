@@ -62,8 +62,7 @@ class Scene(SceneBase):
     in_heights
         True if `spacing` and `thickness` are given in heights of a domino.
     limits
-        Smallest allowed stall margin, and largest allowed loss of speed in a face impact; None for
-        no limits.
+        Smallest allowed stall margin; None for no limit.
     settings
         Table of the objective: a `Tempo` for "tempo"; None for others.
     floor_friction

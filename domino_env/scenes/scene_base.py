@@ -297,16 +297,19 @@ class SceneBase:
         sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
 
-    def in_metres(
+    def to_metres(
         self, gaps: Floats, thickness: Floats, growth: Floats | None
     ) -> tuple[Floats, Floats, Floats | None]:
         """Convert values in the units of the scene to sizes in metres.
 
         Parameters
         ----------
-        gaps, thickness, growth
-            (B, N-1) gaps, and thicknesses and growths of dominoes 1 … N-1; None if all heights are
-            equal.
+        gaps
+            (B, N-1) gaps.
+        thickness
+            (B, N-1) or (N-1,) thicknesses of dominoes 1 … N-1.
+        growth
+            (B, N-1) growths of the heights of dominoes 1 … N-1; None if all heights are equal.
 
         Returns
         -------

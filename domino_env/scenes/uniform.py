@@ -204,7 +204,7 @@ def _best_free_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:
     """Return the values of the first grid for each of the two numbers."""
-    one_is_fixed = float(np.min(layouts.high - layouts.low)) == 0.0
+    one_is_fixed = float(np.min(layouts.high - layouts.low)) <= 0.0
     return layouts.axes((fineness.line if one_is_fixed else fineness.plane,) * 2)
 
 

@@ -123,7 +123,7 @@ class UniformLayouts:
         scene = self.scene
         if scene.stock is not None:
             exact = pitch if self.one_pitch else pitch - float(self.thicknesses.mean())
-            self.low[0], self.high[0] = max(self.low[0], exact), min(self.high[0], exact)
+            self.low[0] = self.high[0] = min(max(exact, self.low[0]), self.high[0])
             return
         self.low[1] = max(self.low[1], pitch - scene.spacing[1])
         self.high[1] = min(self.high[1], pitch - scene.spacing[0])
@@ -134,7 +134,7 @@ class UniformLayouts:
     ) -> list[Floats]:
         """Return the values of a grid for both numbers, by a function such as `numpy.linspace`."""
         bounds = zip(self.low, self.high, numbers, strict=True)
-        return [spread(low, high, 1 if low == high else number) for low, high, number in bounds]
+        return [spread(low, high, n) if low < high else np.array([low]) for low, high, n in bounds]
 
     def sizes_at(
         self, points: Floats, pairs: int | None = None
@@ -157,7 +157,7 @@ class UniformLayouts:
         ones = np.ones(pairs or scene.count - 1)
         first, second = points[:, :1], points[:, 1:]
         if scene.growth is not None:
-            return scene.in_metres(first * ones, scene.thickness[0] * ones, second * ones)
+            return scene.to_metres(first * ones, scene.thickness[0] * ones, second * ones)
         if scene.stock is not None:
             thicknesses = np.broadcast_to(self.thicknesses, (len(points), scene.count - 1))
             if self.one_pitch:
@@ -165,7 +165,7 @@ class UniformLayouts:
             return first * ones, thicknesses, None
         if scene.length is not None:
             first = scene.length / (scene.count - 1) - second
-        return scene.in_metres(first * ones, second * ones, None)
+        return scene.to_metres(first * ones, second * ones, None)
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""

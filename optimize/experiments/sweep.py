@@ -94,7 +94,7 @@ def _parse_value(text: str) -> Label:
 def make_scene(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
     """Return the scene of a document in which the values of a point replace or add others.
 
-    Each of `fixed`, `values`, and `min`, `max` and `step` together replaces the others.
+    In a range, `fixed` replaces `min` and `max`, and either of these replaces `fixed`.
 
     Parameters
     ----------

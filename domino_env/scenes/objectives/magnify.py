@@ -28,9 +28,10 @@ class Magnify(Objective):
 
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return 1 for the last height and 0 for all other sizes."""
-        by_height = np.zeros(layouts.spacing.shape)
+        zeros = np.zeros(layouts.spacing.shape)
+        by_height = zeros.copy()
         by_height[:, -1] = 1.0
-        return ScoreGradient(zeros := np.zeros(by_height.shape), zeros, by_height)
+        return ScoreGradient(zeros, zeros, by_height)
 
     def format_score(self, score: float, digits: int = 6) -> str:
         """Format the height of the last domino."""

@@ -25,7 +25,7 @@ class Request:
     designs
         (B, n) design vectors.
     gradient
-        True to compute gradients too; they are zero for a wave that stops.
+        True to compute gradients too; they are 0 for a wave that stops or violates a limit.
     """
 
     designs: Floats

@@ -38,8 +38,10 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
     """Change the order of the dominoes of one start until several rounds gain nothing."""
     problem = evaluator.problem
     score, design = _refine(evaluator, problem.project(start[None]), THOROUGH)
+    if problem.is_continuous.all():  # there is no order
+        return
     idle = 0
-    while not problem.is_continuous.all() and idle < MAX_IDLE:
+    while idle < MAX_IDLE:
         neighbours = _neighbours(evaluator, design, rng, first=idle == 0)
         if len(neighbours) == 0:
             return
@@ -50,8 +52,7 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
             score, design, idle = new_score, new_design, 0
         else:
             idle += 1
-    if not problem.is_continuous.all():
-        _refine(evaluator, design[None], THOROUGH)
+    _refine(evaluator, design[None], THOROUGH)
 
 
 def _refine(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[float, Floats]:

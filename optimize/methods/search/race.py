@@ -19,8 +19,7 @@ expected to gain less than the tolerance.
 
 A search for a long layout begins with a stretched shorter one. Free-standing layouts are searched
 with the analytic model first. A schedule is first fitted by least squares, as `gauss-newton` does.
-If the score has no gradient, on a grid or because all waves stop, only perturbations change the
-layouts.
+If all waves stop or violate a limit, gradients are 0, and only perturbations change the layouts.
 
 References
 ----------

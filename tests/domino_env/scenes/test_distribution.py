@@ -39,6 +39,17 @@ def test_stored_scenes_are_valid_and_equal_to_newly_sampled_ones(name):
         assert again.uniform().score == pytest.approx(scene.uniform().score, rel=1e-9)
 
 
+def test_scenes_with_a_stock_are_sampled():
+    document = de.load_scene("stock").document()
+    document["physics"]["friction"] = {"min": 0.1, "max": 0.4}
+    drawn_from = de.SceneDistribution(document, "boxes")
+    assert drawn_from.features == ("friction",)
+    env = de.DominoChain(drawn_from)
+    scene = env.reset(seed=0)[1]["scene"]
+    assert scene.stock == de.load_scene("stock").stock
+    assert 0.1 <= scene.physics.friction <= 0.4
+
+
 def test_numbers_of_the_test_set_beyond_the_ranges_are_out_of_range():
     varied = de.load_distribution("varied")
     for scene in de.load_test_set("varied-beyond"):
