@@ -72,9 +72,7 @@ class RangeTable(Table):
         """Return the smallest and the largest value; inverse of `_range_document`."""
         if self.fixed is not None:
             return self.fixed, self.fixed
-        assert self.min is not None
-        assert self.max is not None
-        return self.min, self.max
+        return self.min or 0.0, self.max or 0.0  # both are given
 
 
 class GrowthTable(Table, kw_only=True):
