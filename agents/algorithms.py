@@ -36,6 +36,8 @@ The discount factor is 1, as returns are (SAC on `sprint`, 30 000 steps: 62 %, w
 these algorithms, as an action decides about the next hits (SAC on `tempo-noise`, 30 000 steps: 2.4
 ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
 
+All figures but those for tau = 0.05 are of trainings with tau = 0.005.
+
 References
 ----------
 Fujimoto, S., van Hoof, H., Meger, D. (2018). Addressing function approximation error in
