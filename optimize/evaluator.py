@@ -136,7 +136,8 @@ class Evaluator:
         self.least_effort = min(LEAST_EFFORT / size, self.most_effort)
         self._callback, self._journal, self._executor = callback, journal, executor
         # layouts of a chunk, which are simulated between two checks of the limits
-        least = min(max(1, MOST_DRAWN_DOMINOES // problem.dominoes), 8)  # that fit into memory
+        drawn = problem.dominoes // problem.scene.simulator.cost  # dominoes in memory per layout
+        least = min(max(1, MOST_DRAWN_DOMINOES // drawn), 8)
         self._chunk = min(max(least, CHUNK_DOMINOES // problem.dominoes), MAX_CHUNK)
         self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.simulator.is_slow:
