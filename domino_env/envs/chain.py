@@ -258,9 +258,13 @@ class DominoChain(DominoEnv):
         Φ_k = 100 ((x_k + X_end - X_k) / (t_k + T_end - T_k) / v - 1),    Φ_0 = 0
 
     x_k and t_k are the distance of domino k from the first and its arrival time, X_k and T_k those
-    in the uniform baseline, v = X_end / T_end. The reward of the last step is 100 gain - Φ_(k-1),
-    so the undiscounted return is 100 times the gain. On a uniform baseline that completes, the
-    return is 0 and, without a schedule, every reward is 0 within the tolerance.
+    in the uniform baseline, v = X_end / T_end. If the score S of the layout is more than 0, the
+    reward of the last step is 100 gain - Φ_(k-1), so the undiscounted return is 100 times the gain.
+    On a uniform baseline that completes, the return is 0 and, without a schedule, every reward is 0
+    within the tolerance.
+
+    If S is 0 or less, as the wave stops or violates a limit of the scene, the reward of the last
+    step is 10 (S - 1) - max(Φ_(k-1), 0): the return is at most -10.
 
     - If the scene has a length ℓ, the rest up to the last designed domino n is ℓ - x_k long and
       takes the time (T_n - T_k) (ℓ - x_k) / (ℓ - X_k).
@@ -280,15 +284,14 @@ class DominoChain(DominoEnv):
     |-------------|------------------------------------------------------------------------|
     | more than 0 | S / S_u - 1 for the score S of the layout and S_u of the baseline      |
     |             | with a schedule: log10(max(S, 1e-4) / S_u) / 10                        |
-    | 0 or less   | S - 1: the wave stops or violates a limit of the scene                 |
+    | 0 or less   | S - 1                                                                  |
     |             | with a schedule: S + log10(1e-4 / S_u) / 10                            |
 
     A wave that stops has a score between -1 and 0 that increases with the distance it reaches (see
-    `Scene.score`). Its return is below that of every layout that completes; for speeds it is
-    between -200 and -100. The return orders layouts as `scene.score` does, above 1e-4 with a
+    `Scene.score`). The return orders layouts that succeed as `scene.score` does, above 1e-4 with a
     schedule, and does not depend on the size of the dominoes. If the score of the uniform baseline
-    is 0 or less, S_u is 1 in this table, for speeds √(g h) and for heights h, and the gain is
-    relative to that of the baseline.
+    is 0 or less, S_u is 1 in this table, for speeds √(g h) and for heights h, the gain is relative
+    to that of the baseline, and every return is 100 times the gain.
 
     On a floor (`floor_friction`), the rewards before the last step are those of the analytic wave.
     On the last step a complete layout is simulated free-standing, and the last reward makes the
@@ -337,7 +340,8 @@ class DominoChain(DominoEnv):
       actions were linear between the bounds. With a schedule the gain is a logarithm; in v1 it was
       a ratio, which is nearly constant far from the schedule, and `lateness` was clipped at three
       tolerances. A stock has an entry for each kind of pieces; in v1 the nearest thickness to one
-      entry was taken. Rewards take the pieces into account that remain.
+      entry was taken. Rewards take the pieces into account that remain. A wave that stops costs
+      10 to 20 % of what was expected; in v1 it returned -200 to -100.
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
       a given speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
       was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.

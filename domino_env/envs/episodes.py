@@ -1,4 +1,4 @@
-"""Results of episodes: scores, returns, and infos with layouts and waves.
+"""Results of episodes: scores, last rewards, and infos with layouts and waves.
 
 A batch ends tens of thousands of episodes per second, and few of their waves are ever used.
 Therefore a wave is simulated when it is first read, unless the score required it before.
@@ -21,6 +21,7 @@ from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.scene import Scene
 
+LEAST_LOSS = 10.0  # [%] of an episode whose wave stops; at most twice as much
 _OUTCOMES = np.array([*Outcome], object)  # members by value
 
 
@@ -49,9 +50,11 @@ class EpisodeResults:
         Fraction of the scene's N dominoes that each wave reached, (E,).
     score
         Scores as in `Scene.score`, (E,).
-    returns
-        Gains over the uniform baseline, (E,) [%]. A score of 0 or less counts as the gain of the
-        lowest success, plus the score.
+    gain
+        Gains over the uniform baseline, (E,). A score of 0 or less counts as the gain of the lowest
+        success, plus the score.
+    last_rewards
+        Rewards of the last steps, (E,).
     """
 
     def __init__(self, source: SceneSource, batch: Batch, envs: NDArray[np.intp]) -> None:
@@ -71,7 +74,12 @@ class EpisodeResults:
         if is_uniform.any():
             for name in ("score", "outcome", "reach"):
                 getattr(self, name)[is_uniform] = getattr(source, name)[scenes[is_uniform]]
-        self.returns = self._returns(source.score[scenes], source.rules["score_unit"][scenes])
+        baseline = source.score[scenes]
+        self.gain = self._gain(baseline, source.rules["score_unit"][scenes])
+        sums = episodes["reward_sum"]
+        losses = LEAST_LOSS * (1.0 - self.score) + np.maximum(sums, 0.0)
+        fails = (self.score <= 0.0) & (baseline > 0.0)
+        self.last_rewards = np.where(fails, -losses, 100.0 * self.gain - sums)
 
     def _simulate(self, episodes: list[int]) -> None:
         """Simulate the whole layouts of some episodes, and score their waves.
@@ -111,21 +119,21 @@ class EpisodeResults:
             batch = scene.run_out.append_to(batch)
         return batch.simulate(record=True), [batch.layout(b) for b in range(len(batch))]
 
-    def _returns(self, baseline: Floats, unit: Floats) -> Floats:
-        """Return `returns`, for scores of the baselines and divisors of positive scores (E,)."""
+    def _gain(self, baseline: Floats, unit: Floats) -> Floats:
+        """Return `gain`, for scores of the baselines and divisors of positive scores (E,)."""
         gain = self._scenes[0].criterion.gain
 
         def value(score: Floats) -> Floats:
             return np.asarray(gain(np.maximum(score, 0.0), unit) + np.minimum(score, 0.0))
 
-        return 100.0 * (value(self.score) - np.where(baseline > 0.0, 0.0, value(baseline)))
+        return value(self.score) - np.where(baseline > 0.0, 0.0, value(baseline))
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the last info of each episode, an array (E,) for each key."""
         later = [(self, i) for i in range(len(self._placed))]
         infos: dict[str, NDArray[Any]] = {
             "score": self.score.copy(),
-            "gain": self.returns / 100.0,
+            "gain": self.gain.copy(),
             "outcome": _OUTCOMES[self.outcome],
             "layout": np.fromiter((_later(LazyLayout, episode) for episode in later), object),
             "wave": np.fromiter((_later(LazyWave, episode) for episode in later), object),

@@ -456,7 +456,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         self._waves[envs] = infos["wave"]
-        return results.returns - self._episodes["reward_sum"][envs], infos
+        return results.last_rewards, infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, mask: Bools) -> dict[str, Any]:
         """Write arrays of infos of the environments of a mask into arrays of all environments."""
