@@ -1,7 +1,7 @@
 """Analytic policy gradient: backpropagation of the exact gradient of the score into the policy.
 
 The derivative of the score with respect to the layout is exact (`Scene.evaluate`), so the gradient
-of the expected return needs no critic and no likelihood ratio. Layouts are built with noise, which
+of the expected score needs no critic and no likelihood ratio. Layouts are built with noise, which
 smooths the score over nearby layouts and decreases on a schedule; the gradient of each score is
 propagated back through the placing of dominoes and through the network. The policy observes its
 position in the chain, the features of sampled scenes, and the entries of `random_parts`: the
@@ -101,7 +101,7 @@ class APG(OnPolicyAlgorithm):
         return bool(proceed)
 
     def _open_loop_loss(self, env: Any) -> tuple[torch.Tensor, list[dict[str, Any]]]:
-        """Return the loss, minus the mean return [%], of whole layouts, and their infos."""
+        """Return the loss, minus the mean gain [%], of whole layouts, and their infos."""
         scenes, observations = _initial_observations(env)
         normal = self.policy.get_distribution(observations.flatten(0, 1)).distribution
         mean = normal.mean.unflatten(0, observations.shape[:2])
@@ -116,7 +116,7 @@ class APG(OnPolicyAlgorithm):
         return -100.0 * (scores / units).sum() / env.num_envs, infos
 
     def train(self) -> None:
-        """Take a step along the gradient of the mean return."""
+        """Take a step along the gradient of the mean gain."""
         optimizer = self.policy.optimizer
         self._update_learning_rate(optimizer)
         optimizer.zero_grad()

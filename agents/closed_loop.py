@@ -93,7 +93,7 @@ class Episodes:
         return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
 
     def loss(self) -> Any:
-        """Return the loss: minus the mean return [%] up to a constant, and the regression loss."""
+        """Return the loss: minus the mean gain [%] up to a constant, and the regression loss."""
         if not len(self.spacing):  # all waves stopped
             return 0.0 * self.actor.action_net.bias.sum()  # a zero with a gradient
         return self._hand_loss() if self.scene.hand else self._tempo_loss()

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
-from agents.rollout import evaluation_seeds, last_infos
+from agents.rollout import evaluation_seeds
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
 from domino_env.core.colours import UNIFORM
@@ -379,20 +379,31 @@ def return_table() -> list[str]:
         if policy := REACTING.get(name):
             scores = benchmark_scores(name)
             others = {one: gain(scores[one][0], uniform) for one in ("plan", policy, "hindsight")}
-        mean_gains = []
+        means = []
         for spread in (1.0, 0.0):
             seeds = range(4 if scene.simulator.is_slow else 256)
             if spread == 0.0 and len(evaluation_seeds(scene)) == 1:
                 seeds = range(1)
             act = partial(_random_actions, rng, spread, size)
             vector = DominoChainVector(len(seeds), scene)
-            mean_gains.append(np.mean(last_infos(act, vector, "gain", seed=[*seeds])))
+            means.append(_returns(act, vector, seeds).mean())
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
         digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
-        numbers = (f"{100.0 * value:z.{digits}f}" for value in mean_gains)
+        numbers = (f"{value:z.{digits}f}" for value in means)
         lines.append((f"`{name}`", entries, size, *numbers, known))
     names = "scene", "observation", "action", "random", "zeros", "best known, or references"
     return markdown_table(names, lines)
+
+
+def _returns(act: Any, env: DominoChainVector, seeds: range) -> Floats:
+    """Return the returns (B,) of one episode in each of B environments."""
+    returns, running = np.zeros(env.num_envs), np.ones(env.num_envs, np.bool_)
+    observations, _ = env.reset(seed=[*seeds])
+    while running.any():
+        observations, rewards, ended, _, _ = env.step(act(observations))
+        returns += np.where(running, rewards, 0.0)
+        running &= ~ended
+    return returns
 
 
 def _random_actions(rng: np.random.Generator, spread: float, size: int, observations: Any) -> Any:
