@@ -22,8 +22,6 @@ SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except 
   short (30 000 steps, mean gains with and without: SAC on `sprint` 2.38 and 2.28 %, four seeds, on
   `draw` 2.63 and 1.83 %, three seeds; TD3 on `sprint` 2.32 and 1.83 %, two seeds; on `tempo-noise`
   no difference);
-- for TD3 rewards times 0.1, so that its critics soon have the size of the returns, which are down
-  to -200 (`sprint`, 30 000 steps: -33 % without, 55 % with, same seed; no effect on SAC);
 - a learning rate of 1e-3 for all (SAC on `draw`, 30 000 steps: 0.804 m/s, with 3e-4 0.790 m/s);
 - for TD3 the exploration noise of its authors, without which all environments of one scene would
   take the same actions, and less noise on the actions of its targets, 0.05 instead of 0.2, as good
@@ -94,14 +92,12 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
         is linear in between (APG, PPO).
     middle
         Fraction of the steps at which the standard deviation is `middle_deviation`.
-    reward_scale
-        Factor of the rewards.
     end_factor, penalty
         See `agents.sb3.ScheduledPolicy` (APG, PPO).
     options
-        Other arguments of the algorithm's class, which has defaults of its own; "action_noise" is
-        given as a standard deviation, and "delta_std" is multiplied by the schedule of the learning
-        rate.
+        Other arguments of the algorithm's class, which has defaults of its own; "policy_kwargs" are
+        added to those of the network, "action_noise" is given as a standard deviation, and
+        "delta_std" is multiplied by the schedule of the learning rate.
     """
 
     num_envs: PositiveInt
@@ -114,7 +110,6 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     middle_deviation: PositiveFloat = 0.03
     last_deviation: PositiveFloat = 0.01
     middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a fraction of the steps")] = 0.6
-    reward_scale: PositiveFloat = 1.0
     end_factor: PositiveFloat = 8.0
     penalty: float = 1.0
     options: dict[str, Any] = field(default_factory=dict)
@@ -188,15 +183,16 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
             first_deviation=0.2, middle_deviation=0.05, last_deviation=0.01,
         )  # fmt: skip
     if algorithm in OFF_POLICY:
-        noise: dict[str, Any] = {}
-        if algorithm == "td3":
-            noise = {"action_noise": 0.1, "target_policy_noise": 0.05, "target_noise_clip": 0.1}
+        own: dict[str, dict[str, Any]] = {
+            "sac": {},
+            "td3": {"action_noise": 0.1, "target_policy_noise": 0.05, "target_noise_clip": 0.1},
+            "tqc": {"policy_kwargs": {"n_quantiles": 10}, "top_quantiles_to_drop_per_net": 1},
+        }
         return Hyperparameters(
             num_envs=16, steps=30_000 if scene is target else 60_000, last_rate=1.0,
-            reward_scale=0.1 if algorithm == "td3" else 1.0,
             options={
                 "train_freq": 1, "gradient_steps": -1, "learning_starts": 2000, "tau": 0.05,
-                "gamma": min(discount, 0.99) if is_random else discount, **noise,
+                "gamma": min(discount, 0.99) if is_random else discount, **own[algorithm],
             },
         )  # fmt: skip
     # ARS: the best of three searches for hyperparameters on `sprint`, rounded; the scores of the

@@ -136,8 +136,7 @@ def make_model(
     """
     torch.set_num_threads(1)
     if env is None:
-        num_envs, scale = hyperparameters.num_envs, hyperparameters.reward_scale
-        env = DominoVecEnv(target, num_envs, scale, num_scenes=num_scenes)
+        env = DominoVecEnv(target, hyperparameters.num_envs, num_scenes=num_scenes)
     options = dict(hyperparameters.options)
     first, last = hyperparameters.learning_rate, hyperparameters.last_rate
 
@@ -146,6 +145,7 @@ def make_model(
         return first * (last + (1.0 - last) * max(remaining, 0.0))
 
     policy_class, policy_options = _network(algorithm, hyperparameters)
+    policy_options |= options.pop("policy_kwargs", {})
     if "action_noise" in options:
         size = env.action_space.shape or ()
         deviations = np.full(size, options["action_noise"])

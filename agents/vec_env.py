@@ -32,8 +32,6 @@ class DominoVecEnv(VecEnv):
         samples one, such as "varied".
     num_envs
         B, the number of environments.
-    reward_scale
-        Factor of the rewards; the returns in infos are without it.
     options
         Other keyword arguments of `domino_env.DominoChainVector`, such as `rtol` and `window`.
 
@@ -54,10 +52,8 @@ class DominoVecEnv(VecEnv):
         self,
         scene: str | Path | Scene | SceneDistribution,
         num_envs: int = 1,
-        reward_scale: float = 1.0,
         **options: Any,
     ) -> None:
-        self.reward_scale = reward_scale
         self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep", **options)
         vector = self.vector
         super().__init__(num_envs, vector.single_observation_space, vector.single_action_space)
@@ -125,7 +121,7 @@ class DominoVecEnv(VecEnv):
                 }
             self._returns[dones] = 0.0
             self._lengths[dones] = 0
-        return observations, (self.reward_scale * rewards).astype(np.float32), dones, infos
+        return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Close the native environment."""
