@@ -5,13 +5,13 @@ standard deviation of the actions follows a schedule and is not learned: it decr
 and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
 term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
 of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 2 million steps with this schedule end at
-a normalised score of 92 to 97 % (five seeds), 3 million with a learned deviation and 64
-environments at 95 % (one seed); on `varied`, 3 million steps at a median gain of 1.45 and 1.23 %
-(one seed each). With a learned deviation, shorter trainings end at 70 % on `sprint`, without the
-tight gaps at the end of the best layouts. In random scenes, 64 environments and a slower schedule
-are better (`draw`, a million steps: 0.8219 m/s, with a learned deviation 0.8146 to 0.8205 m/s in
-three seeds). A last deviation of 0.02 instead of 0.05 helps long trainings (five million steps,
-means of five seeds and of three: 0.8263 and 0.8258 m/s; two million: 0.8230 and 0.8237 m/s).
+a normalised score of 93 to 98 % (five seeds), 3 million with a learned deviation and 64
+environments at 95 % (one seed); on `varied`, 3 million steps at a median gain of 1.29 to 1.54 %
+(five seeds). With a learned deviation, shorter trainings end at 70 % on `sprint`, without the tight
+gaps at the end of the best layouts. In random scenes, 64 environments and a slower schedule are
+better (`draw`, a million steps: 0.8219 m/s, with a learned deviation 0.8146 to 0.8205 m/s in three
+seeds). A last deviation of 0.02 instead of 0.05 helps long trainings (five million steps, means of
+five seeds and of three: 0.8263 and 0.8258 m/s; two million: 0.8230 and 0.8237 m/s).
 
 SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except for
 
@@ -36,10 +36,10 @@ The discount factor is 1, as returns are (SAC on `sprint`, 30 000 steps: 62 %, w
 these algorithms, as an action decides about the next hits (SAC on `tempo-noise`, 30 000 steps: 2.4
 ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
 
-All these figures are of trainings in which a wave that stops returned -200 to -100, as in v1, and
-all but those for tau = 0.05 and of TQC have tau = 0.005. With the returns of v2, both values of tau
-are about as good (SAC, 30 000 steps, one seed: `varied` 1.14 and 1.00 %, `tempo-noise` 1.63 ms
-each).
+All these figures, but those of five seeds of PPO on `sprint` and `varied`, are of trainings in
+which a wave that stops returned -200 to -100, as in v1, and tau was 0.005 unless 0.05 is named, or
+for TQC. With the returns of v2, both values of tau are about as good (SAC, 30 000 steps, one seed:
+`varied` 1.14 and 1.00 %, `tempo-noise` 1.63 ms each).
 
 References
 ----------
