@@ -21,7 +21,7 @@ SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except 
 - target networks that follow ten times as fast, with tau = 0.05 instead of 0.005, as trainings are
   short (30 000 steps, mean gains with and without: SAC on `sprint` 2.38 and 2.28 %, four seeds, on
   `draw` 2.63 and 1.83 %, three seeds; TD3 on `sprint` 2.32 and 1.83 %, two seeds; on `tempo-noise`
-  no difference);
+  no difference; with the returns of v2 SAC on `varied` 1.14 and 1.00 %, one seed);
 - for TQC 10 quantiles of each critic instead of 25, without the highest one, which is 2.6 times as
   fast (`tempo-noise`, 30 000 steps, one seed: 1.54 and 1.55 ms);
 - a learning rate of 1e-3 for all (SAC on `draw`, 30 000 steps: 0.804 m/s, with 3e-4 0.790 m/s);
@@ -36,10 +36,9 @@ The discount factor is 1, as returns are (SAC on `sprint`, 30 000 steps: 62 %, w
 these algorithms, as an action decides about the next hits (SAC on `tempo-noise`, 30 000 steps: 2.4
 ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
 
-All these figures, but those of five seeds of PPO on `sprint` and `varied`, are of trainings in
-which a wave that stops returned -200 to -100, as in v1, and tau was 0.005 unless 0.05 is named, or
-for TQC. With the returns of v2, both values of tau are about as good (SAC, 30 000 steps, one seed:
-`varied` 1.14 and 1.00 %, `tempo-noise` 1.63 ms each).
+Without a note, figures are of trainings in which a wave that stops returned -200 to -100, as in v1,
+with tau = 0.005 (TQC: 0.05), and for TD3 with rewards times 0.1. Those of five seeds of PPO on
+`sprint` and `varied` have the returns of v2.
 
 References
 ----------
@@ -100,8 +99,8 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     end_factor, penalty
         See `agents.sb3.ScheduledPolicy` (APG, PPO).
     options
-        Other arguments of the algorithm's class, which has defaults of its own; "policy_kwargs" are
-        added to those of the network, "action_noise" is given as a standard deviation, and
+        Other arguments of the algorithm's class, which has defaults of its own; "policy_kwargs" go
+        before `width` and `depth`, "action_noise" is given as a standard deviation, and
         "delta_std" is multiplied by the schedule of the learning rate.
     """
 

@@ -108,7 +108,7 @@ class APG(OnPolicyAlgorithm):
         deviation = normal.stddev.unflatten(0, observations.shape[:2])
         actions = (mean + deviation * antithetic_noise(env.num_envs, *mean.shape[1:])).double()
         scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
-        # a derivative of a return is relative to the score of the uniform baseline, unless that is
+        # a derivative of a gain is relative to the score of the uniform baseline, unless that is
         # zero, or to the score itself if hits have a schedule
         units = torch.tensor([abs(scene.uniform().score) or 1.0 for scene in scenes])
         if scenes[0].tempo is not None:

@@ -145,7 +145,7 @@ def make_model(
         return first * (last + (1.0 - last) * max(remaining, 0.0))
 
     policy_class, policy_options = _network(algorithm, hyperparameters)
-    policy_options |= options.pop("policy_kwargs", {})
+    options.pop("policy_kwargs", None)
     if "action_noise" in options:
         size = env.action_space.shape or ()
         deviations = np.full(size, options["action_noise"])
@@ -181,7 +181,7 @@ def _network(algorithm: str, hyperparameters: Hyperparameters) -> tuple[Any, dic
     options: dict[str, Any] = {"net_arch": [hyperparameters.width] * hyperparameters.depth}
     if algorithm not in OFF_POLICY:
         options["activation_fn"] = torch.nn.Tanh
-    return "MlpPolicy", options
+    return "MlpPolicy", options | hyperparameters.options.get("policy_kwargs", {})
 
 
 def save_zip(folder: Path, path: str | Path) -> None:

@@ -1,9 +1,9 @@
 """Compare actions and rewards: python docs/learning_matrix.py, which writes learning-matrix.csv.
 
-Algorithms of Stable-Baselines3 learn with actions and rewards as in v1, with the logarithmic
-actions of `DominoChain-v2`, and with its actions and rewards. Runs that are in the file are not
-made again, so the command continues after an interruption; --check trains a few steps in every
-case.
+Algorithms of Stable-Baselines3 learn with linear actions and the rewards of v1, with logarithmic
+actions and the rewards of v1, and with the actions and rewards of `DominoChain-v2`. Runs that are
+in the file are not made again, so the command continues after an interruption; --check trains a few
+steps in every case.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class VariantEnv(DominoVecEnv):
         self, scene: Scene | SceneDistribution, num_envs: int, actions: str, rewards: str
     ) -> None:
         super().__init__(scene, num_envs)
-        self.linear, self.first_rewards = actions == LINEAR, rewards == "v1"
+        self.linear, self.has_v1_rewards = actions == LINEAR, rewards == "v1"
         self.scale = 1.0  # factor of the rewards
         if self.linear:
             size = 1 + self.vector.scenes[0].free_thickness
@@ -78,19 +78,19 @@ class VariantEnv(DominoVecEnv):
         """Place a domino in every environment."""
         before = self._returns.copy()
         observations, rewards, dones, infos = super().step_wait()
-        if self.first_rewards:
-            after = before + rewards
+        if self.has_v1_rewards:
+            after = self.v1_return(before + rewards)
             for b in np.flatnonzero(dones):
-                after[b] = 100.0 * infos[b]["gain"]
-            rewards = (self.first_return(after) - self.first_return(before)).astype(np.float32)
+                if (score := infos[b]["score"]) <= 0.0:
+                    after[b] = 100.0 * (score - 1.0)
+            rewards = (after - self.v1_return(before)).astype(np.float32)
         return observations, np.float32(self.scale) * rewards, dones, infos
 
-    def first_return(self, gain: Floats) -> Floats:
-        """Return the return of v1, 100 (S / S_u - 1) or -200 to -100, from the gain [%] or [dB]."""
+    def v1_return(self, expected: Floats) -> Floats:
+        """Return 100 (S / S_u - 1), the return of v1, from the expected gain of v2 [%] or [dB]."""
         if self.vector.scenes[0].tempo is None:
-            return gain
-        stopped = np.minimum(gain + 30.0, 0.0)  # a wave that stops has less than every other
-        return 100.0 * (10.0 ** (np.maximum(gain, -30.0) / 10.0) - 1.0) + stopped
+            return expected
+        return 100.0 * (10.0 ** (expected / 10.0) - 1.0)
 
 
 def scores(act: Any, env: VariantEnv, key: str, **reset: Any) -> Floats:
@@ -116,7 +116,7 @@ def train(case: Case) -> list[object]:
     chosen = default_hyperparameters(algorithm, target)
     env = VariantEnv(target, 64 if algorithm == "ppo" else chosen.num_envs, actions, rewards)
     if (algorithm, rewards) == ("td3", "v1"):
-        env.scale = 0.1  # without it, critics learn returns down to -200 too slowly
+        env.scale = 0.1  # without it, critics do not come to returns of -200 in so few steps
     env.seed(SEEDS_PER_TRAINING * (1 + seed))
     if algorithm == "ppo":
         length = chosen.options["n_steps"]

@@ -263,8 +263,9 @@ class DominoChain(DominoEnv):
     On a uniform baseline that completes, the return is 0 and, without a schedule, every reward is 0
     within the tolerance.
 
-    If S is 0 or less, as the wave stops or violates a limit of the scene, the reward of the last
-    step is 10 (S - 1) - max(Φ_(k-1), 0): the return is at most -10.
+    If S is 0 or less, as the wave stops or violates a limit of the scene, and that of the uniform
+    baseline is more than 0, the return is min(Φ_(k-1), 0) + 10 (S - 1), which is at most -10. A
+    layout that succeeds with a gain below -10 % may return less.
 
     - If the scene has a length ℓ, the rest up to the last designed domino n is ℓ - x_k long and
       takes the time (T_n - T_k) (ℓ - x_k) / (ℓ - X_k).
@@ -276,7 +277,8 @@ class DominoChain(DominoEnv):
       of the uniform baseline. The unit is the decibel.
     - If pieces are drawn in random order, T_k and v are means over the orders of seeds 0 to 63.
       Rewards and return of the baseline in one order therefore differ from 0.
-    - With the objective "magnify", Φ = 0: all rewards but the last are 0.
+    - With the objective "magnify", Φ = 0: all rewards but the last are 0. If S is 0 or less, the
+      return is 10 (S - 1) - 100, less than that of every success.
 
     The gain compares the score with that of the uniform baseline:
 
@@ -291,11 +293,11 @@ class DominoChain(DominoEnv):
     `Scene.score`). The return orders layouts that succeed as `scene.score` does, above 1e-4 with a
     schedule, and does not depend on the size of the dominoes. If the score of the uniform baseline
     is 0 or less, S_u is 1 in this table, for speeds √(g h) and for heights h, the gain is relative
-    to that of the baseline, and every return is 100 times the gain.
+    to that of the baseline, and the return is 100 times the gain for every S.
 
     On a floor (`floor_friction`), the rewards before the last step are those of the analytic wave.
     On the last step a complete layout is simulated free-standing, and the last reward makes the
-    return 100 times its gain over the uniform baseline on this floor. `score` and `gain` in the
+    return that of its score and the uniform baseline on this floor. `score` and `gain` in the
     info are those of the free-standing layout, `outcome` and `wave` those of the analytic wave. If
     the analytic wave stops, the episode ends. With forty dominoes (`table`) an episode takes some
     130 ms of one core instead of 0.4 ms; layouts that end on the same step of a batch are
@@ -340,8 +342,8 @@ class DominoChain(DominoEnv):
       actions were linear between the bounds. With a schedule the gain is a logarithm; in v1 it was
       a ratio, which is nearly constant far from the schedule, and `lateness` was clipped at three
       tolerances. A stock has an entry for each kind of pieces; in v1 the nearest thickness to one
-      entry was taken. Rewards take the pieces into account that remain. A wave that stops costs
-      10 to 20 % of what was expected; in v1 it returned -200 to -100.
+      entry was taken. Rewards take the pieces into account that remain. A wave that stops returns
+      10 to 20 % (or dB) less than was expected; in v1 it returned -200 to -100.
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
       a given speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
       was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.

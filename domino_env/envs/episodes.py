@@ -21,7 +21,7 @@ from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.scene import Scene
 
-LEAST_LOSS = 10.0  # [%] of an episode whose wave stops; at most twice as much
+LEAST_LOSS = 10.0  # [%] or [dB] by a score of 0; twice as much by one of -1
 _OUTCOMES = np.array([*Outcome], object)  # members by value
 
 
@@ -54,7 +54,8 @@ class EpisodeResults:
         Gains over the uniform baseline, (E,). A score of 0 or less counts as the gain of the lowest
         success, plus the score.
     last_rewards
-        Rewards of the last steps, (E,).
+        Rewards of the last steps, (E,), which make the return 100 `gain`, or less than what was
+        expected if the score is 0 or less and that of the baseline is more; see `DominoChain`.
     """
 
     def __init__(self, source: SceneSource, batch: Batch, envs: NDArray[np.intp]) -> None:
@@ -76,10 +77,13 @@ class EpisodeResults:
                 getattr(self, name)[is_uniform] = getattr(source, name)[scenes[is_uniform]]
         baseline = source.score[scenes]
         self.gain = self._gain(baseline, source.rules["score_unit"][scenes])
-        sums = episodes["reward_sum"]
-        losses = LEAST_LOSS * (1.0 - self.score) + np.maximum(sums, 0.0)
-        fails = (self.score <= 0.0) & (baseline > 0.0)
-        self.last_rewards = np.where(fails, -losses, 100.0 * self.gain - sums)
+        sums, first = episodes["reward_sum"], source.first
+        # without an expected gain, a failure returns less than every success
+        has_expected_gain = first.criterion.rewards_speed or first.tempo is not None
+        expected = np.minimum(sums, 0.0) if has_expected_gain else -100.0
+        failure = expected - LEAST_LOSS * (1.0 - self.score)
+        has_failed = (self.score <= 0.0) & (baseline > 0.0)
+        self.last_rewards = np.where(has_failed, failure, 100.0 * self.gain) - sums
 
     def _simulate(self, episodes: list[int]) -> None:
         """Simulate the whole layouts of some episodes, and score their waves.

@@ -41,9 +41,9 @@ class DominoLayout(DominoEnv):
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
 
     ## Rewards
-    100 times the gain, or 10 (S - 1) for a score S of 0 or less, as the return of `DominoChain-v2`.
-    On a floor (`floor_friction`) the layout is simulated free-standing, which takes some 130 ms of
-    one core in `table`, with forty dominoes.
+    The return of `DominoChain-v2` with an expected gain of 0: 100 times the gain for a score S of
+    more than 0, otherwise 10 (S - 1). On a floor (`floor_friction`) the layout is simulated
+    free-standing, which takes some 130 ms of one core in `table`, with forty dominoes.
 
     ## Starting state
     Only the first domino is placed.
@@ -56,7 +56,7 @@ class DominoLayout(DominoEnv):
     in `DominoChain-v2`.
 
     ## Version history
-    - v2: actions, gains and returns are those of `DominoChain-v2`.
+    - v2: actions and gains are those of `DominoChain-v2`; a wave that stops returns 10 (S - 1).
     - v1: the reward of a wave that stops is 100 (score - 1).
     - v0: first version.
 

@@ -123,7 +123,7 @@ def test_an_off_policy_training_updates_once_per_transition(algorithm):
 # trainings ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", ["apg", "ppo", "ars", "sac"])  # td3, tqc: code of sac
+@pytest.mark.parametrize("algorithm", ["apg", "ppo", "ars", "sac", "tqc"])  # td3: code of sac
 def test_a_training_learns_repeats_and_resumes_after_a_failure(tmp_path, monkeypatch, algorithm):
     chosen = tiny(algorithm)
     run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", hyperparameters=chosen)

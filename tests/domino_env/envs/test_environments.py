@@ -43,8 +43,9 @@ def check_return(scene, rewards, score):
     """Check the sum of the rewards as the page of the environment defines it."""
     expected = 100.0 * gain_of(scene, score)
     if score <= 0.0 < scene.uniform().score:
-        expected = min(rewards[:-1].sum(), 0.0) + 10.0 * (score - 1.0)
-        assert -20.0 < 10.0 * (score - 1.0) <= -10.0
+        before = -100.0 if scene.objective == "magnify" else min(rewards[:-1].sum(), 0.0)
+        expected = before + 10.0 * (score - 1.0)
+        assert before - 20.0 <= expected <= before - 10.0
     assert rewards.sum() == pytest.approx(expected, abs=1e-9)
 
 
@@ -97,6 +98,24 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     order = np.argsort(scores)
     clear = np.diff(np.array(scores)[order]) > 1e-5
     assert np.all(np.diff(np.array(returns)[order])[clear] > 0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("scene", "action"),
+    [
+        (de.load_scene("sprint"), -1.0),  # a gain is expected before the wave stops
+        (short("tempo", 12).replace(physics=de.Physics(push=4.0)), -1.0),  # a loss
+        (short("gentle", 12), 1.0),
+        (short("magnify", 12), -1.0),
+    ],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_a_wave_that_stops_returns_less_than_was_expected(scene, action, kind):
+    env = kind(scene)
+    _, _, rewards, info = play(env, lambda _: np.full(env.action_space.shape, action))
+    assert info["score"] < 0.0 < scene.uniform().score
+    check_return(scene, rewards, info["score"])
 
 
 @pytest.mark.parametrize("noise", [{}, {"placement": de.Placement(1e-3, 4)}])
