@@ -37,6 +37,7 @@ from domino_env.scenes.pool import ScenePool
 PATH = Path(__file__).with_name("learning-matrix.csv")
 COLUMNS = "scene", "algorithm", "actions", "rewards", "seed", "steps", "score", "processor_seconds"
 SCENES = "sprint", "course", "varied", "draw", "tempo-noise"
+NO_STOPS = "sprint", "course"  # hardly a wave stops: rewards of v1 and v2 are about the same
 STEPS = {"ppo": 400_000, "sac": 20_000, "td3": 20_000}
 LOGARITHMIC, LINEAR = "logarithmic", "linear"
 SEEDS = range(200, 203)
@@ -180,7 +181,7 @@ def main() -> None:
         (scene, algorithm, actions, rewards, seed, 4000 if options.check else STEPS[algorithm])
         for seed, scene, algorithm in product(SEEDS, SCENES, STEPS)
         for actions, rewards in ((LINEAR, "v1"), (LOGARITHMIC, "v1"), (LOGARITHMIC, "v2"))
-        if not options.check or seed == SEEDS[0]
+        if not (options.check and seed > SEEDS[0]) and not (rewards == "v2" and scene in NO_STOPS)
     ]
     lines: list[list[object]] = []
     if PATH.exists() and not options.check:
