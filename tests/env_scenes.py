@@ -1,6 +1,7 @@
 """Short scenes for the tests of environments, with every rule, objective and ground."""
 
 import numpy as np
+import pytest
 
 import domino_env as de
 
@@ -29,6 +30,30 @@ def play(env, policy, **reset):
         rewards.append(reward)
         assert truncated is False
     return np.array(actions), np.array(observations), np.array(rewards), info
+
+
+def gain_of(scene, score):
+    """Return the gain as the page of the environment defines it."""
+    uniform, free = scene.uniform().score, np.sqrt(scene.physics.gravity * scene.height)
+    if scene.placement and scene.placement.quantile:  # episodes are single draws
+        mean = scene.replace(placement=scene.placement.replace(quantile=None))
+        uniform = mean.score(scene.uniform().layout)
+    if scene.objective == "tempo":
+        return 0.1 * np.log10(max(score, 1e-4) / uniform) + min(score, 0.0)
+    if uniform > 0.0:
+        return score / uniform - 1.0 if score > 0.0 else score - 1.0
+    unit = {"m/s": free, "m": scene.height}.get(scene.unit, 1.0)
+    return (score / unit if score > 0.0 else score) - uniform
+
+
+def check_return(scene, rewards, score):
+    """Check the sum of the rewards as the page of the environment defines it."""
+    expected = 100.0 * gain_of(scene, score)
+    if score <= 0.0 < scene.uniform().score:
+        before = -100.0 if scene.objective == "magnify" else min(rewards[:-1].sum(), 0.0)
+        expected = before + 10.0 * (score - 1.0)
+        assert before - 20.0 <= expected <= before - 10.0
+    assert rewards.sum() == pytest.approx(expected, abs=1e-9)
 
 
 def size_of(entry, bounds, uniform):
