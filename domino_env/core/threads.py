@@ -24,7 +24,12 @@ def allowed_threads() -> int:
     Numba reads the variable only when it is imported. A worker process may import Numba with its
     main script, before the variable is set.
     """
-    return min(numba.get_num_threads(), int(os.environ.get("NUMBA_NUM_THREADS", MAX_THREADS)))
+    try:
+        numba.threading_layer()  # type: ignore[attr-defined]
+        threads = numba.get_num_threads()
+    except ValueError:  # it is not started; to start it would undo `torch.set_num_threads`
+        threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    return min(threads, int(os.environ.get("NUMBA_NUM_THREADS", MAX_THREADS)))
 
 
 def share_evenly(task: Callable[..., object], items: int, minimum: int, *arguments: object) -> None:

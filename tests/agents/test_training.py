@@ -2,6 +2,8 @@
 
 import csv
 import json
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -50,6 +52,21 @@ def tiny(algorithm: str, **changes: object) -> Hyperparameters:
 
 
 # the vector environment ---------------------------------------------------------------------------
+
+
+def test_environments_keep_the_number_of_threads_of_torch():
+    """Numba and torch share OpenMP; a second thread of each of two trainings slows both down."""
+    code = """if True:
+        import torch
+        from domino_env import DominoChainVector
+        torch.set_num_threads(1)
+        env = DominoChainVector(1000, "sprint")
+        env.reset()
+        assert torch.get_num_threads() == 1
+        env.step(env.action_space.sample())
+        assert torch.get_num_threads() == 1
+    """
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])

@@ -69,6 +69,7 @@ def test_results_do_not_depend_on_the_number_of_threads():
 def test_a_worker_uses_the_threads_that_the_environment_allows(monkeypatch):
     """The environment may be set after Numba has been loaded with more."""
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    monkeypatch.setattr("numba.threading_layer", lambda: "omp")  # started
     monkeypatch.setattr("numba.get_num_threads", lambda: 4)
     calls: list[tuple[int, int, int]] = []
 
