@@ -116,7 +116,7 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     depth: PositiveInt = 2
     learning_rate: PositiveFloat = 1e-3
     last_rate: float = 0.05
-    first_deviation: PositiveFloat = 0.3
+    first_deviation: PositiveFloat = 1.0
     middle_deviation: PositiveFloat = 0.03
     last_deviation: PositiveFloat = 0.01
     middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a fraction of the steps")] = 0.6
@@ -166,12 +166,12 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
         if is_random:
             return Hyperparameters(
                 num_envs=64, steps=5_000_000, last_rate=0.1, middle=0.4,
-                middle_deviation=0.3, last_deviation=0.02,
+                first_deviation=0.3, middle_deviation=0.3, last_deviation=0.02,
                 options={"batch_size": max(64 * length // 8, 64)} | options,
             )  # fmt: skip
         return Hyperparameters(
             num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
-            middle_deviation=0.1, last_deviation=0.015,
+            first_deviation=0.3, middle_deviation=0.1, last_deviation=0.015,
             # four minibatches of a rollout, none of fewer than 256 transitions
             options={"batch_size": max(256 * length // 4, 256)} | options,
         )  # fmt: skip
@@ -179,7 +179,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
         # steps: number of updates, times environments, times steps of an episode
         defaults = Hyperparameters(
             num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
-            middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
+            first_deviation=0.3, middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
         )  # fmt: skip
         if scene is target and not is_random:
             return defaults
