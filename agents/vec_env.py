@@ -23,7 +23,8 @@ class DominoVecEnv(VecEnv):
     `TimeLimit.truncated` (always False), `episode` ("r": return, "l": length, "t": wall-clock time
     since the environment was made [s]), and the info of the environment: `score`, `gain`,
     `outcome`, `layout`, `wave`, and `scene` if one was sampled. Small networks learn fastest with
-    one thread of PyTorch, `torch.set_num_threads(1)`.
+    one thread of PyTorch: call `torch.set_num_threads(1)`, after `numba.set_num_threads` if that is
+    used, as Numba sets the number of OpenMP's threads.
 
     Parameters
     ----------
