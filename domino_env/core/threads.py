@@ -27,7 +27,7 @@ def allowed_threads() -> int:
     try:
         numba.threading_layer()  # type: ignore[attr-defined]
     except ValueError:  # threads of Numba are not started, which would set OpenMP's number
-        threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+        threads = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     else:
         threads = numba.get_num_threads()
     return min(threads, int(os.environ.get("NUMBA_NUM_THREADS", MAX_THREADS)))
