@@ -26,7 +26,7 @@ def allowed_threads() -> int:
     """
     try:
         numba.threading_layer()  # type: ignore[attr-defined]
-    except ValueError:  # threads of Numba are not started, which would set OpenMP's number
+    except ValueError:  # Numba's threads are not started; to start them sets OpenMP's, also torch's
         threads = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     else:
         threads = numba.get_num_threads()
