@@ -17,11 +17,11 @@ on `ideal` 1.108 and 1.090 m/s, on `sprint-thickness` 0.8826 and 0.8806 m/s, on 
 0.8574 and 0.8576 m/s. With 0.2, `ideal` ends at 1.111 m/s, but one of four seeds of `sprint` at
 0.8246 m/s.
 
-In random scenes, 64 environments and a slower schedule are better (`draw`, a million steps: 0.8219
-m/s, with a learned deviation 0.8146 to 0.8205 m/s in three seeds). The deviation is 0.3 until 40 %
-of the steps. A last deviation of 0.02 instead of 0.05 helps long trainings (with a first one of 1,
-five million steps, means of five seeds and of three: 0.8263 and 0.8258 m/s; two million: 0.8230 and
-0.8237 m/s).
+In random scenes (`agents.rollout.is_random`), 64 environments and a slower schedule are better
+(`draw`, a million steps: 0.8219 m/s, with a learned deviation 0.8146 to 0.8205 m/s in three seeds).
+The deviation is 0.3 until 40 % of the steps. A last deviation of 0.02 instead of 0.05 helps long
+trainings (with a first one of 1, five million steps, means of five seeds and of three: 0.8263 and
+0.8258 m/s; two million: 0.8230 and 0.8237 m/s).
 
 SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except for
 
@@ -41,10 +41,10 @@ SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except 
   and 39 %; `sprint-thickness` 37 and 26 %, with 0.2 6 and 19 %; one seed: `tempo-noise` 4.2 ms,
   with 0.2 6.8 ms).
 
-The discount factor is 1, as returns are (SAC on `sprint`, 30 000 steps: 62 %, with 0.99 54 %, with
-0.95 28 %), for SAC, TD3 and TQC 0.99 in random scenes. If hits have a schedule, it is 0.95 for all
-these algorithms, as an action decides about the next hits (SAC on `tempo-noise`, 30 000 steps: 2.4
-ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
+The discount factor is 1, as the gain is the undiscounted return (SAC on `sprint`, 30 000 steps:
+62 %, with 0.99 54 %, with 0.95 28 %), for SAC, TD3 and TQC 0.99 in random scenes. If hits have a
+schedule, it is 0.95 for all these algorithms, as an action decides about the next hits (SAC on
+`tempo-noise`, 30 000 steps: 2.4 ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
 
 Without a note, figures are of trainings in which a wave that stops returned -200 to -100, as in v1,
 with tau = 0.005 (TQC: 0.05), and for TD3 with rewards times 0.1. Comparisons of first
@@ -65,7 +65,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta, field
 
-from agents.rollout import evaluation_seeds
+from agents.rollout import is_random
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require_choice, require_extra
 from domino_env.core.models import Value
@@ -161,13 +161,12 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     scene = target if isinstance(target, Scene) else target.first
     count_varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
     episode = TYPICAL_EPISODE if count_varies else scene.count - 1
-    is_random = scene is target and len(evaluation_seeds(scene)) > 1
     discount = 0.95 if scene.tempo is not None else 1.0
     if algorithm == "ppo":
         # steps of a rollout in each environment: two episodes, or one if they are long
         length = 2 * episode if episode <= 120 else episode
         options = {"n_steps": length, "n_epochs": 8, "gamma": discount}
-        if is_random:
+        if is_random(target):
             return Hyperparameters(
                 num_envs=64, steps=5_000_000, last_rate=0.1, middle=0.4,
                 first_deviation=0.3, middle_deviation=0.3, last_deviation=0.02,
@@ -185,9 +184,9 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
             num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
             first_deviation=0.3, middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
         )  # fmt: skip
-        if scene is target and not is_random:
+        if scene is target and not is_random(target):
             return defaults
-        if is_random and scene.tempo is not None:
+        if is_random(target) and scene.tempo is not None:
             return defaults.replace(
                 num_envs=8, steps=300 * 8 * episode, width=128, learning_rate=3e-4,
                 first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,
@@ -206,7 +205,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
             num_envs=16, steps=30_000 if scene is target else 60_000, last_rate=1.0,
             options={
                 "train_freq": 1, "gradient_steps": -1, "learning_starts": 2000, "tau": 0.05,
-                "gamma": min(discount, 0.99) if is_random else discount, **own[algorithm],
+                "gamma": min(discount, 0.99) if is_random(target) else discount, **own[algorithm],
             },
         )  # fmt: skip
     # ARS: the best of three searches for hyperparameters on `sprint`, rounded; the scores of the

@@ -70,10 +70,10 @@ class APG(OnPolicyAlgorithm):
             return
         env: Any = self.env
         env.reset()  # to sample scenes
-        require_smooth(env.vector.scenes[0])  # sampled scenes have the same kinds of rules
+        scene = env.vector.scenes[0]
+        require_smooth(scene)  # sampled scenes have the same kinds of rules
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
-        scene = env.vector.scenes[0]
         self._mask = np.zeros(env.observation_space.shape, np.float32)
         self._mask[first:last] = 1.0
         for name in random_parts(scene):

@@ -24,7 +24,7 @@ from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparamete
 from agents.draw import shipped_references
 from agents.evaluation import read_search_scores
 from agents.policy import CONFIG, PROGRESS, ScenePolicy, read_summary
-from agents.rollout import evaluation_seeds
+from agents.rollout import is_random
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.third_party import load_fit, train_third_party
 from agents.training import train
@@ -253,17 +253,12 @@ def benchmark_tasks(
     ]
 
 
-def is_random(target: Target) -> bool:
-    """Return True for a scene whose episodes differ, by placement noise or an order of pieces."""
-    return isinstance(target, Scene) and len(evaluation_seeds(target)) > 1
-
-
 def others(target: Target, algorithms: Sequence[str]) -> list[str]:
     """Return scripted policies and searches among algorithms, or the references of a random scene.
 
     References are the open-loop plan, and the policy that reacts to what is random.
     """
-    if isinstance(target, Scene) and is_random(target):
+    if is_random(target):
         return ["plan", "rule" if target.hand else "controller"]
     return [name for name in algorithms if not is_learner(name)]
 
@@ -330,10 +325,10 @@ def best_known_score(result: TaskResult) -> float:
     with all that is random known.
     """
     target = read_target(result.scene)
-    if isinstance(target, Scene):
-        if not is_random(target):
-            return known_score(result)
+    if is_random(target):
         return float(shipped_references()["hindsight"]) if target.hand else PERFECT_TEMPO
+    if isinstance(target, Scene):
+        return known_score(result)
     tests = load_test_set(target.name)
     scores = read_search_scores(target.name, len(tests))
     if scores is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.benchmark import TRACE_POINTS, best_known_score, is_learner, read_target, target_hash
+from agents.scripted import SCRIPTED
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
 from optimize.experiments import estimates
@@ -27,7 +28,7 @@ TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
 WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 COLUMNS = (
     "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", *WORK,
-    "processor_seconds", "seconds_past_uniform", "key", "scene_hash", "versions", "trace",
+    "processor_seconds", "key", "scene_hash", "versions", "trace",
 )  # fmt: skip
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 # text of the section of a scene distribution
@@ -58,15 +59,14 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
             r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
             round(float(experiment.normalise(r, r.score)), 5),
             *(r.work.get(name, 0) for name in WORK), round(r.seconds, 4),
-            round(experiment.seconds_past_uniform(r), 4), r.key, target_hash(read_target(r.scene)),
-            json.dumps(r.versions), _trace_text(r.trace),
+            r.key, target_hash(read_target(r.scene)), json.dumps(r.versions), _trace_text(r.trace),
         )
         for r in experiment.results
     )  # fmt: skip
     write_csv(folder / RUNS, COLUMNS, lines)
     write_text(folder / REPORT, page(experiment, command))
-    draw_intervals(experiment, folder / INTERVALS)
     learning = [name for name in experiment.methods if is_learner(name)]
+    draw_intervals(experiment, folder / INTERVALS, learning)
     for clock, picture in OVER_CLOCK.items():
         draw_over_clock(experiment, clock, folder / picture, learning)
 
@@ -142,6 +142,8 @@ def _overview(experiment: Experiment) -> list[str]:
     """Return a titled table for each group of algorithms with the same scenes, if several."""
     groups: dict[str, list[str]] = {}
     for name in experiment.rank(()):
+        if name in SCRIPTED:  # one run on a scene, in its section
+            continue
         scenes = sorted({r.problem for r in experiment.runs(name)})
         if len(scenes) > 1 or len(experiment.problems) == 1:  # else in the section of the scene
             groups.setdefault(", ".join(scenes), []).append(name)
@@ -197,14 +199,20 @@ def table(
 
 
 def _work_table(experiment: Experiment) -> list[str]:
-    """Return a table of the medians of steps, simulations, updates and times of each algorithm."""
+    """Return a table of the ranges of steps, simulations, updates and times of each algorithm."""
     lines = []
     for name in experiment.methods:
         runs = experiment.runs(name)
-        medians = [np.median([r.work.get(count, 0) for r in runs]) for count in WORK]
-        seconds = float(np.median([r.seconds for r in runs]))
-        lines.append((f"`{name}`", *(f"{n:,.0f}" for n in medians), _seconds_text(seconds)))
+        counts = ((r.work.get(count, 0) for r in runs) for count in WORK)
+        work = (_ends_text("{:,.0f}".format, values) for values in counts)
+        lines.append((f"`{name}`", *work, _ends_text(_seconds_text, (r.seconds for r in runs))))
     return list(markdown_table(("algorithm", *WORK, "processor time"), lines))
+
+
+def _ends_text(format_value: Callable[[float], str], values: Iterable[float]) -> str:
+    """Format the smallest and the largest value, or the only one."""
+    ordered = sorted(values)
+    return " to ".join(dict.fromkeys(map(format_value, (ordered[0], ordered[-1]))))
 
 
 def _estimate_text(result: estimates.Estimate) -> str:

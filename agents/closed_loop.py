@@ -71,7 +71,7 @@ class Episodes:
         for n in range(pairs):
             observations[:, n] = torch.from_numpy(observation) * mask
             with torch.no_grad():
-                actions = self.actions(observations[:, n], n)[1].double().numpy()
+                actions = self.actions(observations[:, n], n).double().numpy()
             if policy is not None:
                 self.preferences[:, n] = torch.from_numpy(policy(observation)[:, 1:])
                 actions[:, 1:] = self.preferences[:, n]
@@ -87,10 +87,10 @@ class Episodes:
         self.spacing = np.array([layout.spacing for layout in layouts]).reshape(-1, pairs)
         self.thickness = np.array([layout.thickness[1:] for layout in layouts]).reshape(-1, pairs)
 
-    def actions(self, observations: torch.Tensor, n: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the mean actions (B, A) of step n, and the actions with noise (B, A)."""
-        normal = self.actor.get_distribution(observations).distribution
-        return normal.mean, normal.mean + normal.stddev * self.noise[:, n]
+    def actions(self, observations: torch.Tensor, n: int) -> torch.Tensor:
+        """Return the actions (B, A) of step n, with noise."""
+        normal: torch.distributions.Normal = self.actor.get_distribution(observations).distribution
+        return normal.mean + normal.stddev * self.noise[:, n]
 
     def loss(self) -> Any:
         """Return the loss: minus the mean gain [%] up to a constant, and the regression loss."""
@@ -135,7 +135,7 @@ class Episodes:
                     part, ratios = self.parts[name], changes[:, :n, k] / size[:, :n]
                     latest = ratios.flip(1)[:, : part.stop - part.start].float()
                     observation[:, part.start : part.start + latest.shape[1]] += latest
-            actions = self.actions(observation, n)[1].double()
+            actions = self.actions(observation, n).double()
             chosen = [
                 _sizes(actions[:, 0], scene.spacing, uniform_layout.spacing[0]),
                 _sizes(actions[:, 1], scene.thickness, uniform_layout.thickness[1]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -185,6 +185,11 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
         observations[running] = latest[running]
         running &= ~ended
     return values
+
+
+def is_random(target: Scene | SceneDistribution) -> TypeGuard[Scene]:
+    """Return True for a scene whose episodes differ, by placement noise or an order of pieces."""
+    return isinstance(target, Scene) and len(evaluation_seeds(target)) > 1
 
 
 def evaluation_seeds(scene: Scene) -> range:

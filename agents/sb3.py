@@ -37,7 +37,7 @@ from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
 from agents.evaluation import choose_scenes, evaluate_gains
 from agents.network import build_actor, read_arrays
-from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, Rollout, build, evaluation_seeds
+from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, Rollout, build, is_random
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
 from domino_env.core.files import errors_with_path, write_bytes, write_text
@@ -165,7 +165,7 @@ def make_model(
             device="cpu", verbose=0, **options,
         )  # fmt: skip
     model.set_logger(Logger(folder=None, output_formats=[]))
-    if isinstance(target, Scene) and len(evaluation_seeds(target)) > 1:
+    if is_random(target):
         env.seed(SEEDS_PER_TRAINING * (1 + seed))
     policy = model.policy
     if isinstance(policy, ScheduledPolicy):
@@ -436,7 +436,7 @@ class Training(BaseCallback):
         steps, arrays = self.model.num_timesteps, weights(self.model.policy)
         act = build_actor(arrays).act
         if isinstance(self.target, Scene):
-            seeds = SELECTION_SEEDS if len(evaluation_seeds(self.target)) > 1 else None
+            seeds = SELECTION_SEEDS if is_random(self.target) else None
             rollout = build(act, self.target, seeds=seeds)
             score = rollout.score
         else:

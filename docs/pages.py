@@ -390,8 +390,8 @@ def return_table() -> list[str]:
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
         digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
         numbers = (f"{value:z.{digits}f}" for value in means)
-        lines.append((f"`{name}`", entries, size, *numbers, known))
-    names = "scene", "observation", "action", "random", "zeros", "best known, or references"
+        lines.append((f"`{name}`", entries, size, scene.count - 1, *numbers, known))
+    names = "scene", "O", "A", "steps", "random", "zeros", "best known, or references"
     return markdown_table(names, lines)
 
 

@@ -149,7 +149,8 @@ class Experiment:
         """Return the first time on the clock with at most a relative shortfall; inf if never."""
         best = self.best[result.problem]
         times, scores = self.best_steps(result)
-        return first_time(times, scores >= best - shortfall * abs(best))
+        reached = scores >= best - shortfall * abs(best)
+        return float(times[reached.argmax()]) if reached.any() else np.inf
 
     def curve_times(self) -> Floats:
         """Return times (T,) up to the limit of a run, evenly spaced in the logarithm."""
@@ -237,11 +238,6 @@ class Experiment:
         scores = _by_problem(runs, lambda r: self.normalise(r, self.best_scores(r, times, clock)))
         return times, interquartile_mean([group.T for group in scores])
 
-    def seconds_past_uniform(self, result: TaskResult) -> float:
-        """Return the time at which a run exceeded the uniform baseline [s]; inf if never."""
-        times, scores = self.best_steps(result, "seconds")
-        return first_time(times, self.normalise(result, scores) > 0.0)
-
     def rank(self, first: Collection[str], problem: str | None = None) -> list[str]:
         """Return the methods in the order of their mean scores, the best first.
 
@@ -256,11 +252,6 @@ class Experiment:
         return sorted(
             methods, key=lambda m: (m not in first, -float(self.mean_score(m, problem).value))
         )
-
-
-def first_time(times: Floats, condition: np.ndarray) -> float:
-    """Return the first of times (K,) at which a condition (K,) holds; inf if it never does."""
-    return float(times[condition.argmax()]) if condition.any() else np.inf
 
 
 def best_of_problems(

@@ -29,11 +29,11 @@ MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
 ACROSS, LEGEND_COLUMNS = 2, 6  # panels, and names in the legend, side by side
 MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
-PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
-ENDS = LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
+ENDS = LOWEST, HIGHEST = -0.12, 1.06  # normalised scores that are drawn
+PROFILE_TARGETS = np.linspace(LOWEST, 1.0, 251)  # normalised scores
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
 CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
-EARLIEST = {"seconds": 1e-2, "steps": 10.0}  # first time that is drawn, on each clock
+EARLIEST = {"seconds": 1e-2, "steps": 200.0}  # first time that is drawn, on each clock
 
 
 def draw_curves(
@@ -93,9 +93,10 @@ def draw_curves(
             if x[0] == x[-1]:  # one score at one time, such as that of a scripted policy
                 axes.axhline(y[0], color=line["color"], lw=0.8, ls=line["linestyle"], zorder=1.5)
             handles[method] = axes.plot(x, y, **line)[0]
+    names = [name for name in (*methods, "others") if name in handles]
     figure.legend(
-        [*handles.values()], [*handles], loc="outside lower center", ncols=LEGEND_COLUMNS,
-        **plot_style.LEGEND,
+        [handles[name] for name in names], names, loc="outside lower center",
+        ncols=LEGEND_COLUMNS, **plot_style.LEGEND,
     )  # fmt: skip
     plot_style.write_png(figure, path)
 
@@ -193,7 +194,7 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
     draw_curves(path, panels, headings, ("", quantity), prepare, curves[:MAX_COLOURS])
 
 
-def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Collection[str]) -> None:
+def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Collection[str]) -> None:
     """Draw the best normalised score against a clock, in a panel for all problems and one for each.
 
     Parameters
@@ -204,8 +205,8 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
         Key of `CLOCK_NAMES`.
     path
         PNG file.
-    solid
-        Methods whose lines are solid.
+    first
+        Methods whose lines are solid, and which come first in the legend.
     """
     panels: dict[str, dict[str, Curve]] = {}
     complete = set(experiment.complete_methods)
@@ -227,19 +228,21 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
         f"Normalised score of the best policy or layout over {CLOCK_NAMES[clock]}",
         "interquartile means, 95 % intervals of five or more runs",
     )
-    dashed = set(experiment.methods) - set(solid)
-    draw_curves(path, panels, headings, (name, ""), prepare, experiment.methods, dashed)
+    methods = experiment.rank(first)
+    draw_curves(path, panels, headings, (name, ""), prepare, methods, set(methods) - set(first))
 
 
-def draw_intervals(experiment: Experiment, path: Path) -> None:
+def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -> None:
     """Draw the interquartile means with their intervals, and the performance profiles.
 
     There is a panel of means for each problem. The panel of all problems and the profiles have the
-    methods with runs on each.
+    methods with runs on each. Colours are those of `draw_over_clock`.
     """
     overview: list[str | None] = [None] if len(experiment.problems) > 1 else []
     problems = [*overview, *experiment.problems]
-    lines, complete = plot_style.method_lines(experiment.methods), experiment.complete_methods
+    methods = experiment.rank(first)
+    lines = plot_style.method_lines(methods)
+    complete = [name for name in methods if name in experiment.complete_methods]
     figure, panels = plot_style.new_panels(
         len(problems) + 1, ACROSS, (4.6, 2.9), headline="Normalised scores at the end of the runs",
         subtitle="interquartile means; 95 % intervals of five or more runs",

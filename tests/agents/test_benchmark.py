@@ -87,7 +87,6 @@ def test_curves_are_evaluated_over_seconds_and_over_steps():
     assert done.normalise(learned, best).tolist() == [-np.inf, 0.0, 1.0]
     assert done.best_steps(learned, "steps")[0].tolist() == [10.0, 20.0]
     assert done.score_after("cma", 0.7) == 0.0
-    assert done.seconds_past_uniform(learned) == 240.0
     for known, normalised in ((0.5, 0.0), (0.75, 2.0)):  # no gain is possible; a fixed reference
         best = best_of_problems(done.results, lambda _, known=known: known, fixed=True)
         assert replace(done, best=best).normalise(learned, 1.0) == normalised
