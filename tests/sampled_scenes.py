@@ -22,6 +22,9 @@ max = {min = 0.006, max = 0.012}
 """
 
 
-def small_scenes() -> de.SceneDistribution:
-    """Return a distribution of 4 to 9 dominoes with free gaps and thicknesses and any gravity."""
-    return de.SceneDistribution(tomllib.loads(TEXT), "small")
+def small_scenes(more: str = "") -> de.SceneDistribution:
+    """Return a distribution of 4 to 9 dominoes with free gaps and thicknesses and any gravity.
+
+    Other tables can be added to its text.
+    """
+    return de.SceneDistribution(tomllib.loads(TEXT + more), "small")

@@ -293,7 +293,8 @@ class SceneSource:
         batch.thickness[envs, 0] = self.first_thickness[scenes]
         if self.first.run_out is not None:
             places = self.rules["count"][scenes][:, None] + np.arange(self.run_out)
-            batch.spacing[envs[:, None], places - 1] = self.first.run_out.spacing
+            gaps = np.array([scene.run_out.spacing for scene in self.scenes[scenes]])
+            batch.spacing[envs[:, None], places - 1] = gaps[:, None]
             batch.thickness[envs[:, None], places] = self.first_thickness[scenes, None]
         if len(batch.height) == len(batch.scene):  # else environments share the heights
             batch.height[envs] = self.rules["unit"][scenes, None]

@@ -227,7 +227,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         Raises
         ------
         ValueError
-            For options from which no episode can begin; all environments are then unchanged.
+            For options from which no episode can begin; all episodes then go on.
         """
         infos = self._prepare(mask, generators, **options)
         no_actions, rewards = np.empty((self.num_envs, 0)), np.empty(self.num_envs)

@@ -130,9 +130,8 @@ def observe(batch, b, layout, observation):
     observe_window(rules, layout, uniform_of(batch, b)[0], placed, start, observation)
     if start.height >= 0:
         most = math.log(rules.growth_high) * pairs
-        observation[start.height] = min(
-            math.log(layout.height[placed] / layout.height[0]) / most, 1.0
-        )
+        grown = math.log(layout.height[placed] / layout.height[0])
+        observation[start.height] = min(grown / most, 1.0) if most > 0.0 else 0.0
     if start.hand >= 0:
         for k in range(batch.kinds.shape[1]):
             observation[start.hand + k] = 0.0

@@ -1,5 +1,7 @@
 """Environments that sample a scene at every reset."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from env_scenes import check_return, gain_of, play
@@ -8,6 +10,7 @@ from sampled_scenes import small_scenes
 import domino_env as de
 
 SMALL = small_scenes()
+RUN_OUTS = small_scenes("[run_out]\ncount = 3\nspacing = {min = 0.003, max = 0.03}\n")
 
 
 def actions_of(env, seed):
@@ -15,7 +18,7 @@ def actions_of(env, seed):
     return lambda k: actions[k]
 
 
-@pytest.mark.parametrize("name", ["varied", "varied-course", "varied-thickness", SMALL], ids=str)
+@pytest.mark.parametrize("name", ["varied", "varied-course", "varied-thickness", SMALL, RUN_OUTS])
 def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
     """The observation of the fixed scene lacks the features."""
     env = de.DominoChain(name, window=3)
@@ -69,6 +72,16 @@ def test_hidden_numbers_are_left_out_of_the_observation():
     given, _ = partial.reset(options={"scene": whole.scene})
     np.testing.assert_array_equal(given, np.delete(observations[0], hidden))
     assert "features" not in de.DominoChain(SMALL, hide=SMALL.features).observation_layout
+
+
+def test_a_sampled_scene_whose_heights_cannot_grow_has_a_finite_observation():
+    document = tomllib.loads(de.load_scene("magnify").to_toml())
+    document["growth"]["max"] = {"min": 1.0, "max": 1.01}
+    distribution = de.SceneDistribution(document, "grown")
+    env = de.DominoChain(distribution)
+    observation, _ = env.reset(options={"scene": distribution.scene(np.array([1.0]))})
+    assert observation[env.observation_layout["height"]] == 0.0
+    assert np.isfinite(observation).all()
 
 
 def test_the_number_of_scenes_can_be_limited():
