@@ -14,7 +14,7 @@ from agents.archives import load_archive
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
-from agents.rollout import Rollout, last_infos
+from agents.rollout import SELECTION_SEEDS, Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require, require_choice
@@ -152,8 +152,8 @@ def evaluate_gains(
     ndarray
         (S,) gains over the uniform baselines; at most -1 if the wave stops.
     """
-    env = DominoChainVector(len(scenes), distribution)
-    return np.array(last_infos(policy, env, "gain", options={"scene": list(scenes)}))
+    env, reset = DominoChainVector(len(scenes), distribution), {"scene": list(scenes)}
+    return np.array(last_infos(policy, env, "gain", seed=SELECTION_SEEDS[0], options=reset))
 
 
 def read_search_scores(name: str, number: int) -> Floats | None:
@@ -233,7 +233,11 @@ class ScenesEvaluation:
 
     def gains(self, name: str = "policy") -> Floats:
         """Return the gains (S,) over the uniform baselines; at most -1 if a wave stops."""
-        return self.scores[name] / self.uniform - 1.0
+        values = zip(self.scenes, self.scores[name], self.uniform, strict=True)
+        return np.array([
+            scene.criterion.gain(score, uniform) if score > 0.0 else score / uniform - 1.0
+            for scene, score, uniform in values
+        ])  # fmt: skip
 
 
 def choose_scenes(

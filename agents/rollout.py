@@ -54,6 +54,18 @@ class Rollout(SceneResult):
         """Gain over the uniform baseline, see `Scene.gain`; None if one of the waves stops."""
         return self.scene.gain(self.score, self.uniform.score)
 
+    @property
+    def score_text(self) -> str:
+        """The score, a mean if episodes are random, and its comparison with the baseline."""
+        if not is_random(self.scene):
+            return self.scene.format_with_gain(self.score, self.wave)
+        criterion = self.scene.criterion
+        comparison = criterion.compare(self.score, self.uniform.score, "uniform")
+        return ", ".join(filter(None, (criterion.label(self.score), comparison)))
+
+    def __repr__(self) -> str:
+        return f"Rollout({self.scene.name}: {self.score_text})"
+
 
 def build(
     policy: Policy,
@@ -95,7 +107,7 @@ def build(
         observation, _, terminated, _, info = env.step(policy(observation))
     layout = complete_layout(info["layout"], scene)
     seconds = time.perf_counter() - start
-    scores = episode_scores(policy, scene, seeds) if len(seeds) > 1 else None
+    scores = episode_scores(policy, scene, seeds, distribution) if len(seeds) > 1 else None
     return make_rollout(scene, layout, seconds, scores=scores, seeds=seeds)
 
 
@@ -134,7 +146,12 @@ def make_rollout(
     return Rollout(scene, layout, wave, score, uniform, seconds, simulations)
 
 
-def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats:
+def episode_scores(
+    policy: Policy,
+    scene: Scene,
+    seeds: Sequence[int],
+    distribution: SceneDistribution | None = None,
+) -> Floats:
     """Return the scores of a policy in the episodes of given seeds, run as one batch.
 
     Parameters
@@ -145,14 +162,17 @@ def episode_scores(policy: Policy, scene: Scene, seeds: Sequence[int]) -> Floats
         The scene.
     seeds
         Seeds of the S episodes.
+    distribution
+        See `build`.
 
     Returns
     -------
     ndarray
         (S,) scores in the unit of the scene.
     """
-    env = DominoChainVector(len(seeds), scene)
-    return np.array(last_infos(policy, env, "score", seed=list(seeds)))
+    env = DominoChainVector(len(seeds), distribution or scene)
+    options = None if distribution is None else {"scene": scene}
+    return np.array(last_infos(policy, env, "score", seed=list(seeds), options=options))
 
 
 def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -> list[Any]:

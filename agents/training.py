@@ -63,7 +63,7 @@ class Run:
     def __repr__(self) -> str:
         result = f"median gain {self.curve[-1][3]:+z.2%}"  # best_score
         if self.rollout is not None:
-            result = self.rollout.scene.format_with_gain(self.rollout.score, self.rollout.wave)
+            result = self.rollout.score_text
         work = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
         return f"Run({self.algorithm} on {self.scene}: {result}; {work})"
 

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from env_scenes import SMALL
+from sampled_scenes import small_scenes
 
 import domino_env as de
 from agents import design, evaluate
+from agents.evaluation import ScenesEvaluation, evaluate_gains
 from agents.rollout import EVALUATION_SEEDS, build, complete_layout
 from agents.scripted import SCRIPTED, ScriptedPolicy
 
@@ -82,11 +84,38 @@ def test_rollouts_and_the_baseline_are_means_over_the_same_seeds(scene):
     rollout = ScriptedPolicy("uniform").build(scene)
     scores = scene.score_placed(rollout.layout, EVALUATION_SEEDS)
     assert rollout.score == rollout.uniform.score == scores.mean() != scene.uniform().score
+    assert f"score {scores.mean():.6f} m/s, level with uniform" in repr(rollout)
     env = de.DominoChainVector(3, scene)
     env.reset(seed=EVALUATION_SEEDS[0])
     for _ in range(scene.count - 1):
         info = env.step(np.zeros(env.action_space.shape))[4]
     assert info["score"] == pytest.approx(scores[:3], rel=1e-5)
+
+
+def test_policies_of_random_sampled_scenes_have_reproducible_scores():
+    noisy = small_scenes("[placement]\ndeviation = 0.0005\n")
+    scenes = [noisy.sample(np.random.default_rng(seed)) for seed in range(3)]
+
+    def policy(observation):
+        return 0.1 * observation[..., -2:]
+
+    gains = evaluate_gains(policy, noisy, scenes)
+    assert (gains == evaluate_gains(policy, noisy, scenes)).all()
+    env, scores = de.DominoChain(noisy), []
+    for seed in range(4):
+        observation, _ = env.reset(seed=seed, options={"scene": scenes[0]})
+        info = {}
+        while not info:
+            observation, *_, info = env.step(policy(observation))
+        scores.append(info["score"])
+    rollout = build(policy, scenes[0], distribution=noisy, seeds=range(4))
+    assert rollout.score == np.mean(scores) != scores[0]
+
+
+def test_gains_in_many_scenes_are_those_of_their_objective():
+    scene = de.load_scene("tempo")
+    done = ScenesEvaluation([scene] * 2, np.full(2, 0.05), {"policy": np.array([0.5, -0.5])}, {})
+    assert done.gains().tolist() == [scene.gain(0.5, 0.05), pytest.approx(-11.0)]
 
 
 def test_a_controller_keeps_the_schedule_that_a_plan_misses():
