@@ -71,7 +71,8 @@ class APG(OnPolicyAlgorithm):
         env: Any = self.env
         env.reset()  # to sample scenes
         scene = env.vector.scenes[0]
-        require_smooth(scene)  # sampled scenes have the same kinds of rules
+        # sampled scenes have the same kinds of rules
+        require_smooth(scene, is_sampled=env.vector.distribution is not None)
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
         self._mask = np.zeros(env.observation_space.shape, np.float32)
@@ -230,12 +231,18 @@ class _Placing(torch.autograd.Function):
         return None, torch.from_numpy(gradient)
 
 
-def require_smooth(scene: Scene) -> None:
-    """Raise ValueError for a scene whose layouts are not a smooth function of the actions."""
-    if scene.stock is not None and not random_parts(scene):
+def require_smooth(scene: Scene, is_sampled: bool) -> None:
+    """Raise ValueError for a scene, or for sampled scenes like it, that APG cannot learn in."""
+    if scene.stock is not None and not scene.hand:
         raise ValueError(
             f"scene '{scene.name}' has a stock: its score has no gradient with respect to actions, "
             "which apg needs; leave it out, or use ppo"
+        )
+    has_free_sizes = scene.free_spacing and scene.free_thickness and not scene.in_heights
+    if random_parts(scene) and (is_sampled or not has_free_sizes or scene.count < 3):
+        raise ValueError(
+            f"scene '{scene.name}' is random: for apg it must be a fixed scene with free gaps and "
+            "thicknesses in metres and three dominoes or more; change it, or use ppo"
         )
 
 
@@ -247,8 +254,8 @@ def _initial_observations(env: Any) -> tuple[list[Scene], torch.Tensor]:
     """
     size, parts = env.observation_space.shape[0], env.vector.observation_layout
     progress = slice(parts["placed"].start, parts["near_end"].stop)
-    features = parts.get("features")
-    first = np.zeros((1, size), np.float32) if features is None else env.reset()
+    features, is_fixed = parts.get("features"), env.vector.distribution is None
+    first = np.zeros((1, size), np.float32) if is_fixed else env.reset()
     scenes = list(env.vector.scenes)
     longest = max(scene.count for scene in scenes)
     observations = np.zeros((len(first), longest - 1, size), np.float32)

@@ -72,7 +72,17 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     -------
     callable
         Function from observations (…, O) to actions (…, 1 + K).
+
+    Raises
+    ------
+    ValueError
+        If the scene has a fixed gap, a single kind of pieces, or fewer than three dominoes.
     """
+    if not scene.free_spacing or not scene.free_thickness or scene.count < 3:
+        raise ValueError(
+            f"scene '{scene.name}': the rule for drawn pieces needs a free gap, two kinds of "
+            "pieces or more, and three dominoes or more; change the scene, or use ppo"
+        )
     sizes = rule_sizes(scene, coefficients)
     return lambda observation: to_actions(scene, sizes(observation))
 

@@ -40,12 +40,12 @@ def ramp(scene: Scene) -> Rollout:
     Raises
     ------
     ValueError
-        If the scene draws its pieces in random order.
+        If the scene has a stock, or gaps in heights.
     """
-    if scene.hand:
+    if scene.stock is not None or scene.in_heights:
         raise ValueError(
-            f"scene '{scene.name}' draws its pieces in random order: ramp does not observe "
-            "the pieces in hand; use another policy"
+            f"scene '{scene.name}' has {'a stock' if scene.stock else 'gaps in heights'}: ramp "
+            "chooses gaps and thicknesses in metres; use another policy"
         )
     start = time.perf_counter()
     rng = np.random.default_rng(0)
@@ -132,7 +132,8 @@ def rule(scene: Scene) -> Rollout:
     Raises
     ------
     ValueError
-        If the scene does not draw its pieces in random order.
+        If the scene does not draw its pieces in random order, or for the reasons of
+        `agents.draw.rule`.
     """
     if not scene.hand:
         raise ValueError(

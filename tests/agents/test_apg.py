@@ -9,9 +9,9 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 import domino_env as de
-from agents import closed_loop, torch_score
+from agents import DominoVecEnv, closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
-from agents.apg import require_smooth
+from agents.apg import _initial_observations, require_smooth
 from agents.closed_loop import random_parts
 from agents.network import build_actor
 from agents.rollout import SEEDS_PER_TRAINING, episode_scores
@@ -83,9 +83,25 @@ def test_an_update_uses_all_sampled_scenes():
     assert not torch.equal(before, model.policy.action_net.weight)
 
 
-def test_scores_of_a_stock_have_no_gradient():
-    with pytest.raises(ValueError, match="'stock' has a stock: its score has no gradient"):
-        require_smooth(de.load_scene("stock"))
+def test_sampled_scenes_are_new_in_every_update_if_their_numbers_are_hidden():
+    varied = de.load_distribution("varied")
+    env = DominoVecEnv(varied, 3, hide=varied.features)
+    (first, observations), (second, _) = (_initial_observations(env) for _ in range(2))
+    assert len(observations) == len({*first, *second}) / 2 == 3
+
+
+@pytest.mark.parametrize(("name", "changes", "is_sampled", "words"), [
+    ("stock", {}, False, "'stock' has a stock: its score has no gradient"),
+    ("draw", {}, True, "'draw' is random: for apg it must be a fixed scene with free gaps"),
+    ("draw", {"spacing": (0.02, 0.02)}, False, "'draw' is random: .*, or use ppo"),
+    ("tempo-noise", {"thickness": (0.0075, 0.0075)}, False, "is random: .* and thicknesses"),
+])  # fmt: skip
+def test_scenes_in_which_apg_cannot_learn_are_rejected(name, changes, is_sampled, words):
+    with pytest.raises(ValueError, match=words):
+        require_smooth(de.load_scene(name).replace(**changes), is_sampled)
+
+
+def test_arguments_of_a_score_of_tensors_are_checked():
     with pytest.raises(TypeError, match=r"spacing = 3: give a tensor \(B, 11\)"):
         torch_score(SHORT)(3)
     with pytest.raises(ValueError, match="rtol = 5: give a finite number from 1e-13"):
