@@ -22,18 +22,19 @@ import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
 from agents.draw import shipped_references
-from agents.evaluation import read_search_scores
+from agents.evaluation import has_test_set, read_search_scores
 from agents.policy import CONFIG, PROGRESS, ScenePolicy, read_summary
 from agents.rollout import is_random
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.third_party import load_fit, train_third_party
 from agents.training import train
 from domino_env import Scene, SceneDistribution
+from domino_env.core.checks import require_choice
 from domino_env.core.models import plain
 from domino_env.core.results import versions
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
-from domino_env.scenes.io.reading import parse_document
+from domino_env.scenes.io.reading import distribution_names, parse_document
 from domino_env.scenes.pool import load_test_set
 from optimize.experiments.compare import known_score, require_distinct
 from optimize.experiments.task import Task, TaskResult, Trace, digest, read_scene
@@ -240,10 +241,20 @@ def benchmark_tasks(
         If names are unknown or repeated, or lists are empty.
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
+    searches = *registry.METHODS, *registry.THIRD_PARTY
     for name in algorithms:
+        if ":" not in name:
+            known = *ALGORITHMS, *SCRIPTED, *searches, "package.module:function"
+            require_choice("algorithm", name, known)
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
     targets = [scene if isinstance(scene, Target) else load_any(scene) for scene in scenes]
+    for target in targets:
+        if isinstance(target, SceneDistribution) and not has_test_set(target):
+            raise ValueError(
+                f"scene distribution '{target.name}' has no test set: name a fixed scene, or one "
+                f"of {', '.join(distribution_names())}"
+            )
     return [
         BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
@@ -256,10 +267,11 @@ def benchmark_tasks(
 def others(target: Target, algorithms: Sequence[str]) -> list[str]:
     """Return scripted policies and searches among algorithms, or the references of a random scene.
 
-    References are the open-loop plan, and the policy that reacts to what is random.
+    References are the open-loop plan and, if there is one, a policy that reacts to what is random.
     """
     if is_random(target):
-        return ["plan", "rule" if target.hand else "controller"]
+        reacting = {"rule": target.hand > 0, "controller": target.tempo is not None}
+        return ["plan", *(name for name, applies in reacting.items() if applies)]
     return [name for name in algorithms if not is_learner(name)]
 
 
@@ -322,11 +334,13 @@ def best_known_score(result: TaskResult) -> float:
     """Return the best known score of a result's target; -inf if there is none.
 
     For a scene distribution it is the median gain in the test set, for a random scene the score
-    with all that is random known.
+    with all that is random known, which is known for `draw` and for schedules.
     """
     target = read_target(result.scene)
     if is_random(target):
-        return float(shipped_references()["hindsight"]) if target.hand else PERFECT_TEMPO
+        if target.tempo is not None:
+            return PERFECT_TEMPO
+        return float(shipped_references()["hindsight"]) if target == load_any("draw") else -np.inf
     if isinstance(target, Scene):
         return known_score(result)
     tests = load_test_set(target.name)

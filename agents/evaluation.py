@@ -268,12 +268,18 @@ def choose_scenes(
         rng = np.random.default_rng(seed)
         return [distribution.sample(rng) for _ in range(number or 0)]
     name = distribution.name
-    if name not in distribution_names() or load_distribution(name) != distribution:
+    if not has_test_set(distribution):
         raise ValueError(f"'{name}' has no test set: sample scenes with --seed N --scenes N")
     tests = load_test_set(name)
     hint = f"the test set of {name}; others are sampled with a seed (--seed)"
     require("scenes", number, high=len(tests), hint=hint, whole=True, optional=True)
     return tests[:number]
+
+
+def has_test_set(distribution: SceneDistribution) -> bool:
+    """Return True for a scene distribution of the package."""
+    name = distribution.name
+    return name in distribution_names() and load_distribution(name) == distribution
 
 
 def evaluate_scenes(

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from env_scenes import SMALL
+from sampled_scenes import small_scenes
 from scipy import stats
 
 pytest.importorskip("stable_baselines3")
@@ -15,6 +16,7 @@ import domino_env as de
 from agents import evaluate
 from agents.benchmark import BenchmarkTask, benchmark_tasks, best_known_score, learning_curve
 from agents.benchmark_report import FILES, gather, page
+from agents.draw import shipped_references
 from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
@@ -151,10 +153,22 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     assert "baselines in the test set" in page(gather([learned]), "")
 
 
+def test_random_scenes_have_the_references_that_can_build_them():
+    tasks = benchmark_tasks(["jitter", "tempo-noise", "draw"], ["ramp"], 1)
+    names = "plan", "plan", "controller", "plan", "rule"
+    assert tuple(task.method for task in tasks) == names
+    trace = {"seconds": [0.0], "score": [0.8]}
+    known = [best_known_score(task.make_result(trace, 0.8, 0.7, None)) for task in tasks]
+    hindsight = float(shipped_references()["hindsight"])
+    assert known == [-np.inf, 1.0, 1.0, hindsight, hindsight]
+    with pytest.raises(ValueError, match="'small' has no test set: name a fixed scene, or one"):
+        benchmark_tasks([small_scenes()], ["ramp"], 1)
+
+
 @pytest.mark.parametrize(("given", "message"), [
     ("--seeds 0", "seeds = 0: give a whole number, at least 1"),
     ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
-    ("--algorithms nobody", "nobody"),
+    ("--algorithms pppo", "algorithm = 'pppo': did you mean 'ppo'? choose one of apg, ppo, ars, "),
     ("--page", "no run has a result yet"),
 ])  # fmt: skip
 def test_invalid_options_are_rejected(given, message, tmp_path, monkeypatch, error_of):
