@@ -53,12 +53,23 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.designer.policy import Designer
     from agents.evaluation import load_policy
     from agents.policy import ScenePolicy
-    from domino_env import SceneDistribution, load_scene
+    from domino_env import Scene, SceneDistribution, load_scene
     from domino_env.scenes.distribution import load_any, load_distribution
 
     scene = None if arguments.scene is None else load_any(arguments.scene)
     source = arguments.distribution and load_distribution(arguments.distribution)
-    many = isinstance(scene, SceneDistribution) or arguments.scenes is not None
+    is_sampled = isinstance(scene, SceneDistribution)
+    many = is_sampled or arguments.scenes is not None
+    if arguments.scenes is not None and isinstance(scene, Scene):
+        raise ValueError(
+            "--scenes: leave out --scene, or name a scene distribution in place of a single scene"
+        )
+    if source and (is_sampled or not (many or arguments.agent.endswith(".zip"))):
+        raise ValueError(
+            "--distribution: leave it out; it is for --scenes without --scene, and for archives"
+        )
+    if many and arguments.seed is not None and arguments.scenes is None:
+        raise ValueError("--seed: give the number of scenes to sample too (--scenes N)")
     if isinstance(scene, SceneDistribution):
         source, scene = scene, None
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=source)

@@ -82,6 +82,17 @@ def test_scripted_policies_are_evaluated_by_name(output_of, scene, words):
     assert f"{scene}: {words}" in output_of("evaluate", "uniform", "--scene", scene)
 
 
+@pytest.mark.parametrize(("given", "words"), [
+    ("--scene course --scenes 2", "--scenes: leave out --scene, or name a scene distribution"),
+    ("--scene varied --distribution varied-course", "--distribution: leave it out; it is for"),
+    ("--scene sprint --distribution varied", "--distribution: leave it out; it is for"),
+    ("--scene varied --seed 3", "--seed: give the number of scenes to sample too (--scenes N)"),
+    ("--scene sprint --seed 3", "--seed: leave it out without --scenes"),
+])  # fmt: skip
+def test_options_that_would_be_ignored_are_rejected(error_of, given, words):
+    assert words in error_of("evaluate", "uniform", *given.split())
+
+
 @pytest.mark.parametrize("scene", [NOISY, DRAWN], ids=["placement noise", "drawn pieces"])
 def test_rollouts_and_the_baseline_are_means_over_the_same_seeds(scene):
     rollout = ScriptedPolicy("uniform").build(scene)
