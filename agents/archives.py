@@ -27,7 +27,7 @@ from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
 # keys of policy_kwargs with which the tensors alone do not determine the actions
-UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output")
+UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output", "use_sde")
 MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of supported policies
 
 
@@ -98,10 +98,13 @@ def _rebuild(path: Path) -> tuple[Policy, int]:
     arrays = {name: value.numpy() for name, value in state.items()}
     options = data.get("policy_kwargs") or {}
     module = str(data["policy_class"].get("__module__"))
-    if not module.startswith(MODULES) or any(name in options for name in UNSUPPORTED_OPTIONS):
+    if not module.startswith(MODULES) or any(map(options.get, UNSUPPORTED_OPTIONS)):
         raise UnsupportedPolicyError(f"its policy is not a plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
-    network = build_actor(arrays, activation.group(1) if activation else None)
+    try:
+        network = build_actor(arrays, activation.group(1) if activation else None)
+    except KeyError as error:  # there are other layers, such as those that normalise
+        raise UnsupportedPolicyError(f"its policy is no multilayer perceptron ({error})") from None
     size = network.layers[0][0].shape[1]
     network.require(size, len(network.layers[-1][1]))
     return network.act, size
@@ -111,12 +114,15 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     """Load a policy with Stable-Baselines3; return it and the size of its observations."""
     import torch
     from sb3_contrib.ars.policies import ARSPolicy
+    from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
     from stable_baselines3.common.policies import ActorCriticPolicy
     from stable_baselines3.common.save_util import load_from_zip_file
 
     torch.set_num_threads(1)
     data, parameters, _ = load_from_zip_file(path, device="cpu")
     assert data is not None
+    if issubclass(data["policy_class"], RecurrentActorCriticPolicy):
+        raise UnsupportedPolicyError("its policy is recurrent, and would lose its memory")
     policy_class, space = data["policy_class"], data["observation_space"]
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(policy_class, ActorCriticPolicy):

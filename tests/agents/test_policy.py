@@ -133,15 +133,24 @@ def _doubled():
 @pytest.mark.filterwarnings("ignore")
 def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path):
     sb3, torch = pytest.importorskip("stable_baselines3"), pytest.importorskip("torch")
+    contrib = pytest.importorskip("sb3_contrib")
     path = tmp_path / "model.zip"
     env = gymnasium.make("DominoChain-v2", scene="sprint")
-    for options in ({"activation_fn": torch.nn.ELU}, {"features_extractor_class": _doubled()}):
-        sb3.PPO("MlpPolicy", env, device="cpu", policy_kwargs=options).save(path)
+    for kind, options in (
+        (sb3.PPO, {"policy_kwargs": {"activation_fn": torch.nn.ELU}}),
+        (sb3.PPO, {"policy_kwargs": {"features_extractor_class": _doubled()}}),
+        (sb3.SAC, {"use_sde": True}),
+        (contrib.CrossQ, {}),
+    ):
+        kind("MlpPolicy", env, device="cpu", **options).save(path)
         with pytest.raises(ValueError, match=r"model\.zip: its .*; add --trust"):
             evaluate(path, "sprint")
         assert evaluate(path, "sprint", trust=True).scene.name == "sprint"
     with pytest.raises(ValueError, match="has no scene of its own: give one"):
         evaluate(path, trust=True)
+    contrib.RecurrentPPO("MlpLstmPolicy", env, device="cpu").save(path)
+    with pytest.raises(ValueError, match=r"model\.zip: its policy is recurrent"):
+        evaluate(path, "sprint", trust=True)
     path.write_bytes(b"PK")
     for trust in (False, True):
         with pytest.raises(ValueError, match=r"model\.zip: damaged, or not an archive of Stable"):
