@@ -86,7 +86,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
         return {}
     with errors_with_path(path):
         summary = read_json(path)
-        require_type("the summary", summary, dict, "a table, as domino train writes it")
+        if not isinstance(summary, dict):
+            raise ValueError("not a table, as domino train writes it")
         require("seconds", summary.get("seconds", 0.0), 0.0)
         return dict(summary)
 

@@ -443,9 +443,9 @@ class Training(BaseCallback):
             score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
         self.simulations += len(self.scenes) or 1
         if score > self.best:
-            self.best = self.test_score = score
             path = self.folder / files.POLICY
             write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
+            self.best = self.test_score = score
             if isinstance(self.target, SceneDistribution) and self.tests:
                 pause = clocks()
                 self.test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))

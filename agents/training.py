@@ -156,8 +156,8 @@ def train(
         If the extra "rl" is missing.
     ValueError
         If the algorithm or the scene is unknown, if a number is out of range, if `num_scenes` is
-        given with a single scene, or if the folder holds another training or, with `resume`, none
-        or one with other arguments.
+        more than 1 with a single scene, or if the folder holds another training or, with `resume`,
+        none or one with other arguments.
     TypeError
         If the folder or the hyperparameters have another type.
     OSError

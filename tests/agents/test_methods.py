@@ -25,6 +25,9 @@ def test_a_trained_policy_counts_one_evaluation_and_its_training_time(tmp_path):
     result = search(scene, f"agent:{tmp_path}", seconds=5.0)
     assert result.score == rollout.score
     assert all(seconds > 321.0 for _, _, seconds, _ in result.trace)
+    (tmp_path / "summary.json").write_text("[]")
+    with pytest.raises(ValueError, match=r"summary\.json: not a table, as domino train writes it"):
+        search(scene, f"agent:{tmp_path}", seconds=5.0)
 
 
 def test_unknown_methods_are_rejected(tmp_path):
