@@ -30,6 +30,7 @@ from agents.network import build_actor
 from agents.policy import read_config
 from agents.sb3 import CLASSES, Training, make_model, model_state, restore, save_zip, weights
 from agents.vec_env import DominoVecEnv
+from domino_env.cli.main import main
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
@@ -252,6 +253,15 @@ def test_invalid_arguments_are_rejected(tmp_path):
     for name, value in {"first_deviation": 0.0, "middle": 1.0, "num_envs": 0}.items():
         with pytest.raises(ValueError, match=f"{name} = "):
             default_hyperparameters("ppo", SMALL).replace(**{name: value})
+
+
+def test_an_interruption_outside_the_updates_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Training, "run", interrupted)
+    assert main(["train", "sprint", "--out", str(tmp_path / "run")]) == 130
+    assert "interrupted: run the command again, with --resume" in capsys.readouterr().err
 
 
 def test_invalid_checkpoints_are_rejected_without_running_their_code(tmp_path, monkeypatch):
