@@ -72,7 +72,7 @@ class APG(OnPolicyAlgorithm):
         env.reset()  # to sample scenes
         scene = env.vector.scenes[0]
         # sampled scenes have the same kinds of rules
-        require_smooth(scene, is_sampled=env.vector.distribution is not None)
+        require_supported(scene, is_sampled=env.vector.distribution is not None)
         parts = env.vector.observation_layout
         first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
         self._mask = np.zeros(env.observation_space.shape, np.float32)
@@ -231,8 +231,8 @@ class _Placing(torch.autograd.Function):
         return None, torch.from_numpy(gradient)
 
 
-def require_smooth(scene: Scene, is_sampled: bool) -> None:
-    """Raise ValueError for a scene, or for sampled scenes like it, that APG cannot learn in."""
+def require_supported(scene: Scene, is_sampled: bool) -> None:
+    """Raise ValueError for a scene, or for sampled scenes like it, in which APG cannot learn."""
     if scene.stock is not None and not scene.hand:
         raise ValueError(
             f"scene '{scene.name}' has a stock: its score has no gradient with respect to actions, "
@@ -241,8 +241,9 @@ def require_smooth(scene: Scene, is_sampled: bool) -> None:
     has_free_sizes = scene.free_spacing and scene.free_thickness and not scene.in_heights
     if random_parts(scene) and (is_sampled or not has_free_sizes or scene.count < 3):
         raise ValueError(
-            f"scene '{scene.name}' is random: for apg it must be a fixed scene with free gaps and "
-            "thicknesses in metres and three dominoes or more; change it, or use ppo"
+            f"scene '{scene.name}' has placement noise or drawn pieces: for apg it must be a fixed "
+            "scene of three dominoes or more with free gaps and thicknesses in metres; change it, "
+            "or use ppo"
         )
 
 

@@ -2,10 +2,11 @@
 
 Multilayer perceptrons are rebuilt from their tensors without running code of the archive: `data` is
 read as JSON, whose pickled objects stay encoded text, and torch reads `policy.pth` without
-unpickling. Archives that are trusted are loaded by Stable-Baselines3, whatever their policy, which
-runs the code in them. Statistics of `VecNormalize` are stored as a pickle, which can also run code.
-They are read from `vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the archive, or from
-`vecnormalize.pkl` in a subfolder with the name of the environment, as rl-zoo3 writes it.
+unpickling. Archives that are trusted are loaded by Stable-Baselines3, unless their policy is
+recurrent, which runs the code in them. Statistics of `VecNormalize` are stored as a pickle, which
+can also run code. They are read from `vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the
+archive, or from `vecnormalize.pkl` in a subfolder with the name of the environment, as rl-zoo3
+writes it.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def load_archive(
     ------
     ValueError
         If the file is not such an archive, if observations of the distribution have another size,
-        or if the policy cannot be rebuilt and `trust` is False.
+        if the policy cannot be rebuilt and `trust` is False, or if it is recurrent.
     OSError
         If a file cannot be read.
     ImportError
@@ -101,10 +102,7 @@ def _rebuild(path: Path) -> tuple[Policy, int]:
     if not module.startswith(MODULES) or any(map(options.get, UNSUPPORTED_OPTIONS)):
         raise UnsupportedPolicyError(f"its policy is not a plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
-    try:
-        network = build_actor(arrays, activation.group(1) if activation else None)
-    except KeyError as error:  # there are other layers, such as those that normalise
-        raise UnsupportedPolicyError(f"its policy is no multilayer perceptron ({error})") from None
+    network = build_actor(arrays, activation.group(1) if activation else None)
     size = network.layers[0][0].shape[1]
     network.require(size, len(network.layers[-1][1]))
     return network.act, size
@@ -121,9 +119,12 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     torch.set_num_threads(1)
     data, parameters, _ = load_from_zip_file(path, device="cpu")
     assert data is not None
-    if issubclass(data["policy_class"], RecurrentActorCriticPolicy):
-        raise UnsupportedPolicyError("its policy is recurrent, and would lose its memory")
     policy_class, space = data["policy_class"], data["observation_space"]
+    if issubclass(policy_class, RecurrentActorCriticPolicy):
+        raise UnsupportedPolicyError(
+            "its policy is recurrent, but layouts are built without a state between steps: give an "
+            "archive of another policy"
+        )
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(policy_class, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)

@@ -238,14 +238,14 @@ def benchmark_tasks(
     Raises
     ------
     ValueError
-        If names are unknown or repeated, or lists are empty.
+        If names are unknown or repeated, if lists are empty, or if a scene distribution has no test
+        set.
     """
     require_distinct(scenes=scenes, algorithms=algorithms)
-    searches = *registry.METHODS, *registry.THIRD_PARTY
+    known = *ALGORITHMS, *SCRIPTED, *registry.METHODS, *registry.THIRD_PARTY
     for name in algorithms:
         if ":" not in name:
-            known = *ALGORITHMS, *SCRIPTED, *searches, "package.module:function"
-            require_choice("algorithm", name, known)
+            require_choice("algorithm", name, (*known, "package.module:function"))
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
     targets = [scene if isinstance(scene, Target) else load_any(scene) for scene in scenes]
@@ -270,8 +270,7 @@ def others(target: Target, algorithms: Sequence[str]) -> list[str]:
     References are the open-loop plan and, if there is one, a policy that reacts to what is random.
     """
     if is_random(target):
-        reacting = {"rule": target.hand > 0, "controller": target.tempo is not None}
-        return ["plan", *(name for name, applies in reacting.items() if applies)]
+        return ["plan", *(["rule"] if target.hand else ["controller"] * (target.tempo is not None))]
     return [name for name in algorithms if not is_learner(name)]
 
 

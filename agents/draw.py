@@ -50,6 +50,17 @@ def relative(sizes: Floats, bounds: tuple[float, float]) -> Floats:
     return np.asarray(2.0 * (sizes - low) / (high - low) - 1.0)
 
 
+def require_choices(scene: Scene) -> None:
+    """Raise ValueError for fixed gaps, a single kind of pieces, or fewer than three dominoes."""
+    if not scene.free_spacing or not scene.free_thickness or scene.count < 3:
+        kinds, (low, high) = len(relative_kinds(scene)), scene.spacing
+        raise ValueError(
+            f"scene '{scene.name}' has {scene.count} dominoes of {kinds} kinds and gaps from "
+            f"{low:g} to {high:g} m: to plan or rule drawn pieces, give three dominoes or more, "
+            "two kinds or more and free gaps, or use another policy"
+        )
+
+
 def to_actions(scene: Scene, sizes: Floats) -> Floats:
     """Return the actions (…, 1 + K) for relative gaps and desired relative thicknesses (…, 2)."""
     low, high = scene.spacing
@@ -76,13 +87,9 @@ def rule(scene: Scene, coefficients: Floats) -> Policy:
     Raises
     ------
     ValueError
-        If the scene has a fixed gap, a single kind of pieces, or fewer than three dominoes.
+        For the reasons of `require_choices`.
     """
-    if not scene.free_spacing or not scene.free_thickness or scene.count < 3:
-        raise ValueError(
-            f"scene '{scene.name}': the rule for drawn pieces needs a free gap, two kinds of "
-            "pieces or more, and three dominoes or more; change the scene, or use ppo"
-        )
+    require_choices(scene)
     sizes = rule_sizes(scene, coefficients)
     return lambda observation: to_actions(scene, sizes(observation))
 
@@ -118,6 +125,7 @@ def _interpolate(position: Floats, values: Floats) -> Floats:
 
 def open_loop(scene: Scene, sizes: Floats) -> Policy:
     """Return the policy of a sequence of relative gaps and desired thicknesses (N-1, 2)."""
+    require_choices(scene)
     placed, pairs = DominoChain(scene).observation_layout["placed"].start, scene.count - 1
     actions = to_actions(scene, sizes)
     return lambda observation: np.asarray(

@@ -14,7 +14,7 @@ from agents.archives import load_archive
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
-from agents.rollout import SELECTION_SEEDS, Rollout, last_infos
+from agents.rollout import SELECTION_SEEDS, Rollout, last_infos, make_rollout
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require, require_choice
@@ -59,8 +59,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     Raises
     ------
     ValueError
-        If `run` names no policy, if the scene is unknown, or required and not given, or if its
-        observations have another size.
+        If `run` names no policy, if the scene is unknown, or required and not given, if the policy
+        cannot build it, or if its observations have another size.
 
     Examples
     --------
@@ -150,7 +150,8 @@ def evaluate_gains(
     Returns
     -------
     ndarray
-        (S,) gains over the uniform baselines; at most -1 if the wave stops.
+        (S,) gains over the uniform baselines; at most -1 if the wave stops. In random scenes, that
+        of scene i is of the episode with seed i.
     """
     env, reset = DominoChainVector(len(scenes), distribution), {"scene": list(scenes)}
     return np.array(last_infos(policy, env, "gain", seed=SELECTION_SEEDS[0], options=reset))
@@ -233,11 +234,9 @@ class ScenesEvaluation:
 
     def gains(self, name: str = "policy") -> Floats:
         """Return the gains (S,) over the uniform baselines; at most -1 if a wave stops."""
-        values = zip(self.scenes, self.scores[name], self.uniform, strict=True)
-        return np.array([
-            scene.criterion.gain(score, uniform) if score > 0.0 else score / uniform - 1.0
-            for scene, score, uniform in values
-        ])  # fmt: skip
+        scores, criterion = self.scores[name], self.scenes[0].criterion
+        gains = criterion.gain(np.maximum(scores, 0.0), self.uniform)
+        return np.where(scores > 0.0, gains, scores / self.uniform - 1.0)
 
 
 def choose_scenes(
@@ -335,5 +334,6 @@ def evaluate_scenes(
         raise ValueError(f"{len(search_scores)} search_scores: give one for each of the scenes")
     if search_scores is not None and np.isfinite(search_scores).any():
         scores["search"] = search_scores
-    uniform = np.array([scene.uniform().score for scene in scenes])
+    baselines = [make_rollout(scene, scene.uniform().layout).uniform for scene in scenes]
+    uniform = np.array([baseline.score for baseline in baselines])
     return ScenesEvaluation(scenes, uniform, scores, seconds)

@@ -168,7 +168,7 @@ def build_actor(arrays: Mapping[str, Any], activation: str | None = None) -> Net
     arrays = {name: value for name, value in arrays.items() if not UNUSED_WEIGHTS.match(name)}
     layers = list(dict.fromkeys(name.rpartition(".")[0] for name in arrays))
     kinds = [kind for kind in ACTORS if all(re.fullmatch(kind[0], layer) for layer in layers)]
-    if not (layers and kinds):
+    if not (layers and kinds and all(name.endswith(("weight", "bias")) for name in arrays)):
         raise UnsupportedPolicyError(
             f"its policy is not a plain multilayer perceptron ({', '.join(arrays)})"
         )

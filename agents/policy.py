@@ -87,7 +87,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     with errors_with_path(path):
         summary = read_json(path)
         if not isinstance(summary, dict):
-            raise ValueError("not a table, as domino train writes it")
+            raise ValueError("not a table, as domino train writes it: train again")
         require("seconds", summary.get("seconds", 0.0), 0.0)
         return dict(summary)
 

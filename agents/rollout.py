@@ -58,13 +58,10 @@ class Rollout(SceneResult):
     def score_text(self) -> str:
         """The score, a mean if episodes are random, and its comparison with the baseline."""
         if not is_random(self.scene):
-            return self.scene.format_with_gain(self.score, self.wave)
+            return super().score_text
         criterion = self.scene.criterion
         comparison = criterion.compare(self.score, self.uniform.score, "uniform")
         return ", ".join(filter(None, (criterion.label(self.score), comparison)))
-
-    def __repr__(self) -> str:
-        return f"Rollout({self.scene.name}: {self.score_text})"
 
 
 def build(

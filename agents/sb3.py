@@ -443,18 +443,18 @@ class Training(BaseCallback):
             score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
         self.simulations += len(self.scenes) or 1
         if score > self.best:
-            path = self.folder / files.POLICY
+            path, test_score = self.folder / files.POLICY, score
             write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
-            self.best = self.test_score = score
             if isinstance(self.target, SceneDistribution) and self.tests:
                 pause = clocks()
-                self.test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))
+                test_score = float(np.median(evaluate_gains(act, self.target, self.tests)))
                 self.start += clocks() - pause  # the test set is not part of the training
             if rollout is not None:
                 result = {"score": score, "gain": rollout.gain, "steps": steps, "seconds": seconds}
                 self.write_json(files.BEST, **result)
                 rollout.layout.to_csv(self.folder / "layout.csv")
                 rollout.layout.to_json(self.folder / "layout.json")
+            self.best, self.test_score = score, test_score  # all files are written
         latest = self.best, processor_seconds, self.test_score
         line = steps, seconds, score, *latest, self.simulations  # as in `COLUMNS`
         self.curve.append(tuple(map(float, line)))

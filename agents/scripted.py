@@ -152,13 +152,14 @@ def controller(scene: Scene) -> Rollout:
     Raises
     ------
     ValueError
-        If the hits of the scene have no schedule, or for the reasons of `plan`.
+        If the hits of the scene have no schedule, if it draws its pieces in random order, or for
+        the reasons of `plan`.
     """
     tempo, planned = scene.tempo, plan(scene).layout
-    if tempo is None:
+    if tempo is None or scene.hand:
         raise ValueError(
-            f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "
-            'schedule of objective = "tempo"; use another policy'
+            f"scene '{scene.name}' has the objective {scene.objective} and a hand of {scene.hand}: "
+            'controller keeps the schedule of objective = "tempo" without a hand; use another one'
         )
     generators = map(np.random.default_rng, evaluation_seeds(scene))
     errors = np.array([scene.placement_errors(generator) for generator in generators])

@@ -155,9 +155,9 @@ def train(
     ImportError
         If the extra "rl" is missing.
     ValueError
-        If the algorithm or the scene is unknown, if a number is out of range, if `num_scenes` is
-        more than 1 with a single scene, or if the folder holds another training or, with `resume`,
-        none or one with other arguments.
+        If the algorithm or the scene is unknown, if the algorithm cannot learn in it, if a number
+        is out of range, if `num_scenes` is more than 1 with a single scene, or if the folder holds
+        another training or, with `resume`, none or one with other arguments.
     TypeError
         If the folder or the hyperparameters have another type.
     OSError
@@ -199,12 +199,16 @@ def train(
         chosen = hyperparameters or default_hyperparameters(algorithm, target)
         name: Any = algorithm  # one of the names that the document accepts
         config = policy.ConfigDocument(name, seed, steps or chosen.steps, chosen, num_scenes)
-    training = Training(target, config, path, progress)
-    interrupted = training.run(resume)
-    rollout = ScenePolicy.load(path).build() if isinstance(target, Scene) else None
-    done, seconds = training.write_summary(interrupted, rollout)
-    curve = tuple(training.curve)
-    run = Run(path, target.name, config.algorithm, done, seconds, curve, interrupted, rollout)
-    if rollout is not None:
-        write_png(run.plot(), path / "result.png")
+    try:
+        training = Training(target, config, path, progress)
+        interrupted = training.run(resume)
+        rollout = ScenePolicy.load(path).build() if isinstance(target, Scene) else None
+        done, seconds = training.write_summary(interrupted, rollout)
+        curve = tuple(training.curve)
+        run = Run(path, target.name, config.algorithm, done, seconds, curve, interrupted, rollout)
+        if rollout is not None:
+            write_png(run.plot(), path / "result.png")
+    except KeyboardInterrupt:  # outside the updates
+        option = " with --resume" * (path / CONFIG).exists()
+        raise KeyboardInterrupt(f"interrupted: the same command{option} continues") from None
     return run

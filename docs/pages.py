@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
-from agents.rollout import evaluation_seeds
+from agents.rollout import evaluation_seeds, is_random
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
 from domino_env.core.colours import UNIFORM
@@ -382,7 +382,7 @@ def return_table() -> list[str]:
         means = []
         for spread in (1.0, 0.0):
             seeds = range(4 if scene.simulator.is_slow else 256)
-            if spread == 0.0 and len(evaluation_seeds(scene)) == 1:
+            if spread == 0.0 and not is_random(scene):
                 seeds = range(1)
             act = partial(_random_actions, rng, spread, size)
             vector = DominoChainVector(len(seeds), scene)

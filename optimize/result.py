@@ -69,10 +69,9 @@ class SearchResult(SceneResult):
         return self.scene.gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
-        score = self.scene.format_with_gain(self.score, self.wave)
         effort = f"{amount(self.evaluations, 'layout')} in {self.seconds:.2g} s"
         search = f"{self.scene.name} by {self.method}, seed {self.seed}"
-        return f"SearchResult({search}: {score}; {effort})"
+        return f"SearchResult({search}: {self.score_text}; {effort})"
 
     def figure(self, ax: Any = None, *, register: bool = False) -> Any:
         """Return the figure of `plot`; `pyplot.show` shows it only if `register` is true."""

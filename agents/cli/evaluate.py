@@ -68,8 +68,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(
             "--distribution: leave it out; it is for --scenes without --scene, and for archives"
         )
-    if many and arguments.seed is not None and arguments.scenes is None:
-        raise ValueError("--seed: give the number of scenes to sample too (--scenes N)")
     if isinstance(scene, SceneDistribution):
         source, scene = scene, None
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=source)

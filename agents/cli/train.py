@@ -34,14 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.cli.evaluate import describe
     from agents.training import train
 
-    try:
-        result = train(
-            arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
-            resume=arguments.resume, progress=None, num_scenes=arguments.num_scenes,
-        )  # fmt: skip
-    except KeyboardInterrupt:  # before the first update or after the last
-        advice = "run the command again, with --resume if its folder has a config.json"
-        raise KeyboardInterrupt(f"interrupted: {advice}") from None
+    result = train(
+        arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
+        resume=arguments.resume, progress=None, num_scenes=arguments.num_scenes,
+    )  # fmt: skip
     if result.rollout is None:
         print(f"median gain in training scenes: {result.curve[-1][3]:+z.2%}")
     else:

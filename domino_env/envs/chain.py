@@ -229,7 +229,7 @@ class DominoChain(DominoEnv):
     |             |      | the baseline, latest first                               |           |
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -5, 5     |
     | growths     | W    | last growths, likewise                                   | -5, 5     |
-    | height      | 1    | log of the last height over h, over its maximum          | 0, 1      |
+    | height      | 1    | log of the last height over h, over its maximum, or 0    | 0, 1      |
     | hand        | K    | pieces of each thickness in the hand, thin to thick,     | 0, 1      |
     |             |      | over the size of the hand                                |           |
     | stock       | K    | fraction of each thickness left in the box, thin to      | 0, 1      |

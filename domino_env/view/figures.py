@@ -257,7 +257,7 @@ def draw_with_uniform(
         f"push {physics.push:g} rad/s"
     )
     draw_last = draw_last if result.score > 0.0 else None
-    headline = f"{scene.name}: {scene.format_with_gain(result.score, result.wave)}"
+    headline = f"{scene.name}: {result.score_text}"
     return draw_layouts(layouts, headline, subtitle, scene, draw_last, ax=ax, register=register)
 
 

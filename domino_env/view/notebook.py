@@ -31,9 +31,13 @@ class SceneResult:
     wave: Wave
     score: float
 
+    @property
+    def score_text(self) -> str:
+        """The score, and its comparison with the uniform baseline."""
+        return self.scene.format_with_gain(self.score, self.wave)
+
     def __repr__(self) -> str:
-        score = self.scene.format_with_gain(self.score, self.wave)
-        return f"{type(self).__name__}({self.scene.name}: {score})"
+        return f"{type(self).__name__}({self.scene.name}: {self.score_text})"
 
     def _repr_png_(self) -> bytes:
         return bytes(self.figure()._repr_png_())

@@ -11,7 +11,7 @@ import torch
 import domino_env as de
 from agents import DominoVecEnv, closed_loop, torch_score
 from agents.algorithms import default_hyperparameters
-from agents.apg import _initial_observations, require_smooth
+from agents.apg import _initial_observations, require_supported
 from agents.closed_loop import random_parts
 from agents.network import build_actor
 from agents.rollout import SEEDS_PER_TRAINING, episode_scores
@@ -92,13 +92,14 @@ def test_sampled_scenes_are_new_in_every_update_if_their_numbers_are_hidden():
 
 @pytest.mark.parametrize(("name", "changes", "is_sampled", "words"), [
     ("stock", {}, False, "'stock' has a stock: its score has no gradient"),
-    ("draw", {}, True, "'draw' is random: for apg it must be a fixed scene with free gaps"),
-    ("draw", {"spacing": (0.02, 0.02)}, False, "'draw' is random: .*, or use ppo"),
-    ("tempo-noise", {"thickness": (0.0075, 0.0075)}, False, "is random: .* and thicknesses"),
+    ("draw", {}, True, "'draw' has placement noise or drawn pieces: for apg it must be a fixed"),
+    ("draw", {"spacing": (0.02, 0.02)}, False, "with free gaps and thicknesses in metres; change"),
+    ("draw", {"count": 2}, False, "a fixed scene of three dominoes or more .* or use ppo"),
+    ("tempo-noise", {"thickness": (0.0075, 0.0075)}, False, "'tempo-noise' has placement noise"),
 ])  # fmt: skip
 def test_scenes_in_which_apg_cannot_learn_are_rejected(name, changes, is_sampled, words):
     with pytest.raises(ValueError, match=words):
-        require_smooth(de.load_scene(name).replace(**changes), is_sampled)
+        require_supported(de.load_scene(name).replace(**changes), is_sampled)
 
 
 def test_arguments_of_a_score_of_tensors_are_checked():

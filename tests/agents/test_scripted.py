@@ -9,13 +9,15 @@ from sampled_scenes import small_scenes
 
 import domino_env as de
 from agents import design, evaluate
-from agents.evaluation import ScenesEvaluation, evaluate_gains
+from agents.evaluation import ScenesEvaluation, evaluate_gains, evaluate_scenes
 from agents.rollout import EVALUATION_SEEDS, build, complete_layout
 from agents.scripted import SCRIPTED, ScriptedPolicy
 
 NOISY = de.load_scene("sprint").replace(count=12, placement=de.Placement(0.002))
 PIECES = de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3)
 DRAWN = de.load_scene("draw").replace(count=12, stock=PIECES)
+ON_TIME = {"objective": "tempo", "settings": de.load_scene("tempo").settings}
+DRAWN_ON_TIME = de.load_scene("draw").replace(**ON_TIME)
 
 
 @pytest.mark.parametrize("name", ["uniform", "ramp"])
@@ -36,7 +38,8 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
     (lambda: ScriptedPolicy("plan").build(de.load_scene("draw").replace(count=30)),
      '40 dominoes of scene "draw"; use the policy rule'),
     (lambda: ScriptedPolicy("rule").build(de.load_scene("stock")), "draws no pieces in random"),
-    (lambda: ScriptedPolicy("rule").build(DRAWN.replace(spacing=(0.02, 0.02))), "needs a free gap"),
+    (lambda: ScriptedPolicy("rule").build(DRAWN.replace(spacing=(0.02, 0.02))), "give .*free gaps"),
+    (lambda: ScriptedPolicy("controller").build(DRAWN_ON_TIME), "without a hand; use another"),
     (lambda: ScriptedPolicy("ramp").build(de.load_scene("draw")), "use another policy"),
     (lambda: ScriptedPolicy("ramp").build(de.load_scene("stock")), "'stock' has a stock: ramp"),
     (lambda: ScriptedPolicy("ramp").build(de.load_scene("magnify")), "has gaps in heights: ramp"),
@@ -86,7 +89,7 @@ def test_scripted_policies_are_evaluated_by_name(output_of, scene, words):
     ("--scene course --scenes 2", "--scenes: leave out --scene, or name a scene distribution"),
     ("--scene varied --distribution varied-course", "--distribution: leave it out; it is for"),
     ("--scene sprint --distribution varied", "--distribution: leave it out; it is for"),
-    ("--scene varied --seed 3", "--seed: give the number of scenes to sample too (--scenes N)"),
+    ("--scene varied --seed 3", "scenes = None: give a whole number, at least 1"),
     ("--scene sprint --seed 3", "--seed: leave it out without --scenes"),
 ])  # fmt: skip
 def test_options_that_would_be_ignored_are_rejected(error_of, given, words):
@@ -124,6 +127,7 @@ def test_policies_of_random_sampled_scenes_have_reproducible_scores():
         scores.append(info["score"])
     rollout = build(policy, scenes[0], distribution=noisy, seeds=range(4))
     assert rollout.score == np.mean(scores) != scores[0]
+    assert not evaluate_scenes(scenes, ScriptedPolicy("uniform")).gains().any()
 
 
 def test_gains_in_many_scenes_are_those_of_their_objective():

@@ -256,12 +256,15 @@ def test_invalid_arguments_are_rejected(tmp_path):
 
 
 def test_an_interruption_outside_the_updates_says_how_to_go_on(tmp_path, monkeypatch, capsys):
-    def interrupted(*_: object) -> None:
+    def interrupted(training: Training, _: bool) -> None:
+        training.folder.mkdir()
+        (training.folder / "config.json").touch()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Training, "run", interrupted)
     assert main(["train", "sprint", "--out", str(tmp_path / "run")]) == 130
-    assert "interrupted: run the command again, with --resume" in capsys.readouterr().err
+    words = "interrupted: the same command with --resume continues"
+    assert words in capsys.readouterr().err
 
 
 def test_invalid_checkpoints_are_rejected_without_running_their_code(tmp_path, monkeypatch):
