@@ -5,7 +5,7 @@ standard deviation of the actions follows a schedule and is not learned: it decr
 and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
 term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
 of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 2 million steps with this schedule end at
-a normalised score of 93 to 94 % (five seeds). With a learned deviation, 64 environments and
+a normalised score of 93 to 95 % (ten seeds). With a learned deviation, 64 environments and
 defaults of Stable-Baselines3 except for the learning rate, 3 million steps end at 93 and 98 % in
 two of five seeds, and in three at 70 %, without the tight gaps at the end of the best layouts.
 
