@@ -245,7 +245,7 @@ def benchmark_tasks(
     known = *ALGORITHMS, *SCRIPTED, *registry.METHODS, *registry.THIRD_PARTY
     for name in algorithms:
         if ":" not in name:
-            require_choice("algorithm", name, (*known, "package.module:function"))
+            require_choice("algorithm", name, dict.fromkeys((*known, "package.module:function")))
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
     targets = [scene if isinstance(scene, Target) else load_any(scene) for scene in scenes]
