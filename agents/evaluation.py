@@ -14,7 +14,7 @@ from agents.archives import load_archive
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
-from agents.rollout import SELECTION_SEEDS, Rollout, last_infos, make_rollout
+from agents.rollout import SELECTION_SEEDS, Rollout, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require, require_choice
@@ -334,6 +334,5 @@ def evaluate_scenes(
         raise ValueError(f"{len(search_scores)} search_scores: give one for each of the scenes")
     if search_scores is not None and np.isfinite(search_scores).any():
         scores["search"] = search_scores
-    baselines = [make_rollout(scene, scene.uniform().layout).uniform for scene in scenes]
-    uniform = np.array([baseline.score for baseline in baselines])
+    uniform = np.array([SCRIPTED["uniform"](scene).uniform.score for scene in scenes])
     return ScenesEvaluation(scenes, uniform, scores, seconds)

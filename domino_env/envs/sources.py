@@ -82,6 +82,8 @@ class SceneSource:
         scene is fixed.
     first_thickness
         Thickness of the first domino of each scene, (S,) [m].
+    run_out_gap
+        Gap between the dominoes of the run-out of each scene, (S,) [m]; 0 without a run-out.
     score, speed, outcome, reach
         Score, mean speed [m/s], value of `Outcome` and reach of the uniform baseline of each scene,
         (S,).
@@ -136,7 +138,7 @@ class SceneSource:
         self.scenes = np.full(size, None, object)
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
-        self.first_thickness, self.score, self.speed = np.zeros((3, size))
+        self.first_thickness, self.run_out_gap, self.score, self.speed = np.zeros((4, size))
         self.outcome, self.reach = np.full(size, int(Outcome.PROPAGATED)), np.ones(size)
         scheduled = 0 if self.first.tempo is None else self.longest
         self.schedule = np.zeros((size, scheduled, 2))
@@ -260,6 +262,7 @@ class SceneSource:
         self.scenes[i], self.rules[i] = scene, _make_rules(scene, self.rtol)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
+        self.run_out_gap[i] = 0.0 if scene.run_out is None else scene.run_out.spacing
         tempo = scene.tempo
         if tempo is not None:
             scheduled = np.append(0.0, tempo.schedule(scene.count))
@@ -291,10 +294,9 @@ class SceneSource:
         """Write the first domino and the run-out of some environments into a batch."""
         scenes = batch.scene[envs]
         batch.thickness[envs, 0] = self.first_thickness[scenes]
-        if self.first.run_out is not None:
+        if self.run_out:
             places = self.rules["count"][scenes][:, None] + np.arange(self.run_out)
-            gaps = np.array([scene.run_out.spacing for scene in self.scenes[scenes]])
-            batch.spacing[envs[:, None], places - 1] = gaps[:, None]
+            batch.spacing[envs[:, None], places - 1] = self.run_out_gap[scenes, None]
             batch.thickness[envs[:, None], places] = self.first_thickness[scenes, None]
         if len(batch.height) == len(batch.scene):  # else environments share the heights
             batch.height[envs] = self.rules["unit"][scenes, None]
