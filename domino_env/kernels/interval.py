@@ -124,7 +124,7 @@ def series_error(lanes, k):
     return TERMS_MARGIN * size
 
 
-@internal
+@noinline
 def is_sure(lanes, k, size, u_low, map_error, tail, state):
     """Examine the sign of the lowest u of an interval, whose polynomial u is in the lanes.
 
@@ -132,6 +132,7 @@ def is_sure(lanes, k, size, u_low, map_error, tail, state):
     if a finer interval may, and, for a stall, if it cannot be located; and True if rounding decides
     it.
     """
+    lanes = borrow(lanes)
     last = ORDERS[k] + 1
     lowest, growth = lanes[SPEED2], 1.0
     for j in range(1, last + 1):
