@@ -197,6 +197,12 @@ def flush(contact, state):
     state.flushes += 1
 
 
+@always_inline
+def lean_scale(contact):
+    """Return the change of the lean of i+1 [rad] over which Ω of a corner varies after a flush."""
+    return math.sqrt(span2(contact) / (contact.p_l * contact.d_l))
+
+
 @internal
 def separate(contact, i, state):
     """Separate domino i from i+1, so that it and all behind it leave the stack."""

@@ -3,7 +3,13 @@
 import math
 
 from domino_env.kernels import arrays, interval, records, stack
-from domino_env.kernels.contact import can_flush, place_contact, place_domino, ratio_bound
+from domino_env.kernels.contact import (
+    can_flush,
+    lean_scale,
+    place_contact,
+    place_domino,
+    ratio_bound,
+)
 from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
 
@@ -17,6 +23,7 @@ LONGER = 4.0  # times the last interval: the decay there predicts little of one 
 MOST_INTERVALS = 4000  # of a fall; a few are used, some hundred near M = 0
 REMAINDER = 1e-3  # of an interval: a shorter rest of the fall is added to it
 GROWTH = 3.0  # factor from an interval to the largest length of the next, after one was halved
+FAR = 10.0  # longest interval, in distances of its start from where P and Q are singular
 # Lengths of an interval over the angle of the fall: below the first, errors are accepted; below the
 # second, an interval that is still not resolved has no rigid answer.
 SHORT, SHORTEST = 1e-9, 1e-14
@@ -135,13 +142,13 @@ def fall(lanes, ring, n, state, a, b, tape):
     """
     lanes, ring, tape = borrow((lanes, ring, tape))
     mask, finest = state.mask, len(ORDERS) - 1
-    step, end, at_switch, least_rule = b, b, False, 0
+    step, end, at_switch, least_rule, singular = b, b, False, 0, -math.inf
     due_contact = n
     for _ in range(MOST_INTERVALS):
         if a >= b:
             break
         if not at_switch:
-            end = min(b, a + step)
+            end = min(b, a + min(step, FAR * (a - singular)))
             if b - end < REMAINDER * (end - a):
                 end = b
         h = end - a
@@ -192,6 +199,8 @@ def fall(lanes, ring, n, state, a, b, tape):
         if at_switch:
             at_switch, step = False, b
             is_flush = can_flush(ring[due_contact & mask])
+            if is_flush:
+                singular = max(singular, end - lean_scale(ring[due_contact & mask]))
             keep = stack.switch(ring, state, n, due_contact, low, end)
             if records.has_tape(tape):
                 records.record_switch(tape, ring, state, n, due_contact, low, end, is_flush)

@@ -14,10 +14,15 @@ from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
 
 ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
+UNDECIDED = 3  # result of `is_sure`, besides these two
 NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
 
-DEEP_MINIMUM = 0.3  # of the largest term of u: below it the minimum of u is located
-SURE_STALL = 1e-6  # of the depth of u below zero: with a smaller error of u a stall is certain
+DEEP_MINIMUM = 0.3  # of the largest term of u: below it the minimum of u is located and examined
+UNSURE = 10.0  # times the error of u at the start: likewise
+# The sum of the last coefficients of a polynomial, this often, bounds its error between lanes: a
+# narrow peak near an end leaves the very last ones small.
+LAST_TERMS, TERMS_MARGIN = 4, 2.0
+STALL_SHAPE = 1e-3  # of the largest term of u: largest error of u with which a stall is located
 # A mismatch is the difference of a function at the ends of an interval from the polynomial through
 # the nodes: it has the size of the first neglected Legendre coefficients.
 SHARP = 1e-3  # mismatch above which 1/√u may have a narrow peak between the nodes of rule 3
@@ -110,6 +115,49 @@ def end_interval(lanes, k, h, mismatch, tail, state):
     state.m_end = lanes[arrays.SUM_M + ORDERS[k] + 1]
 
 
+@internal
+def series_error(lanes, k):
+    """Return a bound on the error between lanes of the polynomial through all lanes, in COEF."""
+    size = 0.0
+    for j in range(min(LAST_TERMS, ORDERS[k])):
+        size += abs(lanes[COEF + ORDERS[k] + 1 - j])
+    return TERMS_MARGIN * size
+
+
+@noinline
+def is_sure(lanes, k, size, u_low, map_error, tail, state):
+    """Examine the sign of the lowest u of an interval, whose polynomial u is in the lanes.
+
+    Returns ACCEPTED if it is certain, UNDECIDED if earlier errors or rounding decide it, UNRESOLVED
+    if a finer interval may, and, for a stall, if it cannot be located; and True if rounding decides
+    it.
+    """
+    lanes = borrow(lanes)
+    last = ORDERS[k] + 1
+    lowest, growth = lanes[SPEED2], 1.0
+    for j in range(1, last + 1):
+        lowest = min(lowest, lanes[SPEED2 + j])
+        growth = max(growth, lanes[MAP_E + j])
+    between = map_error + series_error(lanes, k)
+    rounding = (U_ROUNDING + LANE_ROUNDING) * arrays.EPS * size + LANE_NOISE * state.noise
+    earlier = rounding + growth * (state.u_error + tail * state.u)
+    is_rounding = abs(u_low) <= rounding + growth * state.u_round
+    # u at a lane has no error of interpolation
+    if abs(u_low) > between + earlier or -lowest > map_error + earlier:
+        is_vague = u_low <= 0.0 and between > STALL_SHAPE * size
+        return UNRESOLVED if is_vague else ACCEPTED, is_rounding
+    return UNRESOLVED if between > earlier else UNDECIDED, is_rounding
+
+
+@always_inline
+def doubt_outcome(state, sure, rounding_decides):
+    """Make the error estimate infinite unless it is certain whether the wave stalls."""
+    if sure != ACCEPTED:
+        state.worst = math.inf
+        if rounding_decides:
+            state.worst_round = math.inf
+
+
 @noinline
 def propagate(lanes, k, a, h, error, tail, state, effort):
     """Advance u and the time over the interval [a, a + h], whose map is in the lanes.
@@ -135,14 +183,18 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
     local = (u0 + abs(lanes[MAP_U + last])) * error.log_e + error.u
     map_error = error.r + error.q * size
-    is_located = state.exact_minimum or u_low < DEEP_MINIMUM * size
-    x_low = 0.0
+    deep = max(DEEP_MINIMUM * size, UNSURE * state.u_error)
+    is_located = state.exact_minimum or u_low < deep
+    x_low, sure, rounding_decides = 0.0, ACCEPTED, False
     if is_located:
         quadrature.series(lanes, SPEED2, k)
         x_low, u_low = quadrature.lowest_point(lanes, SPEED2, k)
-    if u_low <= 0.0:
-        if local > max(tol * size, SURE_STALL * abs(u_low)) and not last_resort:
+    if u_low < deep:
+        sure, rounding_decides = is_sure(lanes, k, size, u_low, map_error, tail, state)
+        if sure == UNRESOLVED and not last_resort:
             return UNRESOLVED
+    if u_low <= 0.0:
+        doubt_outcome(state, sure, rounding_decides)
         state.angle = a + h * quadrature.first_zero(lanes, SPEED2, k, x_low)
         return arrays.STALLED
     for j in range(last + 1):
@@ -183,9 +235,7 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         if not is_located:
             quadrature.series(lanes, SPEED2, k)
             x_low, u_low = quadrature.lowest_point(lanes, SPEED2, k)
-        # error of u by the polynomial: its last coefficients, and the error of the map
-        u_error = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1])
-        u_error += map_error / ORDERS[k]
+        u_error = series_error(lanes, k) + map_error / ORDERS[k]
         t_slow, sens_slow = quadrature.slow_time(lanes, last + 1, x_low, lanes[:0])
         is_rounding = u_error <= LANE_ROUNDING * arrays.EPS * size + LANE_NOISE * state.noise
         if not (u_error * sens_slow <= tol * t_slow or is_rounding or last_resort):
@@ -199,6 +249,7 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         # smaller than the last two
         decay = mismatch / (mismatch + max(high, top))
         t_error = max(t_error, t * min(max(high, top) * quadrature.power(decay, ORDERS[k]), tol))
+    doubt_outcome(state, sure, rounding_decides)
     noise = U_ROUNDING * arrays.EPS * size + state.noise
     neglected = tail * u0
     state.time_error += h * (sens * (state.u_error + local + neglected + noise) + t_error)

@@ -12,6 +12,7 @@ from domino_env.kernels.arrays import COEF, TINY
 from domino_env.kernels.jit import internal
 
 ORDERS = np.array([2, 6, 10, 14, 22, 30])  # numbers of nodes of the rules
+PANEL_GROWTH = 2.0  # longest panel, in steps of `slow_step` at its far end
 _MAX_LANES = 32  # nodes of the finest rule, and both ends
 
 
@@ -180,28 +181,40 @@ def slow_panel(lanes, count, x0, x1, moments):
 
 
 @internal
+def slow_step(lanes, count, x):
+    """Return most of the distance over which the polynomial u in COEF changes by its size at x."""
+    y, dy, ddy = series_at(lanes, count, x)
+    y = max(y, TINY)
+    step = 1.0
+    if abs(dy) > 0.0:
+        step = min(step, y / abs(dy))
+    if abs(ddy) > 0.0:
+        step = min(step, math.sqrt(2.0 * y / abs(ddy)))
+    return max(0.75 * step, 1e-12)
+
+
+@internal
 def slow_time(lanes, count, x_low, moments):
     """Return the integrals of `slow_panel` over [0, 1], by panels from the minimum of u at x_low.
 
-    A panel spans most of the distance over which u changes by its own size, so ten nodes suffice
-    and the number of panels grows like the logarithm of 1/u at the minimum.
+    Ten nodes suffice for a panel of the length of `slow_step`, at both of its ends, and the number
+    of panels grows like the logarithm of 1/u at the minimum.
     """
     time, sens = 0.0, 0.0
     for side in range(2):
         x = x_low
         target = 1.0 if side == 1 else 0.0
+        step = slow_step(lanes, count, x)
         for _ in range(2000):  # panels grow by a third each, from 1e-12 or more: 100 are enough
             if x == target:
                 break
-            y, dy, ddy = series_at(lanes, count, x)
-            y = max(y, TINY)
-            step = 1.0
-            if abs(dy) > 0.0:
-                step = min(step, y / abs(dy))
-            if abs(ddy) > 0.0:
-                step = min(step, math.sqrt(2.0 * y / abs(ddy)))
-            step = max(0.75 * step, 1e-12)
             new = min(x + step, 1.0) if side == 1 else max(x - step, 0.0)
+            step = slow_step(lanes, count, new)
+            for _ in range(50):
+                if abs(new - x) <= PANEL_GROWTH * step:
+                    break
+                new = 0.5 * (x + new)
+                step = slow_step(lanes, count, new)
             t, q = slow_panel(lanes, count, min(x, new), max(x, new), moments)
             time += t
             sens += q

@@ -36,6 +36,7 @@ ANGLE_ERROR = 1e-12  # relative error of 1 - cos θ at an angle found by `switch
 EARLY_SHARE = 1e-3  # of IMPACT_TOLERANCE: a contact farther past its change changed earlier
 HIT_LAG = 1e-12  # [rad] of the leader: a change of contact so little after a hit is made before it
 NEWTON_TOLERANCE = 1e-10  # of the bracket: the error is the square of the last step
+CANCELLATION = 10.0  # of Σ w I J⁻ in a face impact, above which the neglected tail counts
 MIN_WEIGHT_RATIO = 1e-4  # old weight over new, below which their ratio is not reliable
 
 # coefficients of the Taylor series of sin and cos, by the power of x
@@ -310,6 +311,19 @@ def count_toppled(ring, state, n, s, v):
         s, v, _, _, _ = contact_at(contact, s, v, mu)
 
 
+@internal
+def add_tail_error(state, m_before, m_end):
+    """Add to the error of u that of a face impact which leaves little of ω, by the neglected tail.
+
+    m_before: Σ w I J⁻ with w of the new contacts. m_end: likewise, if the old w had been scaled.
+    """
+    error = state.tail_bound * abs(m_end)
+    if error > abs(m_before):
+        state.worst = math.inf
+    elif abs(m_end) > CANCELLATION * abs(m_before):
+        state.u_error += 2.0 * error / abs(m_before) * state.u
+
+
 @noinline
 def switch(ring, state, n, due_contact, low, angle):
     """Change every contact that is due at the leader's angle; return ω⁺/ω⁻ of the impact.
@@ -362,4 +376,6 @@ def switch(ring, state, n, due_contact, low, angle):
         m_before += (state.m_end - m_old) * (w_new / w_old)
     if m_after == 0.0:
         return 0.0
+    if state.tail_bound > 0.0:
+        add_tail_error(state, m_before, state.m_end * w_new / max(abs(w_old), arrays.TINY))
     return m_before / m_after

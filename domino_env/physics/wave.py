@@ -134,9 +134,11 @@ class Wave(Results):
         Part of the chain that the wave passed: the number of intervals between hits, with the
         fraction of the last one, over N; 1 if it propagated.
     error_estimate
-        Estimate of the largest |error|/t_k over the arrival times t_k.
+        Estimate of the largest |error|/t_k over the arrival times t_k; inf where errors or rounding
+        decide whether a leader stalls.
     converged
-        True if the estimate is at most `rtol`; near a stall, rounding may prevent it.
+        True if the estimate is at most `rtol`; near a stall, rounding may prevent it. Then the
+        outcome is certain too.
     flushes
         Number of contacts whose faces met in a face impact, after which they are corner contacts.
     releases

@@ -5,6 +5,7 @@ import tracemalloc
 from fractions import Fraction
 from pathlib import Path
 
+import near_stalls
 import numpy as np
 import pytest
 from precise import precise_wave
@@ -102,10 +103,36 @@ def test_estimates_hold_where_searches_found_larger_errors(name):
     case = OPTIMISTIC_CASES[name]
     layout, physics = de.Layout(**case["layout"]), de.Physics(**case["physics"])
     tight = de.simulate(layout, physics, rtol=1e-13)
-    for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
+    if "arrival_times" in case:  # of `precise_wave`
+        times = tuple(map(Fraction, case["arrival_times"]))
+        true = edge_cases.PreciseWave(de.Outcome[case["outcome"]], times, 0, 0.0)
+        assert tight.outcome == true.outcome
+        assert true.relative_error(tight.arrival_times) <= tight.error_estimate
+    for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10):
         wave = de.simulate(layout, physics, rtol=rtol)
         assert edge_cases.inconsistencies(wave) == []
-        assert wave.outcome == tight.outcome
+        assert (wave.outcome, wave.hit, wave.toppled) == (tight.outcome, tight.hit, tight.toppled)
         error = largest_difference(wave.arrival_times, tight.arrival_times)
         assert error <= max(wave.error_estimate, 0.02 * rtol) + tight.error_estimate
         assert error <= rtol + tight.error_estimate or not wave.converged
+
+
+def test_near_the_smallest_push_and_after_tight_gaps_no_wave_ends_otherwise():
+    waves, found = near_stalls.faults(30)
+    assert sum(waves.values()) > 1000
+    assert [case for case in found if near_stalls.OPTIMISTIC not in case[0]] == []
+    assert len(found) <= sum(waves.values()) // 500
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+def test_where_rounding_decides_about_a_stall_no_wave_converges(friction):
+    layout = de.Layout([0.01, 0.03, 0.002], 0.0075)
+    least = de.smallest_push(layout, de.Physics(friction))
+    for excess in (-1e-9, -1e-15, 0.0, 1e-15, 1e-13, 1e-8):
+        wave = de.simulate(layout, de.Physics(friction, push=least * (1.0 + excess)), rtol=1e-3)
+        if abs(excess) < 1e-10:
+            assert wave.error_estimate == math.inf
+            assert not wave.converged
+        else:
+            assert wave.propagated == bool(excess > 0.0)
+            assert wave.converged
