@@ -153,6 +153,25 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     assert "baselines in the test set" in page(gather([learned]), "")
 
 
+def test_a_recurrent_policy_of_a_third_party_is_rejected(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "recurring.py").write_text(
+        """if True:
+        import numpy as np
+        class Model:
+            def predict(self, observations, state=None, episode_start=None, deterministic=False):
+                state = np.zeros(len(observations)) if state is None else state + 1
+                return 0.1 * state[:, None], state
+        def fit(make_env, steps, seed):
+            return Model()
+        """,
+        "utf-8",
+    )
+    (task,) = benchmark_tasks([SMALL], ["recurring:fit"], 1, 10)
+    with pytest.raises(ValueError, match="recurring:fit: its policy is recurrent, but layouts"):
+        task.run()
+
+
 def test_random_scenes_have_the_references_that_can_build_them():
     tasks = benchmark_tasks(["jitter", "tempo-noise", "draw"], ["ramp"], 1)
     names = "plan", "plan", "controller", "plan", "rule"
