@@ -71,7 +71,7 @@ def draw_curve(steps, returns):
     for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", BEST_KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
         axes.annotate(
-            words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
+            words, (0.99, height), (0.0, 4.0), size=9, color=colour, va="bottom", ha="right",
             xycoords=("axes fraction", "data"), textcoords="offset points",
         )  # fmt: skip
     return figure
