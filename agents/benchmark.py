@@ -368,7 +368,7 @@ def normalised_score(
     --------
     >>> from agents import evaluate, normalised_score
     >>> round(float(normalised_score(evaluate("sprint").score, "sprint")), 2)
-    0.99
+    1.0
     """
     target = scene if isinstance(scene, Target) else load_any(scene)
     best = _best_known(target)
