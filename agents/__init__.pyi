@@ -1,4 +1,5 @@
 from .apg import torch_score as torch_score
+from .benchmark import normalised_score as normalised_score
 from .designer.policy import Design as Design
 from .designer.policy import design as design
 from .evaluation import evaluate as evaluate

@@ -6,13 +6,16 @@ unpickling. Archives that are trusted are loaded by Stable-Baselines3, unless th
 recurrent, which runs the code in them. Statistics of `VecNormalize` are stored as a pickle, which
 can also run code. They are read from `vecnormalize.pkl` or `vec_normalize.pkl` in the folder of the
 archive, or from `vecnormalize.pkl` in a subfolder with the name of the environment, as rl-zoo3
-writes it.
+writes it. If there is no such file, but the last observations of the training, whose bytes are in
+`data`, are outside the observation space, they were normalised, and the archive is rejected.
 """
 
 from __future__ import annotations
 
+import base64
 import io
 import json
+import pickletools
 import re
 import zipfile
 from pathlib import Path
@@ -23,12 +26,13 @@ from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
 from agents.network import Policy, UnsupportedPolicyError, build_actor
-from agents.policy import ScenePolicy, require_size
-from domino_env.core.types import Singles
+from agents.policy import ScenePolicy, policy_of, require_observations
+from domino_env.core.types import Floats, Singles
 from domino_env.scenes.distribution import SceneDistribution
 
 # keys of policy_kwargs with which the tensors alone do not determine the actions
 UNSUPPORTED_OPTIONS = ("features_extractor_class", "squash_output", "use_sde")
+STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"  # names of files, the first of rl-zoo3
 MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # modules of supported policies
 
 
@@ -55,8 +59,9 @@ def load_archive(
     Raises
     ------
     ValueError
-        If the file is not such an archive, if observations of the distribution have another size,
-        if the policy cannot be rebuilt and `trust` is False, or if it is recurrent.
+        If the file is not such an archive, if observations of the distribution differ from those in
+        training, if the policy cannot be rebuilt and `trust` is False, if it is recurrent, or if
+        its observations were normalised and the statistics are missing.
     OSError
         If a file cannot be read.
     ImportError
@@ -69,7 +74,10 @@ def load_archive(
             raise UnsupportedPolicyError(
                 f"its observations were normalised by {statistics}, a pickle"
             )
-        policy, size = _unpickle(path) if trust else _rebuild(path)
+        with zipfile.ZipFile(path) as archive:
+            data: dict[str, Any] = json.loads(archive.read("data"))
+        policy, size = _unpickle(path) if trust else _rebuild(path, data)
+        bounds, latest = _bounds(data["observation_space"], size), _last_observations(data, size)
         if statistics is not None:
             policy = _normalise(policy, statistics)
     except OSError:
@@ -83,17 +91,41 @@ def load_archive(
         if isinstance(error, UnsupportedPolicyError):
             reason = str(error)
         raise ValueError(f"{path}: {reason}{advice}") from None
+    if statistics is None and np.any((latest < bounds[0]) | (latest > bounds[1])):
+        raise ValueError(
+            f"{path}: its observations were normalised in training (VecNormalize), and the "
+            f"statistics are missing: save them as {path.parent / STATISTICS[0]}"
+        )
     if distribution is not None:
-        require_size(distribution, size)
-    return ScenePolicy(path, policy, size, distribution)
+        require_observations(distribution, bounds, policy)
+    return ScenePolicy(path, policy, bounds, distribution)
 
 
-def _rebuild(path: Path) -> tuple[Policy, int]:
+def _bounds(space: dict[str, Any], size: int) -> Floats:
+    """Return the bounds (2, O) of observations from the text of a space; nan if not readable."""
+    rows = [re.findall(r"[-+.\w]+", str(space.get(name))) for name in ("low", "high")]
+    if any(len(row) != size for row in rows):
+        return np.full((2, size), np.nan)
+    return np.array(rows, dtype=np.float64)
+
+
+def _last_observations(data: dict[str, Any], size: int) -> Singles:
+    """Return the last observations (B, O) of the training; none if the archive has none.
+
+    They are a pickled array, whose bytes are read without unpickling.
+    """
+    encoded = (data.get("_last_obs") or {}).get(":serialized:", "")
+    code = base64.b64decode(encoded) or b"."
+    found = [x for _, x, _ in pickletools.genops(code) if isinstance(x, bytes | bytearray)]
+    arrays = [np.frombuffer(x, np.float32) for x in found if len(x) % (4 * size) == 0]
+    return (arrays or [np.empty(0, np.float32)])[0].reshape(-1, size)
+
+
+def _rebuild(path: Path, data: dict[str, Any]) -> tuple[Policy, int]:
     """Rebuild a multilayer perceptron; return the policy and the size of its observations."""
     import torch
 
     with zipfile.ZipFile(path) as archive:
-        data: dict[str, Any] = json.loads(archive.read("data"))
         file = io.BytesIO(archive.read("policy.pth"))
     state = torch.load(file, weights_only=True, map_location="cpu")
     arrays = {name: value.numpy() for name, value in state.items()}
@@ -112,7 +144,6 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     """Load a policy with Stable-Baselines3; return it and the size of its observations."""
     import torch
     from sb3_contrib.ars.policies import ARSPolicy
-    from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
     from stable_baselines3.common.policies import ActorCriticPolicy
     from stable_baselines3.common.save_util import load_from_zip_file
 
@@ -120,11 +151,6 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     data, parameters, _ = load_from_zip_file(path, device="cpu")
     assert data is not None
     policy_class, space = data["policy_class"], data["observation_space"]
-    if issubclass(policy_class, RecurrentActorCriticPolicy):
-        raise UnsupportedPolicyError(
-            "its policy is recurrent, but layouts are built without a state between steps: give an "
-            "archive of another policy"
-        )
     options = dict(data.get("policy_kwargs") or {})
     if issubclass(policy_class, ActorCriticPolicy):
         options["use_sde"] = data.get("use_sde", False)
@@ -132,18 +158,15 @@ def _unpickle(path: Path) -> tuple[Policy, int]:
     rate = () if issubclass(policy_class, ARSPolicy) else (lambda _: 0.0,)
     model = policy_class(space, data["action_space"], *rate, **options)
     model.load_state_dict(parameters["policy"])
-
-    def policy(observation: Singles) -> NDArray[Any]:
-        return np.asarray(model.predict(observation, deterministic=True)[0])
-
-    return policy, int(space.shape[0])
+    size = int(space.shape[0])
+    return policy_of(model, size), size
 
 
 def _find_statistics(path: Path) -> Path | None:
     """Return the file with the `VecNormalize` statistics of an archive; None if there is none."""
     folder = path.parent
-    files = (folder / "vecnormalize.pkl", folder / "vec_normalize.pkl")
-    return next(filter(Path.exists, (*files, *folder.glob("Domino*-v*/vecnormalize.pkl"))), None)
+    files = (folder / name for name in STATISTICS)
+    return next(filter(Path.exists, (*files, *folder.glob(f"Domino*-v*/{STATISTICS[0]}"))), None)
 
 
 def _normalise(policy: Policy, statistics: Path) -> Policy:

@@ -32,11 +32,14 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require_choice
 from domino_env.core.models import plain
 from domino_env.core.results import versions
+from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import distribution_names, parse_document
 from domino_env.scenes.pool import load_test_set
-from optimize.experiments.compare import known_score, require_distinct
+from optimize.experiments.best_known import best_known_score as scene_score
+from optimize.experiments.compare import require_distinct
+from optimize.experiments.estimates import normalise
 from optimize.experiments.task import Task, TaskResult, Trace, digest, read_scene
 from optimize.methods import registry
 from optimize.searching import compile_simulations
@@ -330,18 +333,69 @@ def machine_versions() -> dict[str, str]:
 
 
 def best_known_score(result: TaskResult) -> float:
-    """Return the best known score of a result's target; -inf if there is none.
+    """Return the best known score of a result's target; -inf if there is none."""
+    return _best_known(read_target(result.scene))
+
+
+def normalised_score(
+    score: Floats | float, scene: str | Path | Scene | SceneDistribution
+) -> Floats:
+    """Return (score - uniform) / (best known - uniform), which can be averaged over scenes.
+
+    Returns of episodes have other units in other scenes, and other best values.
+
+    Parameters
+    ----------
+    score
+        Score in the unit of the scene, as `score` in the info of an environment, of any shape. In a
+        scene with random episodes, a mean over seeds; for a scene distribution, the median gain in
+        its test set, 0.01 for 1 %.
+    scene
+        The scene or scene distribution, its name, or the path of its file.
+
+    Returns
+    -------
+    ndarray
+        0 for the uniform baseline and 1 for the best known layout; with random episodes 1 for the
+        score if all that is random were known. 0 if the uniform baseline is best known.
+
+    Raises
+    ------
+    ValueError
+        If no best known score is shipped.
+
+    Examples
+    --------
+    >>> from agents import evaluate, normalised_score
+    >>> round(float(normalised_score(evaluate("sprint").score, "sprint")), 2)
+    1.0
+    """
+    target = scene if isinstance(scene, Target) else load_any(scene)
+    best = _best_known(target)
+    if best == -np.inf:
+        raise ValueError(
+            f"scene '{target.name}' has no best known score: compare with `optimize.search` instead"
+        )
+    uniform = 0.0
+    if isinstance(target, Scene):
+        uniform = SCRIPTED["uniform"](target).uniform.score
+    return normalise(score, uniform, best)
+
+
+def _best_known(target: Target) -> float:
+    """Return the best known score of a target; -inf if there is none.
 
     For a scene distribution it is the median gain in the test set, for a random scene the score
     with all that is random known, which is known for `draw` and for schedules.
     """
-    target = read_target(result.scene)
     if is_random(target):
         if target.tempo is not None:
             return PERFECT_TEMPO
         return float(shipped_references()["hindsight"]) if target == load_any("draw") else -np.inf
     if isinstance(target, Scene):
-        return known_score(result)
+        return scene_score(target)
+    if not has_test_set(target):
+        return -np.inf
     tests = load_test_set(target.name)
     scores = read_search_scores(target.name, len(tests))
     if scores is None:

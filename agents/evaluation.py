@@ -323,9 +323,11 @@ def evaluate_scenes(
         }
     compile_simulations(scenes[0], gradients=True, episodes=True)
     scorers["policy"](scenes[0])  # not timed, as the first call loads data
+    uniform = np.empty(len(scenes))
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
+        uniform[i] = SCRIPTED["uniform"](scene).uniform.score  # not timed
         for name, score in scorers.items():
             start = time.process_time()
             scores[name][i] = score(scene)
@@ -334,5 +336,4 @@ def evaluate_scenes(
         raise ValueError(f"{len(search_scores)} search_scores: give one for each of the scenes")
     if search_scores is not None and np.isfinite(search_scores).any():
         scores["search"] = search_scores
-    uniform = np.array([SCRIPTED["uniform"](scene).uniform.score for scene in scenes])
     return ScenesEvaluation(scenes, uniform, scores, seconds)

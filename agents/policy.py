@@ -12,20 +12,26 @@ layout.csv/json the layout that it builds
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
-from agents.algorithms import Hyperparameters
-from agents.network import Policy, build_actor, read_network
+from agents.algorithms import ALGORITHMS, Hyperparameters
+from agents.network import Policy, UnsupportedPolicyError, build_actor, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.checks import require, require_type
+from domino_env.core.checks import require, require_choice, require_type
 from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
+from domino_env.core.types import Floats, Singles
+from domino_env.envs.spaces import ObservationLayout, action_entries
+from domino_env.envs.vector import WINDOW
 from domino_env.scenes.distribution import load_any
 
 CONFIG, PROGRESS, POLICY = "config.json", "progress.csv", "policy.npz"
@@ -38,16 +44,20 @@ FILES = (
 
 POLICIES = Path(__file__).with_name("policies")
 DESIGNER = "designer"  # name of the shipped scene-conditioned policy
+MAX_WINDOW, MAX_FEATURES = 40, 20  # of observations that an error message recognises
 
 
 class ConfigDocument(Document):
     """Arguments of a training, as in config.json; see `agents.train`."""
 
-    algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
+    algorithm: str
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
     steps: Annotated[int, Meta(ge=1)]
     hyperparameters: Hyperparameters
     num_scenes: Annotated[int, Meta(ge=1)] | None = None
+
+    def __post_init__(self) -> None:
+        require_choice("algorithm", self.algorithm, ALGORITHMS)
 
 
 def policy_names() -> list[str]:
@@ -102,15 +112,15 @@ class ScenePolicy:
         The folder or file that it was loaded from.
     policy
         Maps an observation to an action.
-    size
-        Number of entries of an observation.
+    bounds
+        (2, O) smallest and largest value of each entry of an observation; nan if not known.
     scene
         The scene or the distribution that it was trained on; None if it is not known.
     """
 
     source: Path
     policy: Policy
-    size: int
+    bounds: Floats
     scene: Scene | SceneDistribution | None = None
 
     @classmethod
@@ -125,10 +135,26 @@ class ScenePolicy:
         if not ((folder / SCENE).exists() and (folder / POLICY).exists()):
             raise ValueError(f"{folder} holds no policy: name the folder of a finished training")
         scene = load_any(folder / SCENE)
-        env = DominoChain(scene)
-        (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape  # type: ignore[misc]
-        actor = read_network(folder / POLICY, build_actor, inputs, outputs)
-        return cls(folder, actor.act, inputs, scene)
+        bounds = observation_bounds(scene)
+        outputs = action_entries(scene if isinstance(scene, Scene) else scene.first)
+        actor = read_network(folder / POLICY, build_actor, bounds.shape[1], outputs)
+        return cls(folder, actor.act, bounds, scene)
+
+    def trained_on(self, distribution: SceneDistribution) -> ScenePolicy:
+        """Return the policy of an archive for scenes of a distribution.
+
+        If it observes the sampled numbers, it was trained on the distribution, and otherwise on a
+        single scene.
+
+        Raises
+        ------
+        ValueError
+            If its observations are neither those of the distribution nor those of its scenes.
+        """
+        if same_observations(self.bounds, observation_bounds(distribution.first)):
+            return self
+        require_observations(distribution, self.bounds, self.policy)
+        return replace(self, scene=distribution)
 
     def build(self, scene: Scene | None = None) -> Rollout:
         """Build a layout.
@@ -136,7 +162,7 @@ class ScenePolicy:
         Parameters
         ----------
         scene
-            A scene with observations of the same size; None for that of the training.
+            A scene with the same observations; None for that of the training.
 
         Returns
         -------
@@ -146,7 +172,7 @@ class ScenePolicy:
         Raises
         ------
         ValueError
-            If observations of the scene have another size, or if no scene is known.
+            If observations of the scene differ, or if no scene is known.
         """
         require_type("scene", scene, Scene | None, "a Scene, as load_scene returns")
         target = scene or self.scene
@@ -154,17 +180,85 @@ class ScenePolicy:
             raise ValueError(f"policy '{self.source}' has no scene of its own: give one (--scene)")
         if isinstance(self.scene, SceneDistribution):
             return build(self.policy, target, distribution=self.scene)
-        require_size(target, self.size)
+        require_observations(target, self.bounds, self.policy)
         return build(self.policy, target)
 
 
-def require_size(target: Scene | SceneDistribution, size: int) -> None:
-    """Raise ValueError if observations of a scene or of sampled scenes have another size."""
-    shape = DominoChain(target).observation_space.shape
-    if shape != (size,):
-        raise ValueError(
-            f"an observation of scene '{target.name}' has shape {shape}, this policy was trained "
-            f"on ({size},): choose a scene with the same free variables and kind of ground, or for "
-            "a policy of sampled scenes their distribution (--distribution); `hide`, another "
-            "`window` and wrappers of environments change the shape and are not supported here"
+def policy_of(model: Any, size: int) -> Policy:
+    """Return the policy of an object with the method `predict` of Stable-Baselines3.
+
+    Parameters
+    ----------
+    model
+        Its `predict(observations, deterministic=True)` maps observations (B, O) to a tuple of the
+        actions (B, A) and None, or the state of a recurrent policy.
+    size
+        O, the number of entries of an observation.
+
+    Raises
+    ------
+    UnsupportedPolicyError
+        If the policy is recurrent, as layouts are built without a state between steps.
+    """
+
+    def act(observations: Singles) -> NDArray[Any]:
+        actions = model.predict(np.atleast_2d(observations), deterministic=True)[0]
+        return np.asarray(actions if observations.ndim > 1 else actions[0])
+
+    _, *states = model.predict(np.zeros((1, size), np.float32), deterministic=True)
+    if any(state is not None for state in states):
+        raise UnsupportedPolicyError(
+            "its policy is recurrent, but layouts are built without a state between steps: give "
+            "another policy"
         )
+    return act
+
+
+def observation_bounds(target: Scene | SceneDistribution) -> Floats:
+    """Return the smallest and largest values (2, O) of observations of one or many scenes."""
+    space: Any = DominoChain(target).observation_space
+    return np.array([space.low, space.high], dtype=np.float64)
+
+
+def same_observations(bounds: Floats, others: Floats) -> bool:
+    """Return True if bounds (2, O) of observations are equal, as far as they are known."""
+    if bounds.shape != others.shape:
+        return False
+    return bool(np.all(np.isclose(bounds, others, rtol=1e-6) | np.isnan(bounds)))
+
+
+def require_observations(target: Scene | SceneDistribution, bounds: Floats, policy: Policy) -> None:
+    """Raise ValueError unless observations of a scene or of sampled scenes have the bounds (2, O).
+
+    The message has the arguments of an environment that explain the difference, if there are any.
+
+    Parameters
+    ----------
+    target
+        The scene, or the distribution of the sampled scenes.
+    bounds
+        See `ScenePolicy`.
+    policy
+        The policy, whose actions show whether the same variables are free.
+    """
+    expected = observation_bounds(target)
+    if same_observations(bounds, expected):
+        return
+    first = target if isinstance(target, Scene) else target.first
+    total = 0 if isinstance(target, Scene) else len(target.features)
+    same_variables = policy(np.zeros(bounds.shape[1], np.float32)).shape == (action_entries(first),)
+    difference = ""
+    for window, number in product(range(MAX_WINDOW + 1), range(MAX_FEATURES + 1)):
+        space = ObservationLayout(first, window, number).space
+        if same_variables and np.array_equal(bounds.astype(np.float32), [space.low, space.high]):
+            parts = [f"window = {window} instead of {WINDOW}"] * (window != WINDOW)
+            parts += [f"{number} instead of {total} sampled numbers"] * (number != total)
+            difference = f", with {' and '.join(parts)}"
+            break
+    raise ValueError(
+        f"an observation of scene '{target.name}' has shape ({expected.shape[1]},), this policy "
+        f"was trained on ({bounds.shape[1]},){difference}: choose a scene with the same free "
+        "variables and kind of ground, or for a policy of sampled scenes their distribution "
+        "(--distribution); `hide`, another `window` and wrappers of environments change "
+        "observations and are not supported here"
+    )

@@ -155,6 +155,11 @@ def make_model(
         options["delta_std"] = lambda remaining: deviation * rate(remaining) / first
     if algorithm in ("apg", "ppo"):
         policy_class = ScheduledPolicy
+        if options.get("use_sde"):
+            raise ValueError(
+                f"use_sde = True: the noise of {algorithm} follows a schedule; leave it out, or "
+                "choose sac or tqc"
+            )
     if algorithm == "apg":
         # smaller than the default of Stable-Baselines3: gradients become small late in a training
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}
@@ -357,6 +362,11 @@ class Training(BaseCallback):
 
         Return True if the training was interrupted. Ctrl-C does not write a checkpoint, as an
         unfinished update cannot be resumed.
+
+        Raises
+        ------
+        ValueError
+            If the weights are not finite any more.
         """
         if resume and (self.folder / files.CHECKPOINT).exists():
             self._resume()
@@ -372,6 +382,9 @@ class Training(BaseCallback):
             self.model.learn(remaining, callback=self, reset_num_timesteps=False)
         except KeyboardInterrupt:
             interrupted = True
+        except (ValueError, RuntimeError):  # of torch or of an environment, for nan
+            self._require_finite()
+            raise
         is_evaluated = bool(self.curve) and self.curve[-1][0] == self.model.num_timesteps
         if not self.curve or not (interrupted or is_evaluated):
             self.evaluate()
@@ -382,6 +395,17 @@ class Training(BaseCallback):
         self.bar.close()
         self.elapsed = clocks() - self.start
         return interrupted
+
+    def _require_finite(self) -> None:
+        """Write the learning curve and raise ValueError if weights are not finite."""
+        if not all(np.isfinite(array).all() for array in weights(self.model.policy).values()):
+            self.bar.close()
+            self._write_curve()
+            raise ValueError(
+                f"{self.config.algorithm}, seed {self.config.seed}: the weights are not finite "
+                f"after {self.model.num_timesteps} steps: train with a smaller learning_rate or "
+                f"another seed; {self.folder} has the best policy until then"
+            )
 
     def _make_model(self, seed: int) -> None:
         config = self.config

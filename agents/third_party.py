@@ -2,8 +2,8 @@
 
 The function `fit(make_env, steps, seed)` places about `steps` dominoes in single Gymnasium
 environments, which `make_env()` returns. It returns an object with the method `predict` of
-Stable-Baselines3, which maps observations (B, O) to a tuple whose first entry is the actions
-(B, A).
+Stable-Baselines3, which maps observations (B, O) to a tuple of the actions (B, A) and None.
+Recurrent policies, which return a state in place of None, are rejected.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.policy import ScenePolicy
+from agents.network import UnsupportedPolicyError
+from agents.policy import ScenePolicy, observation_bounds, policy_of
 from domino_env import DominoChain, Scene, SceneDistribution
-from domino_env.core.types import Singles
 from optimize.experiments.task import Trace
 from optimize.methods import registry
 
@@ -106,7 +105,8 @@ def train_third_party(
     Raises
     ------
     ValueError
-        If the function returns an object without `predict`; see also `load_fit`.
+        If the function returns an object without `predict`, or a recurrent policy; see also
+        `load_fit`.
     """
     fit, work = load_fit(name), Counter[str]()
     assert fit is not None
@@ -118,13 +118,10 @@ def train_third_party(
             f"{name} returned {type(model).__name__}, which has no method predict: return an "
             "object with predict(observations, deterministic=True), as Stable-Baselines3 has it"
         )
-    placed = max(work.pop("steps", 0), steps or STEPS)
-
-    def policy(observations: Singles) -> NDArray[Any]:
-        batch = np.atleast_2d(observations)
-        actions = np.asarray(model.predict(batch, deterministic=True)[0])
-        return actions if observations.ndim > 1 else actions[0]
-
-    (size,) = CountedChain(target, work).observation_space.shape  # type: ignore[misc]
+    placed, bounds = max(work.pop("steps", 0), steps or STEPS), observation_bounds(target)
+    try:
+        policy = policy_of(model, bounds.shape[1])
+    except UnsupportedPolicyError as error:
+        raise ValueError(f"{name}: {error}") from None
     trace: Trace = {"steps": [placed], "seconds": [seconds], "score": [np.nan]}
-    return ScenePolicy(Path(name), policy, size, target), trace, dict(work)
+    return ScenePolicy(Path(name), policy, bounds, target), trace, dict(work)

@@ -156,8 +156,9 @@ def train(
         If the extra "rl" is missing.
     ValueError
         If the algorithm or the scene is unknown, if the algorithm cannot learn in it, if a number
-        is out of range, if `num_scenes` is more than 1 with a single scene, or if the folder holds
-        another training or, with `resume`, none or one with other arguments.
+        is out of range, if `num_scenes` is more than 1 with a single scene, if the folder holds
+        another training or, with `resume`, none or one with other arguments, or if the weights are
+        not finite after an update.
     TypeError
         If the folder or the hyperparameters have another type.
     OSError
@@ -197,8 +198,7 @@ def train(
         require_writable(path)
         require_unused(path, policy.FILES)
         chosen = hyperparameters or default_hyperparameters(algorithm, target)
-        name: Any = algorithm  # one of the names that the document accepts
-        config = policy.ConfigDocument(name, seed, steps or chosen.steps, chosen, num_scenes)
+        config = policy.ConfigDocument(algorithm, seed, steps or chosen.steps, chosen, num_scenes)
     try:
         training = Training(target, config, path, progress)
         interrupted = training.run(resume)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
+from agents.benchmark import normalised_score
 from agents.rollout import evaluation_seeds, is_random
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
@@ -432,9 +433,8 @@ def _learning_cell(name: str, scores: list[float]) -> str:
     if not scores:
         return ""
     values, digits, unit = np.array(scores), 1, "%"
-    if record := best_known().get(name) if name in ("sprint", "course") else None:
-        uniform = de.load_scene(name).uniform().score
-        values, digits = 100.0 * (values - uniform) / (record.score - uniform), 0
+    if name in ("sprint", "course"):
+        values, digits = 100.0 * normalised_score(values, name), 0
     elif name == "varied":
         values, digits = 100.0 * values, 2
     else:

@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, and its curve.
+"""PPO of Stable-Baselines3 on one scene, with a small first deviation, and its curve.
 
     python examples/reinforcement_learning_in_ten_lines.py
 
@@ -50,7 +50,10 @@ def train(steps=100_000, seed=0):
     """Return the model, and the steps and returns of its curve."""
     torch.set_num_threads(1)  # more threads slow such small networks down
     envs, curve = make_vec_env(ENVIRONMENT, NUM_ENVS, env_kwargs={"scene": SCENE}), Curve()
-    model = PPO("MlpPolicy", envs, n_steps=ROLLOUT, seed=seed, device="cpu")
+    model = PPO(
+        "MlpPolicy", envs, n_steps=ROLLOUT, seed=seed, device="cpu",
+        policy_kwargs={"log_std_init": -1.2},  # first deviation 0.3 instead of 1
+    )  # fmt: skip
     model.learn(steps, callback=curve)
     return model, *np.transpose(curve.points)
 
@@ -60,7 +63,7 @@ def draw_curve(steps, returns):
     scene = de.load_scene(SCENE)
     best = 100.0 * (best_known()[SCENE].score / scene.uniform().score - 1.0)
     figure, axes = new_axes(
-        7.5, 3.2, f"PPO with default hyperparameters on {SCENE}, one seed",
+        7.5, 3.2, f"PPO with a first deviation of 0.3 on {SCENE}, one seed",
         xlabel="steps: dominoes placed in training", ylabel="return: gain over equal gaps [%]",
         ylim=(max(min(returns), -20.0) - 1.0, best + 1.0),
     )  # fmt: skip
@@ -68,7 +71,7 @@ def draw_curve(steps, returns):
     for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", BEST_KNOWN)):
         axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
         axes.annotate(
-            words, (0.01, height), (0.0, 4.0), size=9, color=colour, va="bottom",
+            words, (0.99, height), (0.0, 4.0), size=9, color=colour, va="bottom", ha="right",
             xycoords=("axes fraction", "data"), textcoords="offset points",
         )  # fmt: skip
     return figure

@@ -70,7 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if isinstance(scene, SceneDistribution):
         source, scene = scene, None
-    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=source)
+    policy = load_policy(
+        arguments.agent, trust=arguments.trust, distribution=None if many else source
+    )
     name = "layout" if many else "seed"
     if getattr(arguments, name) is not None:
         raise ValueError(f"--{name}: leave it out {'with' if many else 'without'} --scenes")
@@ -97,10 +99,13 @@ def _evaluate_scenes(
 ) -> int:
     """Print a table of the scores in many scenes."""
     from agents.evaluation import choose_scenes, evaluate_scenes, read_search_scores
+    from agents.policy import ScenePolicy
     from domino_env import SceneDistribution, load_distribution
 
     if not isinstance(source, SceneDistribution):  # no policy for sampled scenes
         source = load_distribution("varied")
+    if isinstance(policy, ScenePolicy) and policy.scene is None:  # an archive
+        policy = policy.trained_on(source)
     scenes = choose_scenes(source, arguments.scenes, arguments.seed)
     known = read_search_scores(source.name, len(scenes)) if arguments.seed is None else None
     print(evaluate_scenes(scenes, policy, known, progress=None).table())
@@ -123,13 +128,14 @@ def describe(rollout: Rollout) -> str:
     from optimize.experiments.best_known import best_known
 
     scene, score, criterion = rollout.scene, rollout.score, rollout.scene.criterion
-    outcome, uniform = rollout.wave.outcome.name, rollout.uniform.score
-    texts = [f"{scene.name}: {criterion.label(score)} ({outcome})"]
+    uniform, number = rollout.uniform.score, len(evaluation_seeds(scene))
+    kind = rollout.wave.outcome.name if number == 1 else f"mean of {number} episodes"
+    texts = [f"{scene.name}: {criterion.label(score)} ({kind})"]
     texts.append(criterion.compare(score, uniform, "the uniform baseline", detailed=True))
     known = best_known().get(scene.name)
     best: float | None = None if known is None else known.score
     reference = "the best known"
-    if (number := len(evaluation_seeds(scene))) > 1:
+    if number > 1:
         best, reference = None, f"the open-loop plan over the same {number} episodes"
         with suppress(ValueError):  # there is no plan for the scene
             best = plan(scene).score

@@ -19,6 +19,7 @@ from optimize.cli.options import add_executor_options, add_limit_options
 from optimize.executors import open_executor
 
 if TYPE_CHECKING:
+    from domino_env import Scene, Wave
     from optimize.result import SearchResult
 
 EQUAL_SCORE = 1e-6  # relative shortfall from the best known that counts as none
@@ -74,8 +75,17 @@ def _uniform(result: SearchResult) -> str:
     """Return the score, the sizes and the outcome of the uniform baseline as a text."""
     scene, uniform = result.scene, result.uniform
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
-    score, outcome = scene.format_score(uniform.score, uniform.wave), uniform.wave.outcome.name
-    return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
+    score, kind = scene.format_score(uniform.score, uniform.wave), _kind(scene, uniform.wave)
+    return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({kind})"
+
+
+def _kind(scene: Scene, wave: Wave) -> str:
+    """Return the outcome of a wave, or the statistic over draws of errors that the score is."""
+    placement = scene.placement
+    if placement is None or not placement.draws:
+        return wave.outcome.name
+    name = "mean" if placement.quantile is None else f"{placement.quantile:.0%} quantile"
+    return f"{name} over {placement.draws} draws"
 
 
 def _best_known(result: SearchResult) -> str:
@@ -101,7 +111,7 @@ def _best(result: SearchResult) -> str:
     gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"
     prefix = "interrupted after " if result.interrupted else ""
     text = (
-        f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
+        f"{score}{gain} ({_kind(result.scene, wave)}; {result.method}, seed {result.seed}, "
         f"{prefix}{amount(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

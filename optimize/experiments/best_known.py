@@ -6,6 +6,7 @@ method, seed, time and version of the search.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -79,6 +80,15 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     with errors_with_path(path):
         entries = read_model(dict[str, Any], document)
         return {name: read_model(BestKnown, entry, name) for name, entry in entries.items()}
+
+
+def best_known_score(scene: Scene) -> float:
+    """Return the score of the best known layout of a scene; -inf if there is none."""
+    record = best_known().get(scene.name)
+    # a scene of the same name may be another one: the layout must satisfy its rules
+    if record is None or scene.violations(record.layout):
+        return -math.inf
+    return float(scene.score(record.layout))
 
 
 def accurate_score(scene: Scene, layout: Layout) -> float:

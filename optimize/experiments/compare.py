@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from domino_env.core.checks import require, require_type
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from optimize.experiments.best_known import best_known
+from optimize.experiments.best_known import best_known_score
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.task import Label, Task, TaskResult, describe_labels, read_scene
@@ -133,8 +131,4 @@ def require_distinct(**lists: Sequence[object]) -> None:
 
 def known_score(result: TaskResult) -> float:
     """Return the score of the best known layout of a result's scene; -inf if there is none."""
-    scene, record = read_scene(result.scene), best_known().get(result.scene_name)
-    # a scene of the same name may be another one: the layout must satisfy its rules
-    if record is None or scene.violations(record.layout):
-        return -np.inf
-    return float(scene.score(record.layout))
+    return best_known_score(read_scene(result.scene))

@@ -44,6 +44,13 @@ class Estimate:
     interval: tuple[Floats, Floats] | None
 
 
+def normalise(scores: Floats | float, uniform: float, best: float) -> Floats:
+    """Return (scores - uniform) / (best - uniform); 0 if the uniform baseline is best known."""
+    scores = np.asarray(scores, dtype=np.float64)
+    largest = best - uniform
+    return (scores - uniform) / largest if largest > 0.0 else np.zeros_like(scores)
+
+
 def interquartile_mean(problems: Sequence[Floats]) -> Estimate:
     """Estimate the mean of the middle half of all runs.
 

@@ -12,7 +12,7 @@ import numpy as np
 from domino_env.core.checks import require_choice
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
-from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean
+from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean, normalise
 from optimize.experiments.task import Task, TaskResult
 
 SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
@@ -170,11 +170,7 @@ class Experiment:
         scores
             Scores of any shape.
         """
-        scores = np.asarray(scores, dtype=np.float64)
-        largest = self.best[result.problem] - result.uniform_score
-        if not largest > 0.0:
-            return np.zeros_like(scores)
-        return (scores - result.uniform_score) / largest
+        return normalise(scores, result.uniform_score, self.best[result.problem])
 
     def final_scores(self, method: str, problem: str | None = None) -> list[Floats]:
         """Return the normalised scores (R,) of the final layouts on each problem, or on one."""

@@ -3,6 +3,7 @@
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
+import gymnasium
 import msgspec
 import numpy as np
 import pytest
@@ -14,12 +15,19 @@ pytest.importorskip("stable_baselines3")
 
 import domino_env as de
 from agents import evaluate
-from agents.benchmark import BenchmarkTask, benchmark_tasks, best_known_score, learning_curve
+from agents.benchmark import (
+    BenchmarkTask,
+    benchmark_tasks,
+    best_known_score,
+    learning_curve,
+    normalised_score,
+)
 from agents.benchmark_report import FILES, gather, page
 from agents.draw import shipped_references
 from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
+from optimize.experiments.best_known import best_known
 from optimize.experiments.estimates import (
     interquartile_mean,
     optimality_gap,
@@ -153,6 +161,42 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     assert "baselines in the test set" in page(gather([learned]), "")
 
 
+@pytest.mark.parametrize("scene", ["sprint", "draw", "varied"])
+def test_a_normalised_score_is_0_for_the_uniform_baseline_and_1_for_the_best_known(scene):
+    if scene == "sprint":
+        best = best_known()[scene].score
+        threshold = gymnasium.spec("DominoChain-v2").reward_threshold
+        uniform = de.load_scene(scene).uniform().score
+        assert threshold == pytest.approx(50.0 * (best / uniform - 1.0), abs=0.05)
+    elif scene == "draw":
+        best, uniform = float(shipped_references()["hindsight"]), evaluate("uniform", scene).score
+    else:
+        best, uniform = 0.0204, 0.0
+    scores = normalised_score(np.array([uniform, best]), scene)
+    assert scores == pytest.approx([0.0, 1.0], abs=0.003)
+    with pytest.raises(ValueError, match="'small' has no best known score: compare"):
+        normalised_score(1.0, SMALL if scene == "sprint" else small_scenes())
+
+
+def test_a_recurrent_policy_of_a_third_party_is_rejected(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "recurring.py").write_text(
+        """if True:
+        import numpy as np
+        class Model:
+            def predict(self, observations, state=None, episode_start=None, deterministic=False):
+                state = np.zeros(len(observations)) if state is None else state + 1
+                return 0.1 * state[:, None], state
+        def fit(make_env, steps, seed):
+            return Model()
+        """,
+        "utf-8",
+    )
+    (task,) = benchmark_tasks([SMALL], ["recurring:fit"], 1, 10)
+    with pytest.raises(ValueError, match="recurring:fit: its policy is recurrent, but layouts"):
+        task.run()
+
+
 def test_random_scenes_have_the_references_that_can_build_them():
     tasks = benchmark_tasks(["jitter", "tempo-noise", "draw"], ["ramp"], 1)
     names = "plan", "plan", "controller", "plan", "rule"
@@ -161,6 +205,8 @@ def test_random_scenes_have_the_references_that_can_build_them():
     known = [best_known_score(task.make_result(trace, 0.8, 0.7, None)) for task in tasks]
     hindsight = float(shipped_references()["hindsight"])
     assert known == [-np.inf, 1.0, 1.0, hindsight, hindsight]
+    # of open-loop plans, as on docs/when-to-learn.md: a little of what hindsight allows
+    assert 0.1 < normalised_score(0.2132, "tempo-noise") < 0.2
     with pytest.raises(ValueError, match="'small' has no test set: name a fixed scene, or one"):
         benchmark_tasks([small_scenes()], ["ramp"], 1)
 

@@ -112,11 +112,14 @@ def test_an_archive_is_evaluated_without_running_its_code(tmp_path, monkeypatch,
         assert trusted.policy(observations) == pytest.approx(expected, abs=1e-6)
         scene = de.load_scene("sprint")
         assert policy.build(scene).score == pytest.approx(trusted.build(scene).score, abs=1e-3)
-    assert main(["evaluate", str(path), "--scene", "varied", "--scenes", "2"]) == 0
+        for options in (["--scenes", "2"], ["--scene", "varied", "--scenes", "2"]):
+            assert main(["evaluate", str(path), *options]) == 0
     assert main(["evaluate", str(path), "--scene", "sprint", "--distribution", "varied"]) == 0
     assert main(["evaluate", str(path), "--scene", "sprint"]) == 2
     assert main(["evaluate", str(path), "--scene", "varied-thickness"]) == 2
-    assert capsys.readouterr().err.count("this policy was trained on (26,): choose a scene") == 2
+    errors = capsys.readouterr().err
+    assert "this policy was trained on (26,), with 6 instead of 0 sampled numbers: choose" in errors
+    assert "this policy was trained on (26,): choose a scene" in errors
 
 
 def _doubled():
@@ -166,7 +169,11 @@ def test_observations_are_normalised_as_in_training(tmp_path, place):
     env = VecNormalize(DummyVecEnv([lambda: de.DominoChain("sprint")]), clip_obs=2.0)
     model = sb3.PPO("MlpPolicy", env, n_steps=64, n_epochs=1, device="cpu").learn(64)
     model.save(tmp_path / "model.zip")
-    plain = load_policy(tmp_path / "model.zip")
+    for trust in (False, True):
+        with pytest.raises(
+            ValueError, match=r"model\.zip: its obs.* missing: save them as .*\.pkl$"
+        ):
+            load_policy(tmp_path / "model.zip", trust=trust)
     (tmp_path / place).parent.mkdir(exist_ok=True)
     env.save(str(tmp_path / place))
     with pytest.raises(ValueError, match=r"normalised by .*normalize\.pkl, a pickle; add --trust"):
@@ -175,4 +182,36 @@ def test_observations_are_normalised_as_in_training(tmp_path, place):
     observations = env.venv.reset()
     expected = model.predict(env.normalize_obs(observations), deterministic=True)[0]
     assert policy.policy(observations) == pytest.approx(expected, abs=1e-6)
-    assert np.any(np.abs(plain.policy(observations) - expected) > 1e-4)
+    plain = model.predict(observations, deterministic=True)[0]
+    assert np.any(np.abs(plain - expected) > 1e-4)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_statistics_of_rewards_alone_are_not_required(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    env = VecNormalize(DummyVecEnv([lambda: de.DominoChain("sprint")]), norm_obs=False)
+    model = sb3.SAC("MlpPolicy", env, learning_starts=10, device="cpu").learn(50)
+    model.save(tmp_path / "model.zip")
+    assert load_policy(tmp_path / "model.zip").policy(env.reset()).shape == (1, 1)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(("trained", "options", "given", "difference"), [
+    ("sprint", {"window": 4}, "sprint", "window = 4 instead of 8"),
+    ("varied", {"window": 3, "hide": ("friction",)}, "varied",
+     "window = 3 instead of 8 and 5 instead of 6 sampled numbers"),
+    ("varied", {}, "sprint", "6 instead of 0 sampled numbers"),
+    ("sprint", {}, "varied", "0 instead of 6 sampled numbers"),
+])  # fmt: skip
+def test_an_error_names_how_the_environment_of_an_archive_differs(
+    tmp_path, trained, options, given, difference
+):
+    sb3 = pytest.importorskip("stable_baselines3")
+    path, env = tmp_path / "model.zip", de.DominoChain(trained, **options)
+    sb3.PPO("MlpPolicy", env, device="cpu").save(path)
+    distribution = de.load_distribution(given) if given == "varied" else None
+    scene = de.load_scene("sprint" if distribution else given)
+    with pytest.raises(ValueError, match=f"was trained on .*{difference}: choose a scene"):
+        load_policy(path, distribution=distribution).build(scene)

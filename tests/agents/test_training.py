@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
 from agents import evaluate, train
-from agents.algorithms import OFF_POLICY, Hyperparameters, default_hyperparameters
+from agents.algorithms import ALGORITHMS, OFF_POLICY, Hyperparameters, default_hyperparameters
 from agents.evaluation import choose_scenes, evaluate_scenes, load_policy
 from agents.network import build_actor
 from agents.policy import read_config
@@ -253,6 +253,29 @@ def test_invalid_arguments_are_rejected(tmp_path):
     for name, value in {"first_deviation": 0.0, "middle": 1.0, "num_envs": 0}.items():
         with pytest.raises(ValueError, match=f"{name} = "):
             default_hyperparameters("ppo", SMALL).replace(**{name: value})
+
+
+def test_the_configuration_accepts_every_algorithm(tmp_path, monkeypatch):
+    arguments = {"seed": 0, "steps": 1, "hyperparameters": {"num_envs": 1, "steps": 1}}
+    for algorithm in (*ALGORITHMS, "new"):
+        (tmp_path / "config.json").write_text(json.dumps({"algorithm": algorithm, **arguments}))
+        if algorithm == "new":
+            with pytest.raises(ValueError, match=r"config\.json: algorithm = 'new': choose one of"):
+                read_config(tmp_path)
+            monkeypatch.setattr("agents.policy.ALGORITHMS", (*ALGORITHMS, "new"))
+        assert read_config(tmp_path).algorithm == algorithm
+
+
+def test_weights_that_are_not_finite_end_a_training_with_step_and_seed(tmp_path):
+    chosen = tiny("ppo", learning_rate=1e30)
+    with pytest.raises(
+        ValueError, match=r"ppo, seed 7: the weights are not finite after \d+ steps"
+    ):
+        train(SMALL, "ppo", seed=7, folder=tmp_path / "run", hyperparameters=chosen)
+    assert evaluate(tmp_path / "run").score > 0.0  # the best policy until then
+    with pytest.raises(ValueError, match=r"use_sde = True: .*ppo"):
+        train(SMALL, "ppo", folder=tmp_path / "sde", hyperparameters=tiny("ppo", options={
+            "use_sde": True, "n_steps": 12}))  # fmt: skip
 
 
 def test_an_interruption_outside_the_updates_says_how_to_go_on(tmp_path, monkeypatch, capsys):

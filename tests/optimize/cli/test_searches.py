@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import domino_env as de
 from domino_env.core.progress import progress_bar
 from optimize import search
 from optimize.run_folder import FILES
@@ -27,6 +28,14 @@ def test_the_output_names_the_best_layout_and_the_folder(output_of, monkeypatch,
     assert lines[2].startswith(f"best found:       {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
     assert lines[3].startswith("the search ended: limit of 400 layouts reached; ")
     assert lines[4] == f"written to runs/both: {', '.join(FILES)}"
+
+
+@pytest.mark.parametrize(("quantile", "kind"), [(None, "mean"), (0.1, "10% quantile")])
+def test_the_output_names_the_statistic_over_draws(output_of, scenes, tmp_path, quantile, kind):
+    scene = scenes["both"].replace(placement=de.Placement(0.001, 8, quantile))
+    (tmp_path / "noisy.toml").write_text(scene.to_toml())
+    text = output_of("optimize", tmp_path / "noisy.toml", "--budget", 9, "--out", tmp_path / "run")
+    assert re.search(rf"mm \({kind} over 8 draws\)\nbest .* \({kind} over 8 draws; auto", text)
 
 
 def test_the_output_has_the_gap_to_the_best_known(output_of, monkeypatch, tmp_path):
