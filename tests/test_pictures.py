@@ -25,7 +25,7 @@ HOSTILE = {
     "axes.spines.left": False, "axes.unicode_minus": False, "axes.titlelocation": "right",
     "axes.autolimit_mode": "round_numbers", "axes.prop_cycle": mpl.cycler(color=["red"]),
     "lines.linewidth": 9.0, "lines.marker": "x", "patch.linewidth": 5.0, "hatch.linewidth": 9.0,
-    "xtick.direction": "inout", "xtick.major.size": 30.0, "xtick.minor.visible": True,
+    "xtick.direction": "in", "xtick.major.size": 30.0, "xtick.minor.visible": True,
     "ytick.labelsize": 30, "ytick.right": True, "legend.framealpha": 0.1, "legend.shadow": True,
     "legend.title_fontsize": 30, "grid.linestyle": ":", "image.cmap": "gray", "path.sketch":
     (9.0, 9.0, 9.0), "pdf.compression": 9, "pdf.fonttype": 3, "pdf.use14corefonts": True,
