@@ -9,11 +9,12 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bench lint docs clean
+.PHONY: help run test bounds bench lint docs clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
+	@echo "make bounds tests of compiled code, with every index checked"
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
@@ -28,6 +29,13 @@ run: $(VENV)/.core
 test: export OMP_NUM_THREADS := 1
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 4 --dist loadfile
+
+# Machine code checks no index otherwise; with the checks it is another, so it has its own folder.
+bounds: export NUMBA_BOUNDSCHECK := 1
+bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
+bounds: export OMP_NUM_THREADS := 1
+bounds: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 tests/test_views.py tests/domino_env/envs tests/domino_env/physics
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks

@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK, PALE
-from domino_env.core.plot_style import LEGEND, new_axes, new_figure, style, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, new_figure, own_style, style, write_png
 from domino_env.core.tables import fill_tables, markdown_table, write_csv
 from domino_env.core.types import Floats
 from domino_env.rigid.engine import simulate_in_engine
@@ -107,6 +107,7 @@ def scaling_table() -> list[str]:
     return markdown_table((*names, "residual", "largest factor to the law"), cells)
 
 
+@own_style()
 def draw_scaling() -> Any:
     """Draw speeds over the gap, with the claimed law dashed."""
     figure, gaps = new_figure(7.5, 3.9), np.linspace(0.1, 0.8, 60)
@@ -152,6 +153,7 @@ def ratios(lines: list[Line], quantity: str = "speed") -> tuple[Floats, Floats]:
     return ratio, 100.0 * (error[..., 0] + error[..., -1]) + 0.0 * ratio
 
 
+@own_style()
 def draw_floors(lines: list[Line]) -> Any:
     """Draw the map of the ratio of speeds on the two floors."""
     (ratio, error), title = ratios(lines), "How much faster the wave is on a floor of friction 0.3"
@@ -223,6 +225,7 @@ def growth_table(lines: list[Line]) -> list[str]:
     return markdown_table(names, cells)
 
 
+@own_style()
 def draw_growth() -> Any:
     """Draw the largest factor over gap and over friction."""
     figure, gaps, frictions = new_figure(7.5, 3.7), np.linspace(0.1, 0.99, 90), np.arange(9) / 16
@@ -278,6 +281,7 @@ def record_table() -> list[str]:
     return markdown_table(names, cells)
 
 
+@own_style()
 def draw_record() -> Any:
     """Draw the speed of endless chains over the height of the stones."""
     figure, axes = new_axes(7.5, 3.9, xlim=(0.0, 5.0), ylim=(0.0, 14.0))

@@ -19,10 +19,13 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from domino_env.core.plot_style import own_style
+
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 WIDTH = 760  # [px] of a figure
 
 
+@own_style()
 def run(path: Path) -> tuple[dict[str, Any], dict[str, object]]:
     """Run a notebook in an empty folder; return it with its outputs, and its names."""
     plt.switch_backend("agg")

@@ -20,7 +20,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
 from domino_env.core.colours import BEST_KNOWN, RESULT, SOFT
-from domino_env.core.plot_style import new_axes, write_png
+from domino_env.core.plot_style import new_axes, own_style, write_png
 from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -58,6 +58,7 @@ def train(steps=100_000, seed=0):
     return model, *np.transpose(curve.points)
 
 
+@own_style()
 def draw_curve(steps, returns):
     """Draw the return of the policy over the steps of the training."""
     scene = de.load_scene(SCENE)

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK, PALE
-from domino_env.core.plot_style import LEGEND, new_axes, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, own_style, write_png
 from domino_env.core.tables import fill_tables, markdown_table
 from optimize import search
 from optimize.experiments.best_known import best_known
@@ -291,6 +291,7 @@ def run_outs(budget=BUDGET, pushes=(4.0, 8.0, 16.0), frictions=(0.1, 0.25)):
     return markdown_table((*names, "A [mm], c", "share of the gain"), lines)
 
 
+@own_style()
 def draw_relay():
     """Draw the best known gaps of `sprint` and of `relay`, with its run-out."""
     figure, axes = new_axes(
@@ -312,6 +313,7 @@ def draw_relay():
 # pictures -----------------------------------------------------------------------------------------
 
 
+@own_style()
 def draw_gaps(budget=BUDGET):
     """Draw the best gaps along the chain for several frictions."""
     x = "number of the gap from the pushed domino; dotted: the best equal gap"
@@ -329,6 +331,7 @@ def draw_gaps(budget=BUDGET):
     return figure
 
 
+@own_style()
 def draw_map(size=240):
     """Draw speed over equal gap and push; grey where the wave stops."""
     gaps = np.linspace(0.0005, 0.047, size)

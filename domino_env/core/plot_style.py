@@ -1,14 +1,17 @@
-"""Style of all figures, set without the global state of Matplotlib."""
+"""Style of all figures, which no settings of the user change."""
 
 from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -23,6 +26,21 @@ HEAD = 0.85  # height of headline and subtitle [in]
 RIGHT = 0.20  # width to the right of the longest headline [in]
 MIN_WIDTH = 7.5  # of a figure with a headline [in]
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}  # arguments of `Axes.legend`
+
+_SETTINGS = threading.RLock()  # Matplotlib's settings are those of the process
+
+
+@contextmanager
+def own_style() -> Iterator[None]:
+    """Open a context, also as a decorator, in which figures have the defaults of Matplotlib.
+
+    Without it, figures follow the matplotlibrc of the user: `savefig.bbox: tight`, for example,
+    changes the size of a page. Every function that makes a figure or writes a file opens it, other
+    than one that draws into axes of the user.
+    """
+    with _SETTINGS, rc_context():
+        rcdefaults()
+        yield
 
 
 def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -49,6 +67,11 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 class Picture(Figure):
     """Figure that notebooks show without pyplot."""
+
+    @own_style()  # ticks are made when they are drawn
+    def draw(self, renderer: Any) -> None:
+        """Draw the figure."""
+        super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
         return png(self)
@@ -208,6 +231,7 @@ def escape_dollars(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+@own_style()
 def png(figure: Figure) -> bytes:
     """Return the bytes of a PNG file; equal figures give equal bytes."""
     buffer = io.BytesIO()

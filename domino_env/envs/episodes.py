@@ -6,8 +6,7 @@ Therefore a wave is simulated when it is first read, unless the score required i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -138,13 +137,13 @@ class EpisodeResults:
         "layout" has the dominoes that were placed, as `Scene.score` takes them; "wave" is the wave
         of `Scene.row` of it, `wave.layout`, which also has the dominoes of a run-out.
         """
-        later = [(self, i) for i in range(len(self._placed))]
+        episodes, layout, wave = range(len(self._placed)), self.layout, self.wave
         infos: dict[str, NDArray[Any]] = {
             "score": self.score.copy(),
             "gain": self.gain.copy(),
             "outcome": _OUTCOMES[self.outcome],
-            "layout": np.fromiter((_later(LazyLayout, episode) for episode in later), object),
-            "wave": np.fromiter((_later(LazyWave, episode) for episode in later), object),
+            "layout": np.fromiter((Layout.later(layout, i) for i in episodes), object),
+            "wave": np.fromiter((Wave.later(wave, i) for i in episodes), object),
         }
         if self._are_sampled:
             infos["scene"] = self._scenes
@@ -161,56 +160,6 @@ class EpisodeResults:
             return self._waves[i]
         wave: Wave = self._scenes[i].simulate(self.layout(i), self._rtol)
         return replace(wave, summary=wave.summary._replace(reach=float(self.reach[i])))
-
-
-class _Later:
-    """Field of a result of an episode; all fields are computed when one of them is first read.
-
-    Then they are attributes of the instance, which are read instead of these.
-    """
-
-    def __init__(self, name: str, compute: Callable[[EpisodeResults, int], object]) -> None:
-        self.name, self.compute = name, compute
-
-    def __get__(self, result: object, _: type | None = None) -> Any:
-        if result is None:
-            return self
-        attributes = vars(result)
-        attributes |= vars(self.compute(*attributes["episode"]))
-        attributes.pop("episode", None)  # it has the arrays of all episodes that ended together
-        return attributes[self.name]
-
-
-class LazyLayout(Layout):
-    """Layout that is built when it is first read."""
-
-
-class LazyWave(Wave):
-    """Wave that is simulated when it is first read, unless it was simulated before.
-
-    Two such waves are equal if layouts, physics, tolerance and reach are equal.
-    """
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Wave):
-            return NotImplemented
-        names = "layout", "physics", "rtol", "reach"
-        return all(getattr(self, name) == getattr(other, name) for name in names)
-
-    def __hash__(self) -> int:
-        return hash((self.layout, self.physics, self.rtol))
-
-
-for _kind, _compute in (LazyLayout, EpisodeResults.layout), (LazyWave, EpisodeResults.wave):
-    for _field in fields(_kind):
-        setattr(_kind, _field.name, _Later(_field.name, _compute))
-
-
-def _later(kind: type, episode: tuple[EpisodeResults, int]) -> object:
-    """Return the layout or wave of an episode, to be computed later."""
-    result: object = object.__new__(kind)
-    result.__dict__["episode"] = episode
-    return result
 
 
 def placed_layout(

@@ -278,9 +278,13 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         require_type("gradient", gradient, Gradient, "a Gradient, such as wave.gradient()")
         if gradient.rise is None or gradient.tilt is None:
             return gradient  # on flat ground nothing changes
-        # nan: a number, whose shape () is rejected
-        gaps, shape = getattr(layout, "spacing", np.nan), gradient.spacing.shape
-        numbers("layout.spacing", gaps, None, shape, "that of the gradient")
+        pairs = np.shape(gradient.spacing)
+        shapes = pairs, (*pairs[:-1], pairs[-1] + 1)
+        for name, shape in zip(("spacing", "thickness", "rise", "tilt"), 2 * shapes, strict=True):
+            numbers(f"gradient.{name}", getattr(gradient, name), None, shape, "as of a layout")
+            # nan: a number, whose shape () is rejected
+            value = getattr(layout, name, np.nan)
+            numbers(f"layout.{name}", value, None, shape, "that of the gradient")
         spacing, thickness = gradient.spacing.copy(), gradient.thickness.copy()
         if self.slope is not None:
             through_rise = -math.sin(math.radians(self.slope)) * gradient.rise

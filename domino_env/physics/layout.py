@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from domino_env.core.checks import as_path, numbers, require
 from domino_env.core.files import errors_with_path
+from domino_env.core.lazy import Lazy
 from domino_env.core.results import draw
 from domino_env.core.types import Floats, read_only
 from domino_env.physics import files, footing, standard
@@ -22,7 +23,7 @@ MAX_DOMINOES = 1_000_000  # of a uniform layout
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(Lazy):
     """Geometry of a chain of N dominoes that topples towards +x.
 
     Parameters

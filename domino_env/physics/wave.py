@@ -13,6 +13,7 @@ from msgspec.structs import astuple
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require, require_choice, require_type
+from domino_env.core.lazy import Lazy
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats, Ints, read_only
@@ -99,8 +100,10 @@ class Results:
 
 
 @dataclass(frozen=True, eq=False)
-class Wave(Results):
+class Wave(Results, Lazy):
     """Wave of a layout: arrival times, velocities and outcome.
+
+    Waves are equal if layouts, physics, tolerances and reaches are equal.
 
     Attributes
     ----------
@@ -160,6 +163,16 @@ class Wave(Results):
     arrivals: NDArray[np.record]
     run_time: float
     tape: NDArray[np.record] | None = field(default=None, repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Wave):
+            return NotImplemented
+        # a simulation repeats bit by bit; the reach of an episode may be that in a longer row
+        names = "layout", "physics", "rtol", "reach"
+        return all(getattr(self, name) == getattr(other, name) for name in names)
+
+    def __hash__(self) -> int:
+        return hash((self.layout, self.physics, self.rtol))
 
     @property
     def outcome(self) -> Outcome:

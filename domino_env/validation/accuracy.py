@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.ticker import EngFormatter
 
 from domino_env.core.colours import AMBER, BLUE, GREEN, INK, PALE, PINK, RED, SHADE, SKY, SOFT
-from domino_env.core.plot_style import LEGEND, new_panels, style, write_png
+from domino_env.core.plot_style import LEGEND, new_panels, own_style, style, write_png
 from domino_env.core.results import as_json
 from domino_env.core.tables import csv_table, text_table
 from domino_env.kernels.jit.interpreted import compiled
@@ -214,6 +214,7 @@ OUTCOME_COLOURS = {
 }  # fmt: skip
 
 
+@own_style()
 def draw_accuracy(
     examples: Sequence[EdgeCase], measurements: Sequence[Measurement], path: Path
 ) -> None:
@@ -243,6 +244,7 @@ def draw_accuracy(
     write_png(figure, path)
 
 
+@own_style()
 def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     """Draw every edge case as a column: a dot for the true error, a bar for its estimate."""
     faulty = sum(bool(result.faults) for result in results)

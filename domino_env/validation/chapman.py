@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from domino_env.core.colours import BLUE, COLOURS, PALE, RED
-from domino_env.core.plot_style import LEGEND, new_axes, write_png
+from domino_env.core.plot_style import LEGEND, new_axes, own_style, write_png
 from domino_env.core.tables import markdown_table
 from domino_env.core.types import Floats
 from domino_env.physics import steady
@@ -199,6 +199,7 @@ FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
 """Title and drawing function of each figure, by the name of its file."""
 
 
+@own_style()
 def draw(name: str, path: Path) -> None:
     """Draw a figure of `FIGURES` into a PNG file."""
     title, plot = FIGURES[name]

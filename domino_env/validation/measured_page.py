@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from domino_env.core.colours import AMBER, BLUE, INK, PALE, RED
-from domino_env.core.plot_style import LEGEND, escape_dollars, new_panels, write_png
+from domino_env.core.plot_style import LEGEND, escape_dollars, new_panels, own_style, write_png
 from domino_env.core.tables import markdown_table, text_table
 from domino_env.core.types import Floats
 from domino_env.validation.measured import Comparison, Validation, model_value
@@ -102,6 +102,7 @@ def _format_friction(comparison: Comparison) -> str:
     return f"{comparison.friction:.3f}" + f" ± {comparison.uncertainty:.3f}" * finite
 
 
+@own_style()
 def draw(validations: Sequence[Validation], path: Path) -> None:
     """Draw speeds with two standard uncertainties, and the model, into a PNG file.
 

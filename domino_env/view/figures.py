@@ -18,7 +18,15 @@ from matplotlib.patches import Polygon
 
 from domino_env.core.checks import require_type
 from domino_env.core.colours import FAINT, INK, RESULT, SOFT, UNIFORM
-from domino_env.core.plot_style import HEAD, LEGEND, add_headings, label_plainly, new_figure, style
+from domino_env.core.plot_style import (
+    HEAD,
+    LEGEND,
+    add_headings,
+    label_plainly,
+    new_figure,
+    own_style,
+    style,
+)
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
@@ -111,6 +119,19 @@ def draw_layouts(
         if len(layouts) > 1:
             ax.legend(**LEGEND)
         return cast("Figure", ax.figure)
+    return _draw_figure(layouts, headline, subtitle, scene, draw_last, register)
+
+
+@own_style()
+def _draw_figure(
+    layouts: Sequence[DrawnLayout],
+    headline: str,
+    subtitle: str,
+    scene: Scene | None,
+    draw_last: Callable[[Axes], None] | None,
+    register: bool,
+) -> Figure:
+    """Draw layouts and panels in a new figure; see `draw_layouts`."""
     tallest = 1e3 * float(max(entry.layout.height.max() for entry in layouts))
     low, high = _range(layouts, scene, tallest)
     end = min(high, low + LONGEST * tallest)

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.backends.backend_pdf import Name, PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import amount, write_bytes
-from domino_env.core.plot_style import escape_dollars
+from domino_env.core.plot_style import escape_dollars, own_style
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
@@ -164,9 +164,11 @@ def write_template(
     buffer = io.BytesIO()
     # without a date, equal layouts give equal files; without compression, tests read their lengths
     with (
+        own_style(),
         rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
+        _forbid_scaling(pages)
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
             _write_advice(axes, _advice(all_strips, layout, physics, designed))
         for number in range(1, total + 1):
@@ -178,6 +180,16 @@ def write_template(
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
     pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(all_strips), 'strip')}"
     return f"{pages}: print at 100 % and check the scale bar"
+
+
+def _forbid_scaling(pages: Any, name: Any = Name) -> None:
+    """Ask viewers to print the pages of a file at 100 %; many fit pages to the paper otherwise."""
+    file = pages._ensure_file()
+    # written before: the later one is in the table of objects
+    file.writeObject(file.rootObject, {
+        "Type": name("Catalog"), "Pages": file.pagesObject,
+        "Version": name("1.6"), "ViewerPreferences": {"PrintScaling": name("None")},
+    })  # fmt: skip
 
 
 def _advice(

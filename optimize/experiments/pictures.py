@@ -36,6 +36,7 @@ CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
 EARLIEST = {"seconds": 1e-2, "steps": 200.0}  # first time that is drawn, on each clock
 
 
+@plot_style.own_style()
 def draw_curves(
     path: Path,
     panels: Panels,
@@ -232,6 +233,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Colle
     draw_curves(path, panels, headings, (name, ""), prepare, methods, set(methods) - set(first))
 
 
+@plot_style.own_style()
 def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -> None:
     """Draw the interquartile means with their intervals, and the performance profiles.
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from env_scenes import SCENES, check_return, courses, gain_of, play, scaled, short
 from gymnasium.error import ResetNeeded
-from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.env_checker import check_env, data_equivalence
 from sampled_scenes import small_scenes
 
 import domino_env as de
@@ -404,3 +404,17 @@ def test_the_last_info_can_be_kept_and_copied():
     assert kept == (layout, wave)
     assert copy.deepcopy(wave) == wave
     assert hash(kept[0]) == hash(layout)
+
+
+def test_infos_of_processes_equal_those_of_one_process():
+    """Those of processes are pickled, and contain nothing of other environments."""
+    infos = []
+    for mode in ("sync", "async", "vector_entry_point"):
+        envs = gymnasium.make_vec("DominoLayout-v2", 3, mode, scene=short("gentle"))
+        envs.reset(seed=0)
+        infos.append(envs.step(np.zeros(envs.action_space.shape, np.float32))[4])
+        envs.close()
+    assert len(pickle.dumps(infos[2]["wave"][1])) < 3000
+    for key in ("layout", "wave"):
+        assert data_equivalence(infos[0][key], infos[1][key], exact=True)
+        assert data_equivalence(infos[0][key], infos[2][key], exact=True)

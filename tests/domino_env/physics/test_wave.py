@@ -218,6 +218,7 @@ GAPS = [[0.02, 0.02]]
 WAVE = de.simulate(LAYOUT, gradient=True)
 BATCH = de.simulate_batch([[0.02]], 0.0075)
 CURVED = de.Ground(profile=[[0.0, 0.0], [0.5, 0.01], [1.0, 0.02]])
+ON_CURVES = de.simulate(CURVED.layout([0.02] * 5, 0.0075), gradient=True)
 
 
 @pytest.mark.parametrize("function", [
@@ -283,6 +284,10 @@ def test_tolerances_out_of_range_are_rejected(function, rtol):
     (lambda: de.verify(LAYOUT, PHYSICS, engine="mujco"), "engine = 'mujco': choose one of False, "),
     (lambda: de.verify(de.Layout([], 0.0075), PHYSICS), "one domino has no wave"),
     (lambda: de.Ground(slope=1.0).along_ground(3, LAYOUT), "gradient = 3: give a Gradient"),
+    (lambda: CURVED.along_ground(replace(ON_CURVES.gradient(), tilt=np.zeros(2)), ON_CURVES.layout),
+     "gradient.tilt has shape (2,): give (6,), as of a layout"),
+    (lambda: CURVED.along_ground(ON_CURVES.gradient(), LAYOUT),
+     "layout.spacing has shape (1,): give (5,), that of the gradient"),
     (lambda: de.Ground(slope=1.0).rise_and_tilt("x", 0.0075), "spacing = 'x': give numbers"),
     (lambda: CURVED.rise_and_tilt([0.01] * 5, [0.0075] * 2),
      "thickness has shape (2,): give (6,), one more than gaps"),

@@ -41,6 +41,25 @@ def test_a_template_has_advice_and_sheets_with_footprints_to_full_scale(tmp_path
     assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
 
 
+@pytest.mark.parametrize("paper", PAPERS)
+def test_viewers_are_asked_not_to_scale_pages(tmp_path, paper):
+    """The catalogue is found as viewers find it: trailer, table of objects, object."""
+    write_template(LAYOUT, tmp_path / "row.pdf", paper)
+    data = (tmp_path / "row.pdf").read_bytes()
+    table = data[int(re.search(rb"startxref\n(\d+)", data)[1]) :]
+    root = int(re.search(rb"/Root (\d+) 0 R", table)[1])
+    offset = int(table.splitlines()[2 + root][:10])
+    catalogue = data[offset : data.index(b"endobj", offset)]
+    assert catalogue.startswith(b"%d 0 obj" % root)
+    assert re.search(rb"/ViewerPreferences\s*<<\s*/PrintScaling\s*/None\s*>>", catalogue)
+    assert b"/Version /1.6" in catalogue  # earlier versions do not have /PrintScaling
+    pages = re.findall(rb"/MediaBox \[ 0 0 (\S+) (\S+) \]", data)
+    assert len(pages) == 1 + strips(LAYOUT, paper)[-1].sheet
+    np.testing.assert_allclose(
+        np.array(pages, float) * POINT, [PAPERS[paper]] * len(pages), atol=1e-6
+    )
+
+
 def test_headings_of_a_page_do_not_overlap(tmp_path, monkeypatch):
     pages = []
     monkeypatch.setattr("domino_env.view.template.PdfPages.savefig", lambda _, f: pages.append(f))
