@@ -94,7 +94,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed at the start, as for services: nobody reads the output
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))
+            sink = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the process
+            setattr(sys, name, sink)
         if isinstance(stream, io.TextIOWrapper):  # a console without µ shows a replacement
             stream.reconfigure(errors="replace")
     interruption = _Interruption()

@@ -1,9 +1,9 @@
 """Assignment of the dominoes of a stock to the places of a layout.
 
 `assign` solves it for any costs as a linear programme, whose vertices are whole numbers, or, if the
-number of changes is limited, as an integer programme, by HiGHS in SciPy. `nearest_from_stock` solves the
-special case of squared distances by an assignment and by sorting: the thinnest target gets the
-thinnest chosen domino.
+number of changes is limited, as an integer programme, by HiGHS in SciPy. `nearest_from_stock`
+solves the special case of squared distances by an assignment and by sorting: the thinnest target
+gets the thinnest chosen domino.
 """
 
 from __future__ import annotations
