@@ -334,3 +334,20 @@ def test_arrays_of_a_copied_wave_are_read_only(name, duplicate):
         values += value if isinstance(value, tuple) else ()
         assert not (isinstance(value, np.ndarray) and value.flags.writeable)
     assert not wave.arrival_times.flags.writeable
+
+
+def test_pieces_of_a_batch_are_complete_when_one_raises(monkeypatch):
+    """They write into arrays that the caller may use again after the error."""
+    monkeypatch.setattr("domino_env.core.threads.allowed_threads", lambda: 2)
+    failed, complete = threading.Event(), []
+
+    def task(first: int, last: int) -> None:
+        if first == 0:
+            failed.set()
+            raise ZeroDivisionError
+        failed.wait(10.0)
+        complete.append(last - first)
+
+    with pytest.raises(ZeroDivisionError):
+        share_pieces(task, 80, 100)
+    assert sum(complete) == 70
