@@ -9,12 +9,14 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bounds bench lint docs clean
+.PHONY: help run test bounds lowest newest bench lint docs clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
 	@echo "make bounds tests of compiled code, with every index checked"
+	@echo "make lowest, make newest"
+	@echo "            methods and environments with the lowest or newest versions of dependencies"
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
@@ -36,6 +38,20 @@ bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
 bounds: export OMP_NUM_THREADS := 1
 bounds: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 tests/test_views.py tests/domino_env/envs tests/domino_env/physics
+
+# Every search method, a stock and the vector environments, in an environment of its own. Warnings of
+# other versions than the pinned ones are no errors.
+lowest: REQUIREMENTS = $(shell $(PYTHON) -c 'import re, tomllib; \
+	print(*(re.sub(">=", "==", d) for d in tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"]))')
+newest: REQUIREMENTS = --upgrade .
+lowest newest: export OMP_NUM_THREADS := 1
+lowest newest:
+	$(PYTHON) -m venv --clear $(VENV)-$@
+	$(VENV)-$@/bin/python -m pip install --quiet --disable-pip-version-check $(REQUIREMENTS)
+	$(VENV)-$@/bin/python -m pip install --quiet --disable-pip-version-check \
+		pytest pytest-xdist hypothesis -e .
+	$(VENV)-$@/bin/python -m pytest -n 2 --dist loadfile -W default tests/optimize/methods \
+		tests/optimize/constraints tests/optimize/test_journal.py tests/domino_env/envs/test_vector.py
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks
@@ -77,5 +93,5 @@ $(VENV)/.docs: $(VENV)/.core
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build site *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis \
+	rm -rf $(VENV) $(VENV)-lowest $(VENV)-newest build site *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis \
 		.import_linter_cache

@@ -20,7 +20,7 @@ def main() -> int:
 
     code = main()
     if code > 128:  # ended by a signal: do not wait for threads that still compile or simulate
-        for stream in filter(None, (sys.stdout, sys.stderr)):  # None if closed at the start
+        for stream in (sys.stdout, sys.stderr):
             stream.flush()
         os._exit(code)
     return code

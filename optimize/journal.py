@@ -6,13 +6,15 @@ the same, and continues from there.
 
 The file is an SQLite database, which is never left with a partial write. Its table `answers` has
 one line per request: a digest of the request (scene, versions, kind, design vectors), the time of
-the search so far [s], and the arrays of the answer.
+the search so far [s], the arrays of the answer, and a checksum of all three, as SQLite has none.
 """
 
 from __future__ import annotations
 
 import hashlib
 import sqlite3
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,12 +22,16 @@ from pathlib import Path
 import numpy as np
 from msgspec import MsgspecError, msgpack
 
+from domino_env.core.files import require_locks
 from domino_env.core.types import Floats
 
 SAVE_INTERVAL = 1.0  # [s] between two writes; answers since the last are lost if the process dies
 # one process at a time has the file; a process that dies loses no answer in the file
 PRAGMAS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
-TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
+TABLE = (
+    "CREATE TABLE IF NOT EXISTS answers "
+    "(request BLOB PRIMARY KEY, seconds REAL, answer BLOB, checksum INTEGER)"
+)
 
 
 class Journal:
@@ -50,15 +56,17 @@ class Journal:
     Raises
     ------
     ValueError
-        If another search is writing the file, or if it cannot be written or is damaged.
+        If another search is writing the file, or if it cannot be written or locked or is damaged.
     """
 
     def __init__(self, path: Path, context: str, *, resume: bool) -> None:
         self.path = path
         self.replaying = resume and path.exists()
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
-        self._pending: list[tuple[bytes, float, bytes]] = []  # answers that are not yet in the file
+        # answers that are not yet in the file
+        self._pending: list[tuple[bytes, float, bytes, int]] = []
         self._last_save = float("-inf")  # seconds of the search
+        require_locks(path.parent)
         with self._file_errors():
             self._database = sqlite3.connect(path, 0, isolation_level=None, check_same_thread=False)
             for setting in PRAGMAS:
@@ -97,13 +105,17 @@ class Journal:
         """
         if not self.replaying:
             return None
-        query = "SELECT seconds, answer FROM answers WHERE request = ?"
+        query = "SELECT request, seconds, answer, checksum FROM answers WHERE request = ?"
         with self._file_errors():
             entry = self._database.execute(query, [self._digest(kind, designs)]).fetchone()
             if entry is not None:
-                parts = msgpack.decode(entry[1], type=list[tuple[str, tuple[int, ...], bytes]])
+                *line, checksum = entry
+                if _checksum(*line) != checksum:
+                    raise ValueError("an answer in it is damaged")
+                _, seconds, answer = line
+                parts = msgpack.decode(answer, type=list[tuple[str, tuple[int, ...], bytes]])
                 arrays = [np.frombuffer(x, kind).reshape(shape).copy() for kind, shape, x in parts]
-                return float(entry[0]), arrays
+                return seconds, arrays
         self.replaying = False
         return None
 
@@ -125,7 +137,8 @@ class Journal:
             If the file cannot be written.
         """
         answer = msgpack.encode([(x.dtype.str, x.shape, x.tobytes()) for x in arrays])
-        self._pending.append((self._digest(kind, designs), seconds, answer))
+        line = self._digest(kind, designs), seconds, answer
+        self._pending.append((*line, _checksum(*line)))
         if seconds - self._last_save > SAVE_INTERVAL:
             self._last_save = seconds
             self._save()
@@ -145,7 +158,7 @@ class Journal:
 
     def _save(self) -> None:
         """Write the answers in memory, in one transaction."""
-        insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)"
+        insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?, ?)"
         with self._file_errors(), self._database as database:
             database.execute("BEGIN")
             # after Ctrl-C before `_pending` is emptied, IGNORE allows that they are written again
@@ -162,3 +175,8 @@ class Journal:
                 f"{self.path} cannot be used ({error}): end the search that still writes it, make "
                 "room on the disk, or if it is damaged begin anew in another folder"
             ) from None
+
+
+def _checksum(request: bytes, seconds: float, answer: bytes) -> int:
+    """Return the checksum of a line."""
+    return zlib.crc32(request + struct.pack("<d", seconds) + answer)

@@ -18,6 +18,7 @@ import threading
 import warnings
 from collections.abc import Sequence
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from domino_env import __version__
@@ -90,7 +91,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         is explained in one line on standard error, 130 after Ctrl-C, 141 if the program that reads
         the output has ended, and 143 after SIGTERM.
     """
-    for stream in (sys.stdout, sys.stderr):
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed at the start, as for services: nobody reads the output
+            sink = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the process
+            setattr(sys, name, sink)
         if isinstance(stream, io.TextIOWrapper):  # a console without µ shows a replacement
             stream.reconfigure(errors="replace")
     interruption = _Interruption()
@@ -112,7 +117,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.simplefilter("error", WrongUnit)
             warnings.showwarning = _show_warning
             code = int(arguments.run(arguments))
-        print(end="", flush=True)  # sys.stdout may be None
+        sys.stdout.flush()
         # an interrupted search returns normally, with its best layout so far
         return interruption.code if interruption.signal else code
     except BrokenPipeError:

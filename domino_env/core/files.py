@@ -160,3 +160,29 @@ def as_text(value: object) -> str:
         return one_line(_SHORT_REPR.repr(value), 80)
     except (ValueError, RecursionError):  # an int of thousands of digits raises ValueError
         return f"a {type(value).__name__} too large to show"
+
+
+def require_locks(folder: Path) -> None:
+    """Check that files in a folder can be locked, which some network file systems refuse.
+
+    SQLite waits for a refused lock as for one that another process holds.
+
+    Raises
+    ------
+    ValueError
+        If the file system refuses a lock.
+    """
+    try:
+        import fcntl
+
+        file = TemporaryFile(dir=folder)  # noqa: SIM115 - closed below
+    except (ImportError, OSError):  # Windows always locks; a folder that cannot be written
+        return
+    with file:
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ValueError(
+                f"the file system of {folder} refuses locks ({error.strerror}): name a folder on "
+                "another, such as a local disk"
+            ) from None

@@ -18,7 +18,8 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
     ----------
     show
         True for a bar; False for no output; None for a bar if standard error is a terminal,
-        otherwise a line every `PERIOD` seconds.
+        otherwise a line every `PERIOD` seconds. Without a standard error, as in a service, there
+        is no output.
     line
         Format of such a line, as tqdm's `bar_format`; empty for `LINE`.
     options
@@ -31,6 +32,8 @@ def progress_bar(show: bool | None, *, line: str = "", **options: Any) -> Any:
     """
     from tqdm import tqdm
 
+    if sys.stderr is None:
+        show = False
     if show is not None or sys.stderr.isatty():
         return tqdm(disable=show is False, **options)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 import numba
@@ -94,6 +94,7 @@ def share_pieces(task: Callable[..., object], items: int, count: int, *arguments
         return
     pool = _pool(threads)
     jobs = [pool.submit(task, i, min(i + piece, items), *arguments) for i in range(0, items, piece)]
+    wait(jobs)  # after an error too: the other threads write into the same arrays
     for job in jobs:
         job.result()
 

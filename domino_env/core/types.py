@@ -1,6 +1,8 @@
-"""Types of arrays, read-only arrays, and unique points."""
+"""Types of arrays, read-only arrays, results with such arrays, and unique points."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +18,23 @@ def read_only(array: ArrayLike) -> Floats:
     view = np.ascontiguousarray(array, dtype=np.float64).view()
     view.flags.writeable = False
     return view
+
+
+class ReadOnlyArrays:
+    """Base class of results whose arrays are read-only, also in a pickled or deep copy."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        _protect(tuple(state.values()))
+
+
+def _protect(value: object) -> None:
+    """Make an array, or those in nested tuples, read-only."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    elif isinstance(value, tuple):
+        for part in value:
+            _protect(part)
 
 
 def unique_points(table: Floats) -> Floats:

@@ -16,7 +16,7 @@ from domino_env.core.checks import numbers, require, require_choice, require_typ
 from domino_env.core.lazy import Lazy
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
-from domino_env.core.types import Floats, Ints, read_only
+from domino_env.core.types import Floats, Ints, ReadOnlyArrays, read_only
 from domino_env.kernels import arrays as kernel_arrays
 from domino_env.kernels.adjoint.chain import vjp, vjp_batch
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
@@ -67,7 +67,7 @@ _EXPLANATIONS = {
 }
 
 
-class Results:
+class Results(ReadOnlyArrays):
     """Results of a wave, or of B waves with a leading B.
 
     Attributes
@@ -539,7 +539,7 @@ def simulate_batch(
     record: bool = True,
     gradient: bool = False,
 ) -> WaveBatch:
-    """Simulate B layouts of N dominoes on all cores, with results bitwise equal to `simulate`.
+    """Simulate B layouts of N dominoes on all cores, bitwise as `simulate` at an equal `rtol`.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ import numpy as np
 
 from domino_env.core.checks import require, require_type
 from domino_env.core.progress import leave_out, progress_bar
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Bools, Floats, ReadOnlyArrays
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_arguments
 from domino_env.rigid import dynamics
@@ -29,7 +29,7 @@ STEPS_AT_ONCE = 256  # steps in a call of the compiled code, which takes some 0.
 
 
 @dataclass(frozen=True, eq=False)
-class RigidWave:
+class RigidWave(ReadOnlyArrays):
     """Wave of a layout of rigid bodies, by `simulate_standing` or a third-party engine.
 
     Attributes

@@ -1,9 +1,9 @@
 """Assignment of the dominoes of a stock to the places of a layout.
 
 `assign` solves it for any costs as a linear programme, whose vertices are whole numbers, or, if the
-number of changes is limited, as an integer programme, through cvxpy and HiGHS. `nearest_from_stock`
-solves the special case of squared distances by an assignment of SciPy and by sorting: the thinnest
-target gets the thinnest chosen domino.
+number of changes is limited, as an integer programme, by HiGHS in SciPy. `nearest_from_stock`
+solves the special case of squared distances by an assignment and by sorting: the thinnest target
+gets the thinnest chosen domino.
 """
 
 from __future__ import annotations
@@ -38,20 +38,28 @@ def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     RuntimeError
         If the solver fails.
     """
-    import cvxpy as cp
+    from scipy import optimize
+    from scipy.sparse import eye_array, kron
 
     places, kinds = costs.shape
+    at_each_place = kron(eye_array(places), np.ones((1, kinds)))
+    of_each_kind = kron(np.ones((1, places)), eye_array(kinds))
+    rules = [
+        optimize.LinearConstraint(at_each_place, 1.0, 1.0),
+        optimize.LinearConstraint(of_each_kind, -np.inf, count),
+    ]
     is_limited = changes < places  # otherwise the vertices are whole numbers by themselves
-    choice = cp.Variable((places, kinds), boolean=is_limited)
-    rules = [cp.sum(choice, axis=1) == 1.0, cp.sum(choice, axis=0) <= count, choice >= 0.0]
     if is_limited:
-        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], choice)) >= places - changes)
+        unchanged = np.eye(kinds)[current].reshape(1, -1)
+        rules.append(optimize.LinearConstraint(unchanged, places - changes, np.inf))
     scaled_costs = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
-    programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled_costs, choice))), rules)
-    programme.solve(solver=cp.HIGHS)
-    if choice.value is None:
-        raise RuntimeError(f"no assignment was found ({programme.status}): try another method")
-    return np.asarray(np.argmax(choice.value, axis=1))
+    result = optimize.milp(
+        scaled_costs.ravel(), constraints=rules, bounds=optimize.Bounds(0.0, 1.0),
+        integrality=int(is_limited),
+    )  # fmt: skip
+    if result.x is None:
+        raise RuntimeError(f"no assignment was found ({result.message}): try another method")
+    return np.asarray(np.argmax(result.x.reshape(places, kinds), axis=1))
 
 
 def nearest_from_stock(targets: Floats, stock: Stock) -> Floats:

@@ -27,7 +27,7 @@ from typing import Any
 import msgspec
 
 from domino_env.core.checks import as_path, require_extra
-from domino_env.core.files import as_text, one_line, require_writable, write_bytes
+from domino_env.core.files import as_text, one_line, require_locks, require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
 
@@ -217,8 +217,8 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     Raises
     ------
     ValueError
-        If the file is a folder, is damaged, is not a store, or cannot be written; it is not
-        changed. Without `create`, also if there is no file.
+        If the file is a folder, is damaged, is not a store, or cannot be written or locked; it is
+        not changed. Without `create`, also if there is no file.
     """
     path = as_path("path", path)
     if path.is_dir():
@@ -228,6 +228,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
             raise ValueError(f"{path} holds no store: give the file of one (--store)")
         require_writable(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
+    require_locks(path.parent)
     store = Store(path)
     with store.transaction() as connection:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:

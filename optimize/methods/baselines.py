@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -33,17 +35,29 @@ def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
     Meunier, L., et al. (2021). Black-box optimization revisited: improving algorithm selection
     wizards through massive benchmarking. arXiv:2010.04542.
     """
-    import nevergrad
-
-    array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
-    array = array.set_mutation(sigma=FIRST_DEVIATION).set_bounds(0.0, 1.0)
-    array.random_state = np.random.RandomState(int(rng.integers(2**31)))
-    with warnings.catch_warnings():
+    seed = int(rng.integers(2**31))
+    with warnings.catch_warnings(), _seeded_globally(seed):
         warnings.simplefilter("ignore")
+        import nevergrad  # which draws numbers itself
+
+        array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
+        array = array.set_mutation(sigma=FIRST_DEVIATION).set_bounds(0.0, 1.0)
+        array.random_state = np.random.RandomState(seed)
         optimizer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or BUDGET)
         while True:
             candidate = optimizer.ask()
             optimizer.tell(candidate, -evaluator.evaluate(candidate.value).score)
+
+
+@contextmanager
+def _seeded_globally(seed: int) -> Iterator[None]:
+    """Seed NumPy's global generator, which parts of Nevergrad use; restore its state at the end."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(seed)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
 
 
 def tpe(evaluator: Evaluator, rng: np.random.Generator) -> None:

@@ -1,5 +1,7 @@
 """A search that was stopped anywhere resumes bitwise, and simulates nothing twice."""
 
+import errno
+import os
 import sqlite3
 import subprocess
 import sys
@@ -13,6 +15,7 @@ import pytest
 
 import domino_env as de
 from optimize import METHODS, Evaluator, search
+from optimize.experiments.store import open_store
 from optimize.journal import Journal
 from optimize.methods.search import long_layouts
 from optimize.run_folder import JOURNAL
@@ -120,11 +123,20 @@ def test_a_resumed_search_continues_its_seconds(problems, tmp_path):
     assert [s[::3] for s in second.trace[:shared]] == [s[::3] for s in first.trace[:-1]]
 
 
-def test_a_damaged_journal_is_rejected(problems, tmp_path):
+def swap_a_bit(answer: bytes) -> bytes:
+    return answer[:-9] + bytes([answer[-9] ^ 1]) + answer[-8:]
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["answer = substr(answer, 9)", "answer = swap_a_bit(answer)", "seconds = seconds + 1.0"],
+)
+def test_a_damaged_journal_is_rejected(problems, tmp_path, change):
     words = (problems["both"], "random", 30)
     search(*words, folder=tmp_path)
     with closing(sqlite3.connect(tmp_path / JOURNAL)) as database:
-        database.execute("UPDATE answers SET answer = substr(answer, 9)")
+        database.create_function("swap_a_bit", 1, swap_a_bit)
+        database.execute(f"UPDATE answers SET {change}")
         database.commit()
     with pytest.raises(ValueError, match=r"cannot be used .*begin anew in another"):
         search(*words, folder=tmp_path, resume=True)
@@ -136,3 +148,18 @@ def test_two_searches_do_not_write_one_journal(tmp_path):
         with pytest.raises(ValueError, match=r"is locked.*: end the search that still writes it"):
             Journal(tmp_path / "j", "any", resume=resume)
     first.close()
+
+
+def test_a_file_system_without_locks_is_named(monkeypatch, tmp_path):
+    fcntl = pytest.importorskip("fcntl", reason="no locks of POSIX there")
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "lockf", refuse)
+    message = r"refuses locks \(No locks available\): name a folder"
+    with pytest.raises(ValueError, match=message):
+        Journal(tmp_path / "j", "any", resume=False)
+    with pytest.raises(ValueError, match=message):
+        open_store(tmp_path / "s")
+    assert not any(tmp_path.iterdir())

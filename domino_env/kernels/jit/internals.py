@@ -8,8 +8,6 @@ functions and tables of other files, so kernels are cached with a stamp of all f
 `kernels`: after an edit of any of them, all are compiled anew.
 """
 
-import contextlib
-import warnings
 from collections.abc import Callable
 from functools import cache, cached_property
 from typing import Any
@@ -18,15 +16,13 @@ import llvmlite.binding as llvm
 import numba
 from numba.core import caching, codegen, compiler, types
 
-from domino_env.core.progress import Advice
 from domino_env.kernels.jit import interpreted
 from domino_env.kernels.jit.plain import STAMP
+from domino_env.kernels.jit.storage import Cache
 from domino_env.kernels.jit.waiting import take_turn
 
 _DISPATCHERS: dict[str, Any] = {}  # functions that are not inlined, by name
 _SYMBOLS: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their symbols: name and argument types
-
-_WARNED_FOLDERS: list[str] = []  # folders that cannot be written, for a single warning
 
 
 def register_noinline(dispatcher: Any) -> None:
@@ -101,40 +97,18 @@ class _Implementation(caching.CompileResultCacheImpl):
         return super().rebuild(target_context, payload)
 
 
-class _Cache(caching.FunctionCache):
-    """Cache of machine code; if no folder can be written, it warns and does not cache."""
+class _Cache(Cache):
+    """Cache of machine code, into which one process at a time compiles."""
 
     _impl_class = _Implementation
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            result = super().load_overload(sig, target_context)
-        except OSError:  # a file of another user, or a file in place of a folder
-            result = None
-        except (AttributeError, ImportError):  # a file of a version with other types
-            result = None
-            with contextlib.suppress(OSError):
-                self.flush()
+        result = super().load_overload(sig, target_context)
         if result is None:
             interpreted.stop_if_searching()
             if take_turn(self.cache_path):  # another process may have compiled it
                 return self.load_overload(sig, target_context)
         return result
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        try:
-            super().save_overload(sig, data)
-        except OSError as error:  # the machine code stays in the memory of this process
-            self.disable()
-            if not _WARNED_FOLDERS:
-                _WARNED_FOLDERS.append(self.cache_path)
-                warnings.warn(
-                    f"compiled code cannot be kept in {self.cache_path} ({error.strerror}), so "
-                    "every process compiles it anew, which takes a while: set NUMBA_CACHE_DIR to a "
-                    "folder that can be written",
-                    Advice,
-                    stacklevel=2,
-                )
 
 
 # --- Libraries of compiled code

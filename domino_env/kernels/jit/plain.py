@@ -8,6 +8,11 @@ from typing import Any
 import numba
 from numba.core import config
 
+try:
+    from domino_env.kernels.jit.storage import Cache
+except Exception:  # whatever a changed Numba raises
+    from numba.core.caching import FunctionCache as Cache  # type: ignore[assignment]
+
 _FOLDER = Path(__file__).parents[1]
 _SOURCES = sorted(_FOLDER.rglob("*.py"))
 STAMP = hashlib.sha256(b"\0".join(path.read_bytes() for path in _SOURCES)).digest()
@@ -39,9 +44,11 @@ def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any
         folder = Path(cache_dir or _FOLDER / "__pycache__") / f"plain-{STAMP.hex()[:16]}"
         try:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
-            dispatcher.enable_caching()
+            dispatcher._cache = Cache(dispatcher.py_func)
         except (OSError, RuntimeError):  # the folder cannot be written: every process compiles
             pass
+        except Exception:  # whatever a changed Numba raises
+            dispatcher.enable_caching()
         finally:
             config.CACHE_DIR = cache_dir  # type: ignore[attr-defined]
     return dispatcher

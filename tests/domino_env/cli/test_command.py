@@ -267,3 +267,19 @@ def test_notices_are_printed_only_while_a_command_runs(capsys, monkeypatch, file
     lines = capsys.readouterr().err.replace("\r", "\n").splitlines()
     assert "compiling ..." in lines  # not within the line of the bar
     assert "no command is running" not in lines
+
+
+@pytest.mark.parametrize("closed", [["stderr"], ["stdout"], ["stdout", "stderr"]], ids=str)
+def test_a_command_without_its_streams_runs(capsys, monkeypatch, tmp_path, file, closed):
+    """Services have none, and `pythonw` neither."""
+    for name in closed:
+        monkeypatch.setattr(sys, name, None)
+    words = ["optimize", "sprint", "--budget", "20", "--out", str(tmp_path / "run")]
+    commands = words, [*words, "--resume"], ["simulate", "none.csv"], ["simulate", str(file)]
+    assert [main(command) for command in commands] == [0, 0, 2, 0]
+    for name in closed:
+        getattr(sys, name).close()
+    printed = capsys.readouterr()
+    assert ("none.csv" in printed.err) == ("stderr" not in closed)
+    assert ("best found" in printed.out) == ("stdout" not in closed)
+    assert "none.csv" not in printed.out

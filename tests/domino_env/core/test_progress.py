@@ -20,3 +20,11 @@ def test_progress_without_a_terminal_is_printed_in_lines(capsys, monkeypatch, sh
     for line in printed:
         assert " of 12 dominoes in " in line
         assert "\r" not in line
+
+
+def test_without_a_standard_error_there_is_no_progress(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    for shown in (True, False, None):
+        with progress.progress_bar(shown, total=2) as bar:
+            bar.update()
+            bar.set_postfix_str("nothing")

@@ -117,6 +117,68 @@ def test_compilation_without_a_writable_folder_gives_a_warning(copy):
     assert result["hits"] == [0, 0]
 
 
+DOUBLE = """
+import numba, sys
+if sys.argv[1] == "plain":
+    numba.version_info = (999, 0)
+from domino_env.kernels.jit import entry_point
+from domino_env.kernels.jit.interpreted import compiled
+
+def double(x):
+    return 2.0 * x
+
+def call():
+    entry = entry_point(double)  # without machine code in memory
+    with compiled():
+        assert entry(3.0) == 6.0
+    return sum(entry.stats.cache_hits.values())
+"""
+DAMAGE = """
+import numpy as np, sys
+from pathlib import Path
+from cached import call
+
+def damaged_contents(data):
+    yield from (data[:length] for length in np.linspace(0, len(data) - 1, 3).astype(int))
+    yield bytes(len(data))
+    middle = len(data) // 2
+    yield data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+    yield b"N."  # None, pickled
+
+assert (call(), call()) == (0, 1)
+index, code = (next(Path(sys.argv[2]).rglob(f"*double*{kind}")) for kind in (".nbi", ".nbc"))
+for path in (index, code):
+    for content in damaged_contents(path.read_bytes()):
+        path.write_bytes(content)
+        assert (call(), call()) == (0, 1), (path, len(content))
+    path.unlink()
+    path.mkdir()  # compiled, and not cached
+    assert (call(), call()) == (0, 0)
+    path.rmdir()
+    assert (call(), call()) == (0, 1)
+"""
+
+
+@pytest.mark.parametrize("way", ["fast", "plain"])
+def test_damaged_files_of_the_cache_are_compiled_again(tmp_path, way):
+    (tmp_path / "cached.py").write_text(DOUBLE)
+
+    def run(code):
+        search_path = f"{ROOT}{os.pathsep}{tmp_path}"
+        folder = str(tmp_path)
+        return start(code, way, folder, NUMBA_CACHE_DIR=folder, PYTHONPATH=search_path)
+
+    _, errors = run(DAMAGE).communicate()
+    assert "Traceback" not in errors, errors
+    assert errors.count("compiled code cannot be kept") == 1
+    for path in tmp_path.rglob("*.nb[ic]"):
+        path.write_bytes(b"")
+    both = [run("from cached import call; print(call(), call())") for _ in range(2)]
+    for process in both:
+        output, errors = process.communicate()
+        assert output in ("0 1\n", "1 1\n"), errors
+
+
 @pytest.mark.parametrize("function", [quadrature.series, chain.chain])
 def test_only_entry_points_are_called_from_python(function):
     with pytest.raises(TypeError, match="called by compiled code only"):

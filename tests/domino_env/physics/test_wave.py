@@ -1,6 +1,8 @@
 """Waves, batches, steady waves and smallest pushes: consistency, defaults, rejected arguments."""
 
+import copy
 import math
+import pickle
 import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -322,3 +324,35 @@ def test_tolerances_out_of_range_are_rejected(function, rtol):
 def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises((ValueError, TypeError, OSError, IndexError), match=f"^{re.escape(words)}"):
         call()
+
+
+@pytest.mark.parametrize(
+    "duplicate", [copy.deepcopy, lambda wave: pickle.loads(pickle.dumps(wave))]
+)
+@pytest.mark.parametrize("name", ["wave", "batch", "standing"])
+def test_arrays_of_a_copied_wave_are_read_only(name, duplicate):
+    standing = de.simulate_standing(LAYOUT, rtol=0.1) if name == "standing" else None
+    wave = duplicate({"wave": WAVE, "batch": BATCH, "standing": standing}[name])
+    values = list(vars(wave).values())
+    while values:
+        value = values.pop()
+        values += value if isinstance(value, tuple) else ()
+        assert not (isinstance(value, np.ndarray) and value.flags.writeable)
+    assert not wave.arrival_times.flags.writeable
+
+
+def test_pieces_of_a_batch_are_complete_when_one_raises(monkeypatch):
+    """They write into arrays that the caller may use again after the error."""
+    monkeypatch.setattr("domino_env.core.threads.allowed_threads", lambda: 2)
+    failed, complete = threading.Event(), []
+
+    def task(first: int, last: int) -> None:
+        if first == 0:
+            failed.set()
+            raise ZeroDivisionError
+        failed.wait(10.0)
+        complete.append(last - first)
+
+    with pytest.raises(ZeroDivisionError):
+        share_pieces(task, 80, 100)
+    assert sum(complete) == 70

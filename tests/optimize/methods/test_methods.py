@@ -8,6 +8,7 @@ import pytest
 
 import domino_env as de
 from optimize import METHODS, Evaluator, search
+from optimize.methods.registry import installed_third_party
 
 SCENES = ["spacing", "one-gap", "both", "length-both", "dying", "dead"]
 ENDLESS = [name for name in METHODS if name != "uniform"]  # they go on until they are stopped
@@ -42,7 +43,7 @@ def test_a_method_keeps_the_budget_and_the_rules_of_the_scene(scenes, simulated,
     assert result.gain == (result.score / result.uniform.score - 1.0 if completes else None)
 
 
-@every_method
+@pytest.mark.parametrize("method", [*METHODS, *installed_third_party()])
 def test_a_method_is_bitwise_reproducible(bits, scenes, monkeypatch, tmp_path, method):
     """It uses no file, and no global random generator."""
     monkeypatch.chdir(tmp_path)
