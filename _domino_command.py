@@ -3,8 +3,8 @@
 Importing `domino_env` loads Gymnasium to register the environments, which takes longer than
 everything else in `domino --help`. Commands need no registered environments: while the variable
 DOMINO_COMMAND is set, the package does not register them. Workers and methods of other packages may
-need them: workers do not inherit the variable, and `optimize.methods.registry` registers them before
-it loads such a method.
+need them: workers do not inherit the variable, and `optimize.methods.registry` registers them
+before it loads such a method.
 """
 
 import os

@@ -66,7 +66,9 @@ def test_modules_that_are_not_needed_are_not_loaded(script, heavy):
 
 def test_the_command_leaves_the_environments_to_workers_and_to_methods_of_others(tmp_path):
     (tmp_path / "theirs.py").write_text("def run(evaluator, rng): ...")
-    script = HELP + """
+    script = (
+        HELP
+        + """
 import os, subprocess
 child = [sys.executable, "-c", "import domino_env, gymnasium; gymnasium.spec('DominoChain-v2')"]
 subprocess.run(child, check=True)
@@ -75,6 +77,7 @@ load("theirs:run")
 import gymnasium
 gymnasium.spec("DominoChain-v2")
 """
+    )
     subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path)
 
 
