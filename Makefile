@@ -9,11 +9,12 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bench lint docs clean
+.PHONY: help run test compat bench lint docs clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
+	@echo "make compat checkers and wrappers of Gymnasium, Stable-Baselines3 and Minari"
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
@@ -28,6 +29,10 @@ run: $(VENV)/.core
 test: export OMP_NUM_THREADS := 1
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 4 --dist loadfile
+
+compat: $(VENV)/.dev
+	$(PIP) --group compat
+	$(BIN)/python -m pytest -n 2 tests/compat.py tests/domino_env/envs/test_interfaces.py
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks

@@ -349,7 +349,7 @@ class DominoChain(DominoEnv):
 
     Libraries that convert or record infos need the same keys in every step. With `info="numbers"`
     the info of every reset and step has `score`, `gain` and `outcome` as NumPy scalars (the value
-    of the `Outcome` as an integer) and nothing else; before the last step they are NaN, NaN and -1.
+    of the `Outcome` as an integer) and nothing else; before the last step they are 0, 0 and -1.
 
     A time limit (`gymnasium.make(…, max_episode_steps=10)`) truncates an episode without a result.
     Then `env.unwrapped.wave` is the wave in the dominoes placed so far, and its `layout` these.
