@@ -122,7 +122,8 @@ class SceneSource:
         _check_scene(self.first)
         names = () if self.distribution is None else self.distribution.features
         self.observed = _observed_indices(names, hide)
-        count, self.pool_size, self.longest_episode = self.first.count, 1, self.first.count - 1
+        count, self.pool_size = self.first.count, 1
+        self.longest_episode: int | None = count - 1
         if isinstance(scene, SceneDistribution):
             _check_distribution(scene)
             self.pool_size = len(shared_pool(scene))

@@ -37,6 +37,7 @@ MIN_PER_THREAD = 128  # environments; their steps take at least ten times as lon
 RTOL = 1e-6  # default relative error of the arrival times
 SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
 INFOS = ("all", "numbers")  # values of `info`
+CUT_INFOS = ("layout", "wave", "scene")  # keys of the infos of truncated episodes
 NO_OUTCOME = -1  # in place of an `Outcome`, before the end of an episode
 WINDOW = 8  # default number of gaps and thicknesses that are observed
 
@@ -496,7 +497,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         infos = results.infos()
         self._waves[envs] = infos["wave"]
         if self._episodes["phase"][envs[0]] == RUNNING:
-            kept = {name: infos[name] for name in ("layout", "wave", "scene") if name in infos}
+            kept: Infos = {name: infos[name] for name in CUT_INFOS if name in infos}
             return results.last_rewards, self.unfinished(len(envs)) or kept
         self._episodes["outcome"][envs] = results.outcome
         if self.info == "numbers":

@@ -77,7 +77,7 @@ class ScenePool:
 
     def is_known(self, indices: Ints) -> Bools:
         """Return True for each scene of some indices (K,) whose baseline need not be computed."""
-        return ~np.isnan(self.points[indices, 0])
+        return np.asarray(~np.isnan(self.points[indices, 0]))
 
     def scene(self, i: int) -> Scene:
         """Return the scene with index i and its uniform baseline."""
