@@ -31,7 +31,7 @@ test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 4 --dist loadfile
 
 compat: $(VENV)/.dev
-	$(PIP) --group compat
+	$(PIP) jax # for the DataCollector of Minari
 	$(BIN)/python -m pytest -n 2 tests/compat.py tests/domino_env/envs/test_interfaces.py
 
 bench: $(VENV)/.core
