@@ -9,12 +9,13 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bounds lowest newest bench lint docs clean
+.PHONY: help run test bounds compat lowest newest bench lint docs clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
 	@echo "make bounds tests of compiled code, with every index checked"
+	@echo "make compat checkers and wrappers of Gymnasium, Stable-Baselines3 and Minari"
 	@echo "make lowest, make newest"
 	@echo "            methods and environments with the lowest or newest versions of dependencies"
 	@echo "make bench  timings with the error beside them"
@@ -52,6 +53,10 @@ lowest newest:
 		pytest pytest-xdist hypothesis -e .
 	$(VENV)-$@/bin/python -m pytest -n 2 --dist loadfile -W default tests/optimize/methods \
 		tests/optimize/constraints tests/optimize/test_journal.py tests/domino_env/envs/test_vector.py
+
+compat: $(VENV)/.dev
+	$(PIP) jax # for the DataCollector of Minari
+	$(BIN)/python -m pytest -n 2 tests/compat.py tests/domino_env/envs/test_interfaces.py
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks

@@ -1,8 +1,10 @@
 """Entry point of the `domino` command, outside the packages.
 
 Importing `domino_env` loads Gymnasium to register the environments, which takes longer than
-everything else in `domino --help`. Commands need no registered environments: the variable
-DOMINO_COMMAND of the process tells the package not to register them.
+everything else in `domino --help`. Commands need no registered environments: while the variable
+DOMINO_COMMAND is set, the package does not register them. Workers and methods of other packages may
+need them: workers do not inherit the variable, and `optimize.methods.registry` registers them
+before it loads such a method.
 """
 
 import os
@@ -18,6 +20,7 @@ def main() -> int:
     os.environ["DOMINO_COMMAND"] = "1"
     from domino_env.cli.main import main
 
+    del os.environ["DOMINO_COMMAND"]
     code = main()
     if code > 128:  # ended by a signal: do not wait for threads that still compile or simulate
         for stream in (sys.stdout, sys.stderr):

@@ -25,8 +25,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
 )
-# the `domino` command sets this variable: it uses no registered environments, and starts faster
-# without Gymnasium
+# the `domino` command sets this variable while it imports the package: it uses no registered
+# environments, and starts faster without Gymnasium
 if "DOMINO_COMMAND" not in os.environ:
     from domino_env.envs import register
 

@@ -64,6 +64,23 @@ def test_modules_that_are_not_needed_are_not_loaded(script, heavy):
     assert not loaded_by(script) & set(heavy.split())
 
 
+def test_the_command_leaves_the_environments_to_workers_and_to_methods_of_others(tmp_path):
+    (tmp_path / "theirs.py").write_text("def run(evaluator, rng): ...")
+    script = (
+        HELP
+        + """
+import os, subprocess
+child = [sys.executable, "-c", "import domino_env, gymnasium; gymnasium.spec('DominoChain-v2')"]
+subprocess.run(child, check=True)
+from optimize.methods.registry import load
+load("theirs:run")
+import gymnasium
+gymnasium.spec("DominoChain-v2")
+"""
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path)
+
+
 # public names -----------------------------------------------------------------------------------
 
 

@@ -7,6 +7,7 @@ import sys
 import warnings
 from typing import Any
 
+UNNOTICED = 2.0  # [s] of work or waiting, after which the user is told what happens
 PERIOD = 30.0  # [s] between two lines if standard error is not a terminal
 LINE = "{percentage:.0f} %, {n_fmt} of {total_fmt}{unit} in {elapsed}, {remaining} left{postfix}"
 

@@ -3,6 +3,7 @@
     vector     DominoChain-v2 as a vector environment: one domino per step
     chain      the same as a single environment, a batch of one
     layout     DominoLayout-v2, single and vector: a whole layout per step
+    arguments  scenes as arguments, and specifications that can be written as JSON
     spaces     names and bounds of observations, number of entries of an action
     sources    scenes of episodes: always the same one, or one sampled at every reset
     episodes   results of episodes: score, return, and an info with layout and wave

@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.types import Singles
 from domino_env.envs import rendering
-from domino_env.envs.sources import SceneLike
+from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.spaces import check_actions
 from domino_env.envs.vector import RTOL, WINDOW, DominoChainVector
+from domino_env.physics.wave import Wave
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 
-class DominoEnv(gymnasium.Env[Singles, Singles]):
+class DominoEnv(WritableSpec, gymnasium.Env[Singles, Singles]):
     """Single environment, which steps a vector environment of one.
 
     Parameters
@@ -49,6 +50,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.MODES)
         self._vector = vector
+        self.longest_episode = vector.longest_episode
         self._all = np.ones(1, np.bool_)
         self._begun = self._over = False
         self.observation_layout = vector.observation_layout
@@ -59,6 +61,11 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
     def scene(self) -> Scene:
         """Scene of the current episode."""
         return self._vector.scenes[0]
+
+    @property
+    def wave(self) -> Wave:
+        """Wave in the dominoes placed so far, also after a time limit has ended the episode."""
+        return self._vector.wave(0)
 
     @property
     def distribution(self) -> SceneDistribution | None:
@@ -83,7 +90,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         observation : NDArray
             (O,).
         info : dict
-            "scene" if scenes are sampled.
+            "scene" if scenes are sampled; with `info="numbers"` its keys, without results.
 
         Raises
         ------
@@ -100,7 +107,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         self._begun, self._over = True, False
         if self.render_mode == "human":
             self.render()
-        return observations[0], {key: values.item(0) for key, values in infos.items()}
+        return observations[0], {key: values[0] for key, values in infos.items()}
 
     def step(self, action: ArrayLike) -> tuple[Singles, float, bool, bool, dict[str, Any]]:
         """Take a step.
@@ -121,7 +128,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         truncated : bool
             False.
         info : dict
-            Info of the class after the last step, else empty.
+            Info of the class after the last step, else empty, or with `info="numbers"` its keys
+            without results.
 
         Raises
         ------
@@ -138,7 +146,8 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         self._over = bool(ended[0])
         if self.render_mode == "human":
             self.render()
-        info = {key: values.item(0) for key, values in infos.items()}
+        infos = infos or self._vector.unfinished(1)
+        info = {key: values[0] for key, values in infos.items()}
         return observations[0], float(rewards[0]), self._over, False, info
 
     def snapshot(self) -> rendering.Snapshot:
@@ -307,7 +316,7 @@ class DominoChain(DominoEnv):
     ## Starting state
     Only the first domino is placed. `reset(options={"layout": layout})` starts from a layout of
     fewer dominoes than the scene has, at the hit of its last domino; the rewards that follow are
-    those of a whole episode after the same dominoes.
+    those of a whole episode after the same dominoes. Options of a reset hold for its episode only.
 
     A fixed scene is random only in two cases. With placement noise (`placement`), every
     reset samples normal errors with `np_random`. One of them is added to each gap that an action
@@ -326,7 +335,8 @@ class DominoChain(DominoEnv):
     dominoes, and this page describes the sampled scene.
 
     ## Episode end
-    Terminated when the last domino is placed, or when the wave stops. Never truncated. If the scene
+    Terminated when the last domino is placed, or when the wave stops. Never truncated without a
+    time limit. If the scene
     has a run-out, the last step lets the wave run through its fixed dominoes, to the end of the
     row: scores, X_end and T_end are those of the whole row, and so is `wave` in the info, while
     `layout` has the placed dominoes only.
@@ -336,7 +346,14 @@ class DominoChain(DominoEnv):
     baseline, 0.01 is one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its
     wave at the environment's tolerance; its `reach` is relative to all N dominoes). Layout and wave
     are computed when they are read. If scenes are sampled, `scene` is in the last info and in that
-    of the reset.
+    of the reset. `score` and `gain` are NumPy scalars.
+
+    Libraries that convert or record infos need the same keys in every step. With `info="numbers"`
+    the info of every reset and step has `score`, `gain` and `outcome` as NumPy scalars (the value
+    of the `Outcome` as an integer) and nothing else; before the last step they are 0, 0 and -1.
+
+    A time limit (`gymnasium.make(…, max_episode_steps=10)`) truncates an episode without a result.
+    Then `env.unwrapped.wave` is the wave in the dominoes placed so far, and its `layout` these.
 
     ## Version history
     - v2: an action of 0 is the uniform baseline, with a logarithmic scale to the bounds; in v1
@@ -354,7 +371,8 @@ class DominoChain(DominoEnv):
     ----------
     scene
         A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which every reset
-        samples a scene.
+        samples a scene; or the document of one of these two, as `Scene.document` returns it. `spec`
+        has the document of a scene or distribution, so that it can be written as JSON.
     render_mode
         None, "rgb_array" or "human".
     rtol
@@ -372,6 +390,8 @@ class DominoChain(DominoEnv):
     hide
         Names from `distribution.features` that are left out of the observation. Other parts may
         still depend on them.
+    info
+        "all" for the infos described above, "numbers" for the same three numbers in every step.
 
     Raises
     ------
@@ -396,8 +416,10 @@ class DominoChain(DominoEnv):
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
+        info: str = "all",
     ) -> None:
         vector = DominoChainVector(
-            1, scene, None, rtol, window, num_scenes=num_scenes, first_scene=first_scene, hide=hide
-        )
+            1, scene, None, rtol, window, num_scenes=num_scenes, first_scene=first_scene, hide=hide,
+            info=info,
+        )  # fmt: skip
         super().__init__(vector, render_mode)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
 from domino_env.envs.sources import SceneSource
-from domino_env.kernels.step.batch import Batch
+from domino_env.kernels.step.batch import RUNNING, Batch
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
@@ -25,7 +25,7 @@ _OUTCOMES = np.array([*Outcome], object)  # members by value
 
 
 class EpisodeResults:
-    """Results of E episodes that ended together.
+    """Results of E episodes that ended together, or were cut: these have no score.
 
     The whole layout is simulated again in three cases: the score is not the mean speed of the wave;
     the error estimate exceeds the tolerance, as only a new simulation can be more exact; or the
@@ -69,7 +69,10 @@ class EpisodeResults:
         self._waves: dict[int, Wave] = {}
         self.outcome, self.reach = episodes["outcome"], episodes["reach"]
         self.score = episodes["score"]
-        is_uniform = episodes["as_uniform"]
+        is_cut = episodes["phase"] == RUNNING  # the dominoes placed so far have all been hit
+        is_uniform = episodes["as_uniform"] & ~is_cut
+        hits = episodes["placed"] + 1
+        self.reach[is_cut] = (hits / (source.rules["count"][scenes] + source.run_out))[is_cut]
         self._simulate(np.flatnonzero(episodes["uncertain"] & ~is_uniform).tolist())
         if is_uniform.any():
             for name in ("score", "outcome", "reach"):

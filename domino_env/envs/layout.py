@@ -11,8 +11,9 @@ from gymnasium.vector import AutoresetMode
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs.arguments import SceneLike
 from domino_env.envs.chain import DominoEnv
-from domino_env.envs.sources import Generators, SceneLike
+from domino_env.envs.sources import Generators
 from domino_env.envs.vector import RTOL, DominoChainVector, Infos
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.kernels.step.environment import place_batch
@@ -71,6 +72,8 @@ class DominoLayout(DominoEnv):
         See `DominoChain`.
     rtol
         See `DominoChain`.
+    info
+        See `DominoChain`.
 
     Raises
     ------
@@ -86,9 +89,13 @@ class DominoLayout(DominoEnv):
     """
 
     def __init__(
-        self, scene: SceneLike = "sprint", render_mode: str | None = None, rtol: float = RTOL
+        self,
+        scene: SceneLike = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        info: str = "all",
     ) -> None:
-        super().__init__(DominoLayoutVector(1, scene, None, rtol), render_mode)
+        super().__init__(DominoLayoutVector(1, scene, None, rtol, info=info), render_mode)
 
 
 class DominoLayoutVector(DominoChainVector):
@@ -107,8 +114,10 @@ class DominoLayoutVector(DominoChainVector):
         None or "rgb_array".
     rtol
         See `DominoLayout`.
-    autoreset_mode
+    autoreset_mode, max_episode_steps
         See `DominoChainVector`.
+    info
+        See `DominoChain`.
 
     Raises
     ------
@@ -125,10 +134,14 @@ class DominoLayoutVector(DominoChainVector):
         render_mode: str | None = None,
         rtol: float = RTOL,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        info: str = "all",
+        max_episode_steps: int | None = None,
     ) -> None:
         super().__init__(
-            num_envs, scene, render_mode, rtol, window=0, autoreset_mode=autoreset_mode
-        )
+            num_envs, scene, render_mode, rtol, window=0, autoreset_mode=autoreset_mode, info=info,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip
+        self.longest_episode = 1
         if self.distribution is not None:
             raise ValueError(
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "

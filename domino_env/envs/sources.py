@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from domino_env.core.checks import require, require_choice
 from domino_env.core.models import plain
 from domino_env.core.types import Floats, Ints
+from domino_env.envs.arguments import SceneLike, as_scene
 from domino_env.envs.spaces import FEATURE_LIMIT, ObservationLayout, action_entries, closeness
 from domino_env.kernels.arrays import CONTACT, STATE, UNEVEN_CONTACT
 from domino_env.kernels.step import environment as kernels
 from domino_env.kernels.step.batch import BEGINNING, EPISODE, RULES, RUNNING, UNIFORM, Batch
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL, Outcome
-from domino_env.scenes.distribution import SceneDistribution, load_any
+from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.objectives.tempo import LEAST_SCORE
 from domino_env.scenes.placement import LEAST_GAP
@@ -26,7 +26,6 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Generators = Callable[[int], np.random.Generator]  # returns the generator of an environment
-SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # or the name or path of either
 
 COUNT_FACTOR = 2  # largest count of a scene given to a reset, over the largest sampled count
 MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
@@ -39,8 +38,7 @@ class SceneSource:
     Parameters
     ----------
     scene
-        Scene of all episodes, or distribution from which every reset samples one; or the name or
-        path of either.
+        Scene of all episodes, or distribution from which every reset samples one; see `as_scene`.
     num_envs
         B, the number of environments.
     rtol
@@ -66,6 +64,8 @@ class SceneSource:
         Indices of the scenes that resets sample.
     longest
         N, largest number of dominoes of a scene, without those of a run-out.
+    longest_episode
+        Number of steps of an episode, if its wave does not stop; None if it is sampled.
     run_out
         Number of fixed dominoes of the run-out.
     window
@@ -115,8 +115,7 @@ class SceneSource:
         require("num_envs", num_envs, 1, whole=True)
         require("rtol", rtol, MIN_RTOL, MAX_RTOL)
         require("window", window, 0, whole=True, hint="the number of gaps observed")
-        if not isinstance(scene, Scene | SceneDistribution):
-            scene = load_any(scene)
+        scene = as_scene(scene)
         self.rtol = float(rtol)
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
@@ -124,10 +123,12 @@ class SceneSource:
         names = () if self.distribution is None else self.distribution.features
         self.observed = _observed_indices(names, hide)
         count, self.pool_size = self.first.count, 1
+        self.longest_episode: int | None = count - 1
         if isinstance(scene, SceneDistribution):
             _check_distribution(scene)
             self.pool_size = len(shared_pool(scene))
-            count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
+            if COUNT in scene.ranges:
+                count, self.longest_episode = int(scene.ranges[COUNT].max), None
         self.indices = _sampled_indices(self.pool_size, num_scenes, first_scene)
         self.window = min(int(window), count - 1)
         size = self.pool_size + 2 * num_envs * (self.distribution is not None)
@@ -146,14 +147,23 @@ class SceneSource:
             self._store(0, scene, np.empty(0))
 
     def sample(self, generator: np.random.Generator) -> int:
-        """Sample a scene, and return its index; 0 if the scene is fixed."""
+        """Sample a scene, and return its index, which `load` takes; 0 if the scene is fixed."""
         if self.distribution is None:
             return 0
-        i = self.indices[int(len(self.indices) * generator.random())]
-        if self.scenes[i] is None:  # the more environments, the sooner all scenes are used
-            first = i - i % self.num_envs
-            self._store_pool(range(first, min(first + self.num_envs, self.pool_size)))
-        return i
+        return self.indices[int(len(self.indices) * generator.random())]
+
+    def load(self, indices: Ints) -> None:
+        """Store the sampled scenes with these indices, unless they are stored."""
+        missing = np.array([i for i in indices.tolist() if self.scenes[i] is None], np.int64)
+        if len(missing):
+            # the more environments, the sooner all scenes are used; computing a baseline that is
+            # not known takes long
+            blocks = np.unique(missing // self.num_envs)[:, None] * self.num_envs
+            near = (blocks + np.arange(self.num_envs)).ravel()
+            near = near[(near >= self.indices.start) & (near < self.indices.stop)]
+            assert self.distribution is not None
+            near = near[shared_pool(self.distribution).is_known(near)]
+            self._store_pool(np.union1d(missing, near).tolist())
 
     def add(self, env: int, scene: Scene, present: int) -> int:
         """Store a scene for one environment.
@@ -209,12 +219,11 @@ class SceneSource:
         self._store_times(i, times, speed, score)
         self.outcome[i], self.reach[i] = baseline.wave.outcome, baseline.wave.reach
 
-    def _store_pool(self, indices: range) -> None:
+    def _store_pool(self, indices: list[int]) -> None:
         """Store some scenes of the pool; their baselines are simulated as one batch."""
         assert self.distribution is not None
         pool, new = shared_pool(self.distribution), [i for i in indices if self.scenes[i] is None]
-        for i in new:
-            scene = pool.scene(i)
+        for i, scene in zip(new, pool.scenes(new), strict=True):
             is_speed = scene.scoring.is_mean_speed and scene.limits is None
             if not (is_speed and scene.is_homogeneous):
                 self._store(i, scene, pool.features[i])

@@ -7,7 +7,7 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import numbers, require
-from domino_env.core.types import Floats
+from domino_env.core.types import Bools, Floats
 from domino_env.kernels.step import action, observation
 from domino_env.scenes.scene import Scene
 
@@ -98,9 +98,16 @@ def gap_entries(scene: Scene, gaps: Floats) -> Floats:
     return entries
 
 
-def check_actions(actions: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
-    """Return actions as float64; raise a ValueError for another shape or entries not finite."""
+def check_actions(
+    actions: ArrayLike, shape: tuple[int, ...] | None, ignored: Bools | None = None
+) -> Floats:
+    """Return actions as float64; raise a ValueError for another shape or entries not finite.
+
+    ignored: (B,) True for environments whose action is not used and may have any entries.
+    """
     values = numbers("action", actions, None, shape, "entries from -1 to 1")
     if np.count_nonzero(np.isfinite(values)) < values.size:  # faster than all()
+        if ignored is not None:
+            values = np.where(ignored[:, None], 0.0, values)
         require("action", values, hint="from -1 to 1", array=True)
     return values

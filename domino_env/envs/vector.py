@@ -18,13 +18,14 @@ from domino_env.core.files import as_text
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
+from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.episodes import EpisodeResults, placed_layout
-from domino_env.envs.sources import Generators, SceneLike, SceneSource
+from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import action_entries, check_actions
 from domino_env.kernels.step import environment as kernels
-from domino_env.kernels.step.batch import BEGINNING
+from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.physics.layout import Layout
-from domino_env.physics.wave import simulate
+from domino_env.physics.wave import Wave, simulate
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.scene_base import LENGTH_TOLERANCE
@@ -35,10 +36,13 @@ Infos = dict[str, NDArray[Any]]
 MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 RTOL = 1e-6  # default relative error of the arrival times
 SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
+INFOS = ("all", "numbers")  # values of `info`
+CUT_INFOS = ("layout", "wave", "scene")  # keys of the infos of truncated episodes
+NO_OUTCOME = -1  # in place of an `Outcome`, before the end of an episode
 WINDOW = 8  # default number of gaps and thicknesses that are observed
 
 
-class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
+class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]]):
     """Vector environment of `DominoChain`, bitwise equal to single environments.
 
     Actions (B, A), observations (B, O) and rewards (B,) float64 are as in Gymnasium's vector
@@ -48,7 +52,8 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
     The options of a reset are "reset_mask", a (B,) mask of the environments to reset, and "layout",
     the first dominoes: one `Layout` for all environments, or a list with a `Layout` or None for
     each. If scenes are sampled, "scene" chooses them: one for all environments, or a list with a
-    `Scene` or None for each.
+    `Scene` or None for each. Options hold for the episodes that this reset begins; episodes that
+    begin after them, by themselves or by a reset without options, begin without.
 
     Parameters
     ----------
@@ -69,8 +74,12 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         - SAME_STEP: the last step itself; the last observation and info are in infos["final_obs"]
           and infos["final_info"].
         - DISABLED: none; call `reset(options={"reset_mask": …})` before the next step.
-    num_scenes, first_scene, hide
+    num_scenes, first_scene, hide, info
         See `DominoChain`.
+    max_episode_steps
+        Number of steps after which an episode is truncated, as by `gymnasium.wrappers.TimeLimit`;
+        None for no limit. The info of a truncated episode has the `layout` of the dominoes that it
+        placed and their `wave`.
 
     Attributes
     ----------
@@ -105,7 +114,12 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
+        info: str = "all",
+        max_episode_steps: int | None = None,
     ) -> None:
+        require_choice("info", info, INFOS)
+        limit = None if max_episode_steps == -1 else max_episode_steps  # -1 as in gymnasium.make
+        require("max_episode_steps", limit, 1, whole=True, optional=True)
         source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
@@ -119,6 +133,8 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.source = source
+        self.info, self.max_episode_steps = info, limit
+        self.longest_episode = source.longest_episode
         self.observation_layout = source.observation_layout
         self._batch = source.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
@@ -127,10 +143,12 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             self._batch.order[:] = self._pieces
         # before the first reset, all environments have one scene of those that are sampled
         self._batch.scene[:] = source.sample(np.random.default_rng(0))
+        source.load(self._batch.scene[:1])
         source.begin_layouts(self._batch, np.arange(self.num_envs))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
         self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
+        self._steps = np.zeros(self.num_envs, np.int64)  # of episodes, if their number is limited
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._nothing: list[Any] = [None] * self.num_envs  # value of an option that is not given
@@ -182,7 +200,8 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         observations : NDArray
             (B, O).
         infos : dict
-            "scene" of each environment that was reset, if scenes are sampled.
+            "scene" of each environment that was reset, if scenes are sampled. See `DominoChain` for
+            `info="numbers"`.
 
         Raises
         ------
@@ -245,6 +264,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
                 source.add(b, scenes[b], indices[b]) if scenes[b] else source.sample(generators(b))
                 for b in envs.tolist()
             ]
+            source.load(indices[envs])
         starts = {b: layouts[b] for b in envs.tolist() if layouts[b] is not None}
         for b, start in starts.items():
             _check_start(start, source.scenes[indices[b]], source.rtol, b)
@@ -259,10 +279,17 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
             if self._scene(b).growth is not None:
                 batch.height[b, : start.count] = start.height
         self._episodes["phase"][mask], self._episodes["placed"][mask] = BEGINNING, placed[mask]
-        self._waves[mask] = None
-        if self.distribution is None:
-            return {}
+        self._waves[mask], self._steps[mask] = None, 0
+        if self.distribution is None or self.info == "numbers":
+            return self.unfinished(len(envs))
         return {"scene": source.scenes[indices[envs]]}
+
+    def unfinished(self, number: int) -> Infos:
+        """Return the infos of some episodes that are not over: none, or arrays without results."""
+        if self.info == "all":
+            return {}
+        score, gain = np.zeros((2, number))  # not NaN, which checkers find unequal to itself
+        return {"score": score, "gain": gain, "outcome": np.full(number, NO_OUTCOME)}
 
     def _value_per_env(self, name: str, value: Any, kind: type) -> list[Any]:
         """Return a list of one value per environment from a shared value, a sequence or None."""
@@ -384,7 +411,7 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         rewards : NDArray
             (B,) float64.
         terminated, truncated : NDArray
-            (B,) masks of episodes that ended; none is ever truncated.
+            (B,) masks of episodes that ended; none is truncated without `max_episode_steps`.
         infos : dict
             Infos of the class, for episodes that ended or, if scenes are sampled, began.
 
@@ -395,28 +422,39 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         ResetNeeded
             Before `reset`, and with DISABLED once an episode is over.
         """
-        values = check_actions(actions, self.action_space.shape)
+        over, mode = self._over, self.autoreset_mode
+        ignored = over if mode == AutoresetMode.NEXT_STEP else None
+        values = check_actions(actions, self.action_space.shape, ignored)
         if not self._begun.all():
             raise ResetNeeded("call reset() before the first step()")
-        over = self._over
-        if self.autoreset_mode == AutoresetMode.DISABLED and over.any():
+        if mode == AutoresetMode.DISABLED and over.any():
             raise ResetNeeded(
                 f"the episode of environment {int(np.argmax(over))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
-        infos: dict[str, Any] = {}
+        infos = self._spread({}, self.unfinished(self.num_envs), np.ones(self.num_envs, np.bool_))
         if over.any():
             infos = self._spread(infos, self._prepare(over, self._generator), over)
-        observations, rewards, ended, last_infos = self.advance(values)
-        infos = self._spread(infos, last_infos, ended)
+        observations, rewards, terminated, last = self.advance(values)
+        truncated = np.zeros(self.num_envs, np.bool_)
+        if self.max_episode_steps is not None:
+            self._steps += ~over
+            truncated = self._steps >= self.max_episode_steps
+        ended = terminated | truncated
+        at_once = mode == AutoresetMode.SAME_STEP and bool(ended.any())
+        last_infos = self._spread({} if at_once else infos, last, terminated)
+        cut = np.flatnonzero(truncated & ~terminated)
+        if len(cut):
+            self._spread(last_infos, self._end(cut)[1], truncated & ~terminated)
         self._over = ended
-        if last_infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
-            final = self._spread({}, {"final_obs": np.fromiter(observations[ended], object)}, ended)
-            infos = final | {"final_info": infos, "_final_info": ended.copy()}
+        if at_once:
+            final = observations[ended] if self.info == "numbers" else _rows(observations[ended])
+            infos = self._spread(infos, {"final_obs": final}, ended)
+            infos |= {"final_info": last_infos, "_final_info": ended.copy()}
             infos = self._spread(infos, self.begin(ended, observations, self._generator), ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
-        return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
+        return observations, rewards, terminated.copy(), truncated, infos
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Take a step in every environment whose episode is not over, and begin prepared episodes.
@@ -451,24 +489,41 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         return observations, rewards, ended, infos
 
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
-        """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended."""
+        """Return the last rewards (E,) and the infos of environments (E,) whose episodes ended.
+
+        Truncated episodes, which are still running, have a layout and a wave only.
+        """
         results = EpisodeResults(self.source, self._batch, envs)
-        self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         self._waves[envs] = infos["wave"]
+        if self._episodes["phase"][envs[0]] == RUNNING:
+            kept: Infos = {name: infos[name] for name in CUT_INFOS if name in infos}
+            return results.last_rewards, self.unfinished(len(envs)) or kept
+        self._episodes["outcome"][envs] = results.outcome
+        if self.info == "numbers":
+            names = ("score", "gain")
+            infos = {name: infos[name] for name in names} | {"outcome": results.outcome.copy()}
         return results.last_rewards, infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, mask: Bools) -> dict[str, Any]:
         """Write arrays of infos of the environments of a mask into arrays of all environments."""
+        if not values:
+            return infos
         envs = np.flatnonzero(mask)  # faster than the mask if it is sparse
         for key, entries in values.items():
             if key not in infos:
                 blank = np.empty if entries.dtype == object else np.zeros  # empty objects are None
-                infos[key] = blank(self.num_envs, entries.dtype)
+                infos[key] = blank((self.num_envs, *entries.shape[1:]), entries.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
             infos[key][envs] = entries
             infos[f"_{key}"][envs] = True
         return infos
+
+    def wave(self, env: int) -> Wave:
+        """Return the wave in the dominoes that an environment, by its index, has placed so far."""
+        if self._waves[env] is None:
+            return EpisodeResults(self.source, self._batch, np.array([env])).wave(0)
+        return cast("Wave", self._waves[env])
 
     # planning -------------------------------------------------------------------------------------
 
@@ -598,6 +653,11 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
     def close_extras(self, **kwargs: Any) -> None:
         """Release the renderer."""
         self._renderer.close()
+
+
+def _rows(values: Singles) -> NDArray[Any]:
+    """Return an array (E,) of objects, the rows (O,) of an array (E, O)."""
+    return np.fromiter(values, object)
 
 
 def _check_start(layout: Layout, scene: Scene, rtol: float, env: int) -> None:

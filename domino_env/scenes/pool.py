@@ -6,11 +6,20 @@
 from __future__ import annotations
 
 import hashlib
+import logging
+import time
+import zlib
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
-from domino_env.core.files import raise_with_path
-from domino_env.core.types import Floats
+from domino_env.core.files import one_line, raise_with_path
+from domino_env.core.progress import UNNOTICED, notice
+from domino_env.core.types import Bools, Floats, Ints
+from domino_env.kernels.jit.plain import STAMP, cache_folder
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS
 from domino_env.scenes.scene import Scene
@@ -24,8 +33,9 @@ DIGITS = 5  # significant digits of sampled numbers, for legible files
 class ScenePool:
     """Scenes 0, 1, … of a distribution, each with its uniform baseline.
 
-    Scene i is sampled with the seed [0, i]. Scenes and baselines are computed at their first use;
-    those of the shipped distributions are stored.
+    Scene i is sampled with the seed [0, i]. Scenes and baselines are computed at their first use.
+    Those of the shipped distributions are stored; others are kept in the folder of compiled code,
+    in a file for each set of ranges and each version of the simulator.
 
     Parameters
     ----------
@@ -54,16 +64,46 @@ class ScenePool:
             n = min(size, len(table))
             # the last three columns are the point and the score
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
+        self._file = None if table is not None else _cache_file(distribution)
+        self._seconds, self._told = 0.0, False  # of computing baselines
+        if self._file is not None:
+            for line in _read_lines(self._file, 3 + self.numbers.shape[1]):
+                if line[0] < size:
+                    self.numbers[int(line[0])], self.points[int(line[0])] = line[1:-2], line[-2:]
         self.features = distribution.scale(self.numbers)
 
     def __len__(self) -> int:
         return len(self.numbers)
 
+    def is_known(self, indices: Ints) -> Bools:
+        """Return True for each scene of some indices (K,) whose baseline need not be computed."""
+        return np.asarray(~np.isnan(self.points[indices, 0]))
+
     def scene(self, i: int) -> Scene:
         """Return the scene with index i and its uniform baseline."""
-        if np.isnan(self.points[i, 0]):
+        return self.scenes([i])[0]
+
+    def scenes(self, indices: Sequence[int]) -> list[Scene]:
+        """Return the scenes with some indices and their uniform baselines.
+
+        Those that are not known are computed; once they have taken two seconds, the user is told.
+        """
+        unknown = [i for i in indices if not self.is_known(np.array([i]))[0]]
+        for number, i in enumerate(unknown, 1):
+            start = time.perf_counter()
             self._sample(i)
-        return self._scene(i)
+            self._keep(i)
+            self._seconds += time.perf_counter() - start
+            if self._seconds > UNNOTICED and not self._told:
+                self._told = True
+                done = np.count_nonzero(self.is_known(np.arange(len(self))))
+                notice(
+                    f"computing the uniform baseline of each scene that is sampled from "
+                    f"'{one_line(self.distribution.name, 40)}', once: {done} are known, "
+                    f"{len(unknown) - number} more are needed now ...",
+                    logging.WARNING,  # visible without any configuration of logging
+                )
+        return [self._scene(i) for i in indices]
 
     def _scene(self, i: int) -> Scene:
         name = f"{self.distribution.name}-{i}"
@@ -76,6 +116,40 @@ class ScenePool:
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             score = self._scene(i).uniform().score
         self.features[i] = self.distribution.scale(self.numbers[i])
+
+    def _keep(self, i: int) -> None:
+        """Append numbers and point of scene i to the file, if there is one that can be written."""
+        if self._file is None:
+            return
+        line = ",".join(map(repr, [float(i), *self.numbers[i].tolist(), *self.points[i].tolist()]))
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with self._file.open("a", encoding="ascii") as file:
+                file.write(f"{line},{zlib.crc32(line.encode())}\n")
+
+
+def _cache_file(distribution: SceneDistribution) -> Path:
+    """Return the file for the baselines of a distribution, as this version computes them."""
+    digest = hashlib.sha256(_code_stamp() + make_stamp(distribution).encode()).hexdigest()
+    return cache_folder() / "baselines" / f"{digest[:32]}.csv"
+
+
+@cache
+def _code_stamp() -> bytes:
+    """Return a digest of the files that determine the baseline of a scene."""
+    files = sorted(Path(__file__).parent.rglob("*.py"))
+    return STAMP + hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).digest()
+
+
+def _read_lines(file: Path, columns: int) -> list[Floats]:
+    """Return the lines of a file of baselines; incomplete and damaged ones are left out."""
+    lines: list[Floats] = []
+    with suppress(OSError):  # there is no such file yet, or it cannot be read
+        for text in file.read_bytes().splitlines():
+            line, _, check = text.rpartition(b",")
+            if check == str(zlib.crc32(line)).encode():
+                lines.append(np.array(line.split(b","), np.float64))
+    return [line for line in lines if len(line) == columns]
 
 
 def load_test_set(name: str) -> list[Scene]:

@@ -93,6 +93,10 @@ def load(name: str | Method) -> Method:
         return _check_signature(name, method_name(name))
     prefix, colon, text = name.partition(":")
     families = {} if name in METHODS else installed_families()
+    if text:  # a method of another package may make environments
+        from domino_env.envs import register
+
+        register()
     if colon and prefix in families:
         return cast("Method", families[prefix].load()(text))
     if text and prefix not in METHODS:

@@ -18,6 +18,11 @@ _SOURCES = sorted(_FOLDER.rglob("*.py"))
 STAMP = hashlib.sha256(b"\0".join(path.read_bytes() for path in _SOURCES)).digest()
 
 
+def cache_folder() -> Path:
+    """Return the folder of compiled code: NUMBA_CACHE_DIR, or one beside the kernels."""
+    return Path(config.CACHE_DIR or _FOLDER / "__pycache__")  # type: ignore[attr-defined]
+
+
 def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any) -> Any:
     """Compile a function by `numba.njit`.
 
@@ -41,7 +46,7 @@ def compile_plainly(function: Callable[..., Any], *, cache: bool, **options: Any
     dispatcher = njit(nogil=True, error_model="numpy", **options)(function)
     if cache:
         cache_dir = config.CACHE_DIR  # type: ignore[attr-defined]
-        folder = Path(cache_dir or _FOLDER / "__pycache__") / f"plain-{STAMP.hex()[:16]}"
+        folder = cache_folder() / f"plain-{STAMP.hex()[:16]}"
         try:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
             dispatcher._cache = Cache(dispatcher.py_func)

@@ -15,12 +15,11 @@ from typing import Any, TextIO
 
 from numba.core import event
 
-from domino_env.core.progress import notice
+from domino_env.core.progress import UNNOTICED, notice
 
 if sys.platform != "win32":  # there each process compiles on its own
     import fcntl
 
-UNNOTICED = 2.0  # [s] of compilation or waiting, after which the user is told
 LONGEST_TURN = 300.0  # [s] after which a process that compiles is assumed to be stopped
 LOCK = "compiling.lock"
 

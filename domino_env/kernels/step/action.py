@@ -240,8 +240,8 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
     if kinds > 0:
         least, largest = batch.kinds[0, 0], batch.kinds[0, kinds - 1]
         for k in range(kinds):
-            distance = abs(batch.kinds[0, k] - thickness) / (largest - least)
-            action[column + 1 - kinds + k] = 1.0 - 2.0 * min(distance, 1.0)
+            difference = abs(batch.kinds[0, k] - thickness) / (largest - least)
+            action[column + 1 - kinds + k] = 1.0 - 2.0 * min(difference, 1.0)
     elif rules.thickness_low < rules.thickness_high:
         action[column] = entry_for(thickness, low, high, uniform.thickness)
     if rules.gap_low < rules.gap_high:

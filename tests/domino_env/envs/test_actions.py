@@ -107,3 +107,16 @@ def test_derivatives_by_actions_match_finite_differences(name):
                 continue
             assert exact[place] == pytest.approx(difference, rel=1e-5, abs=1e-8)
         assert without_effect < 0.8 * actions.size
+
+
+def test_an_action_for_a_piece_keeps_the_bounds_of_a_length():
+    scene = SCENES["box"]  # environments reject a length beside a stock, the kernel does not
+    env = de.DominoChainVector(1, scene)
+    pieces = scene.uniform().layout.thickness[1:]
+    target = scene.layout([0.003] * 4 + [0.03] * 4, pieces)
+    env._batch.rules["length"] = target.length
+    env.reset()
+    for n in range(3):  # then the wave stops
+        env.step(env.actions_towards(target))
+        assert env._batch.thickness[0, n + 1] == target.thickness[n + 1]
+        assert env._batch.spacing[0, n] == pytest.approx(target.spacing[n], rel=1e-9)
