@@ -36,15 +36,17 @@ from optimize.problem import Problem
 THOROUGH = 80  # gradients of a thorough local search
 SAME_DOMINO = 1e-9  # largest difference of the variables of two dominoes of the same kind
 LEAST_GAIN = 1e-6  # a smaller relative gain counts as zero
-# rounds with assignments: numbers of places that a programme may change, random changes and refined
-# layouts of a round, gradients of each, and rounds without gain that end them
-CHANGES = (2, 4, 8, 16)
+CHANGES = (2, 4, 8, 16)  # numbers of places that a programme may change
+# first rounds: random changes, refined layouts, gradients of each, rounds without gain at the end
 PROPOSALS, PROPOSALS_REFINED, QUICK, MAX_IDLE = 400, 8, 10, 3
 # annealed generations: children that are scored, those that are refined, gradients of each, and
 # gradients of the one that is accepted
 CHILDREN, CHILDREN_REFINED, CHILD_GRADIENTS, ACCEPTED_GRADIENTS = 120, 4, 12, 25
-THRESHOLD = 2e-4  # largest relative loss that is accepted at the start of a cycle
+THRESHOLD = 5e-4  # largest relative loss that is accepted at the start of a cycle
 FIRST_CYCLE, GROWTH = 100, 2  # generations of the first cycle, and factor from cycle to cycle
+MAX_TRIES = 8  # random changes until dominoes of different kinds change places
+# probabilities that gaps move with their dominoes, and that the pivots stay
+MOVED_GAPS, SAME_PIVOTS = 0.8, 0.1
 SPARE_PROBABILITY = 0.2  # probability of an exchange with a spare domino, if there is one
 MOST_NEIGHBOURS = 8  # largest number of neighbours that are permuted
 SHAKE = 4e-3  # standard deviation of random changes of gaps, relative to their range
@@ -69,25 +71,24 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 def _improve(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Change the order of the uniform baseline until several rounds gain nothing."""
-    current = _refine(evaluator, uniform_design(evaluator.problem), THOROUGH)
+    problem = evaluator.problem
+    current = _refine(evaluator, uniform_design(problem), THOROUGH)
     idle = 0
     while idle < MAX_IDLE:
-        children = _children(evaluator.problem, current.design, PROPOSALS, rng)
+        children = _children(problem, current.design, PROPOSALS, rng)
         if idle == 0:  # assignments are not random
-            assignments = evaluator.problem.project(_assignments(evaluator, current.design))
+            assignments = problem.project(_assignments(evaluator, current.design))
             children = np.concatenate([children, assignments])
         child = _best_refined(evaluator, children, PROPOSALS_REFINED, QUICK)
-        if child.score > current.score + LEAST_GAIN * abs(current.score):
-            current, idle = child, 0
-        else:
-            idle += 1
+        has_gained = child.score > current.score + LEAST_GAIN * abs(current.score)
+        current, idle = (child, 0) if has_gained else (current, idle + 1)
 
 
 def _anneal(evaluator: Evaluator, generations: int, rng: np.random.Generator) -> None:
     """Run one cycle of generations, from the best layout so far, with a falling threshold."""
     current = _refine(evaluator, evaluator.best, THOROUGH)
     for generation in range(generations):
-        threshold = THRESHOLD * (1.0 - generation / generations)
+        threshold = THRESHOLD * (1.0 - generation / generations) ** 2
         children = _children(evaluator.problem, current.design, CHILDREN, rng)
         child = _best_refined(evaluator, children, CHILDREN_REFINED, CHILD_GRADIENTS)
         if child.score > current.score - threshold * abs(current.score):
@@ -100,8 +101,10 @@ def _best_refined(
 ) -> LocalSearch:
     """Score layouts (B, n), refine the best of them, and return the best local search."""
     scores = evaluator.evaluate(designs).score
-    order = np.argsort(-scores, kind="stable")[:refined]
-    searches = [_local_search(evaluator.problem, designs[i]) for i in order]
+    designs = designs[np.argsort(-scores, kind="stable")]
+    pairs = evaluator.problem.scene.count - 1
+    _, firsts = np.unique(designs[:, -pairs:], axis=0, return_index=True)  # the best of each order
+    searches = [_local_search(evaluator.problem, designs[i]) for i in np.sort(firsts)[:refined]]
     run_local_searches(evaluator, searches, gradients)
     return max(searches, key=lambda search: search.score)
 
@@ -118,7 +121,8 @@ def _local_search(problem: Problem, design: Floats) -> LocalSearch:
 
     It does not move dominoes of the stock, so that without a given length it needs no projection.
     """
-    return LocalSearch(design, None if problem.equality is None else problem.project)
+    project = None if problem.equality is None else problem.project
+    return LocalSearch(design, project, normal=problem.normal)
 
 
 def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
@@ -151,13 +155,16 @@ def _children(problem: Problem, design: Floats, number: int, rng: np.random.Gene
         if len(spares) and rng.random() < SPARE_PROBABILITY:
             child[len(child) - pairs + int(rng.integers(pairs))] = rng.choice(spares)
         else:
-            order = _reorder(pieces, rng)
+            for _ in range(MAX_TRIES):
+                order = _reorder(pieces, rng)
+                if np.any(np.abs(pieces[order] - pieces) > SAME_DOMINO):
+                    break
             child[-pairs:] = pieces[order]
         if problem.scene.free_spacing:
-            variant = rng.integers(4)
-            if variant < 2:  # the gaps move with their dominoes
+            variant = rng.random()
+            if variant < MOVED_GAPS:
                 child[:pairs] = design[order]
-            elif variant == 2:  # the pivots stay
+            elif variant < MOVED_GAPS + SAME_PIVOTS:
                 child[:pairs] += span[1] / span[0] * (pieces - child[-pairs:])
     if problem.scene.free_spacing:
         gaps = children[:, :pairs]
@@ -180,7 +187,7 @@ def _reorder(pieces: Floats, rng: np.random.Generator) -> Ints:
         return order
     i, j = sorted(rng.integers(pairs, size=2).tolist())
     if kind == 2:  # move a domino, which shifts those between
-        order[i : j + 1] = np.roll(order[i : j + 1], rng.choice([-1, 1]))
+        order[i : j + 1] = np.roll(order[i : j + 1], rng.choice([-3, -2, -1, 1, 2, 3]))
     elif kind == 3:
         order[i : j + 1] = order[i : j + 1][::-1]
     else:

@@ -74,7 +74,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
     layouts.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
     layouts.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
-    while idle < PATIENCE:
+    while idle < PATIENCE or not evaluator.may_end:
         best_score, designs = layouts.score, _propose(layouts, rng)
         if not len(designs):
             return
