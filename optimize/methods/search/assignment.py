@@ -11,10 +11,10 @@ or two pairs of dominoes, a domino that moves to another place, a part in revers
 permutation of up to eight neighbours, and an exchange with a spare domino. Gaps stay at their
 places, move with their dominoes, or keep the pivots. All changed layouts are scored in one batch,
 the best few are refined, and the best of these becomes the present layout if it loses less than a
-threshold, which falls to zero in every cycle. Each cycle begins at the best layout so far and is
-longer than the one before, so that no limit has to be known. Small random changes of the gaps move
-layouts off the kinks of the score, at which local searches would end. Without a stock, only local
-searches from several starts remain.
+threshold, which falls to zero in every cycle. Each cycle begins at the best layout so far; cycles
+with a low threshold and with a high one follow each other, so that no limit has to be known. Small
+random changes of the gaps move layouts off the kinks of the score, at which local searches would
+end. Without a stock, only local searches from several starts remain.
 
 References
 ----------
@@ -23,6 +23,8 @@ appearing superior to simulated annealing. Journal of Computational Physics 90, 
 """
 
 from __future__ import annotations
+
+from itertools import count
 
 import numpy as np
 
@@ -42,8 +44,9 @@ PROPOSALS, PROPOSALS_REFINED, QUICK, MAX_IDLE = 400, 8, 10, 3
 # annealed generations: children that are scored, those that are refined, gradients of each, and
 # gradients of the one that is accepted
 CHILDREN, CHILDREN_REFINED, CHILD_GRADIENTS, ACCEPTED_GRADIENTS = 120, 4, 12, 25
-THRESHOLD = 5e-4  # largest relative loss that is accepted at the start of a cycle
-FIRST_CYCLE, GROWTH = 100, 2  # generations of the first cycle, and factor from cycle to cycle
+# generations of a cycle, and the largest relative loss that is accepted at its start. The threshold
+# doubles from cycle to cycle; after some cycles it begins anew, with longer cycles.
+CYCLE, THRESHOLD, THRESHOLD_DOUBLINGS = 100, 5e-4, 4
 MAX_TRIES = 8  # random changes until dominoes of different kinds change places
 # probabilities that gaps move with their dominoes, and that the pivots stay
 MOVED_GAPS, SAME_PIVOTS = 0.8, 0.1
@@ -60,13 +63,12 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         for start in starts(evaluator, rng):
             _refine(evaluator, start, THOROUGH)
     _improve(evaluator, rng)
-    generations = FIRST_CYCLE
-    while True:
+    for cycle in count():
         before = evaluator.best_score
-        _anneal(evaluator, generations, rng)
+        generations = CYCLE * (1 + cycle // THRESHOLD_DOUBLINGS)
+        _anneal(evaluator, generations, THRESHOLD * 2 ** (cycle % THRESHOLD_DOUBLINGS), rng)
         gain = (evaluator.best_score - before) / abs(before)
         evaluator.status = f"the last {generations} generations gained {gain:.2g} of the score"
-        generations *= GROWTH
 
 
 def _improve(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -84,14 +86,16 @@ def _improve(evaluator: Evaluator, rng: np.random.Generator) -> None:
         current, idle = (child, 0) if has_gained else (current, idle + 1)
 
 
-def _anneal(evaluator: Evaluator, generations: int, rng: np.random.Generator) -> None:
+def _anneal(
+    evaluator: Evaluator, generations: int, threshold: float, rng: np.random.Generator
+) -> None:
     """Run one cycle of generations, from the best layout so far, with a falling threshold."""
     current = _refine(evaluator, evaluator.best, THOROUGH)
     for generation in range(generations):
-        threshold = THRESHOLD * (1.0 - generation / generations) ** 2
+        loss = threshold * (1.0 - generation / generations) ** 2 * abs(current.score)
         children = _children(evaluator.problem, current.design, CHILDREN, rng)
         child = _best_refined(evaluator, children, CHILDREN_REFINED, CHILD_GRADIENTS)
-        if child.score > current.score - threshold * abs(current.score):
+        if child.score > current.score - loss:
             run_local_searches(evaluator, [child], ACCEPTED_GRADIENTS)
             current = child
 
@@ -203,4 +207,4 @@ def _spares(problem: Problem, design: Floats) -> Floats:
     kinds = (np.array(stock.thickness) - problem.low[-1]) / (problem.high - problem.low)[-1]
     pieces = design[-(problem.scene.count - 1) :]
     used = np.abs(pieces[:, None] - kinds).argmin(axis=1)
-    return kinds[np.bincount(used, minlength=len(kinds)) < np.array(stock.count)]
+    return np.asarray(kinds[np.bincount(used, minlength=len(kinds)) < np.array(stock.count)])

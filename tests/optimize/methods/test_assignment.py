@@ -44,7 +44,7 @@ def test_random_changes_keep_the_box_and_change_the_order(box):
 
 
 def test_annealed_cycles_are_bitwise_reproducible_and_never_lose_the_best(box, bits, monkeypatch):
-    small = {"PROPOSALS": 20, "CHILDREN": 10, "FIRST_CYCLE": 2, "MAX_IDLE": 1, "LEAST_GAIN": 1e-2}
+    small = {"PROPOSALS": 20, "CHILDREN": 10, "CYCLE": 2, "MAX_IDLE": 1, "LEAST_GAIN": 1e-2}
     for name, value in small.items():
         monkeypatch.setattr(assignment, name, value)
     first, again = (search(box, budget=700, seed=4) for _ in range(2))
