@@ -168,6 +168,12 @@ class Evaluator:
         return None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
 
     @property
+    def may_end(self) -> bool:
+        """True if a method may end before a limit: with a tolerance, or without any limit."""
+        is_limited = self.max_evaluations is not None or self.max_seconds is not None
+        return self.tolerance is not None or not is_limited
+
+    @property
     def progress(self) -> float:
         """Spent fraction, 0 to 1, of the limit that is nearest."""
         evaluations = self.evaluations / (self.max_evaluations or np.inf)

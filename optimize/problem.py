@@ -156,6 +156,11 @@ class Problem:
         return self.high - self.low, self._feasible.total - float(self.low.sum())
 
     @property
+    def normal(self) -> Floats | None:
+        """Coefficients (n,) of the sum of the free values that a length fixes; None without one."""
+        return None if self.equality is None else self.equality[0]
+
+    @property
     def coupled(self) -> bool:
         """True if several design vectors stand for the same layout, see `project`."""
         return self.scene.length is not None or self._feasible.stock is not None

@@ -64,7 +64,8 @@ def search(
 ) -> SearchResult:
     """Search for a layout of a scene that is better than the uniform baseline.
 
-    A search ends when its method is done; budget and seconds limit it. Without a limit it also ends
+    A search ends when its method is done; budget and seconds limit it, and `auto` uses them fully
+    unless it meets a schedule. Without a limit it also ends
     when doubling its time is expected to gain less than a tolerance. Ctrl-C ends the search with
     the best layout so far.
 

@@ -3,6 +3,7 @@
 import re
 import signal
 from dataclasses import replace
+from itertools import count
 from types import SimpleNamespace
 
 import numba
@@ -128,12 +129,24 @@ def test_auto_ends_when_independent_searches_agree(bits, scenes, tmp_path):
         alone = search(scenes["both"], seed=1)
     finally:
         numba.set_num_threads(threads)
-    assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.stop_reason)
+    assert re.fullmatch(
+        r"done: ([3-9]) of \d+ indep.* without gain; .* 0.02 % .*", alone.stop_reason
+    )
     limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
     assert limited.stop_reason.startswith(f"limit of {alone.evaluations - 1} layouts reached; ")
     assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
     resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
     assert (resumed.stop_reason, bits(resumed)) == (alone.stop_reason, bits(alone))
+
+
+def test_auto_uses_a_given_limit(scenes):
+    now = count(step=0.002)  # seconds
+    done = search(scenes["one-gap"], seed=1)
+    assert done.stop_reason.startswith("done: ")
+    for limit in ({"budget": done.evaluations + 100}, {"seconds": 5.0, "clock": now.__next__}):
+        result = search(scenes["one-gap"], seed=1, **limit)
+        assert result.stop_reason.startswith("limit of ")
+        assert result.evaluations > done.evaluations
 
 
 @pytest.mark.parametrize("method", ["random", "cma"])

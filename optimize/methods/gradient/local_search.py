@@ -29,6 +29,7 @@ LEAST_COSINE = 1e-10
 LEAST_CURVATURE = 1e-12
 BRACKET_WIDTH = 0.1  # relative width of the bracket at which a line search takes its best point
 MAX_DENSE = 200  # variables up to which the whole inverse curvature is stored
+MAX_TANGENTS = 4  # corrections of a step by which other variables come to a face of the box
 MEMORY = 30  # pairs of step and change of the gradient that are stored for more variables
 MAX_TRIES = 14  # largest number of evaluations of one line search
 # largest change of a variable in the first try of a line search, relative to the box; at this
@@ -53,6 +54,9 @@ class LocalSearch:
     curvature
         (n,) positive guess of the inverse curvature of the score along each variable, for the first
         step; None for a short step along the gradient.
+    normal
+        (n,) coefficients of the sum that a given length fixes, to which steps are tangential; None
+        for none.
 
     Attributes
     ----------
@@ -72,8 +76,9 @@ class LocalSearch:
         start: Floats,
         project: Callable[[Floats], Floats] | None = None,
         curvature: Floats | None = None,
+        normal: Floats | None = None,
     ) -> None:
-        self._project = project
+        self._project, self._normal = project, normal
         self.candidate = _nearest_feasible(start, project)
         self.design = self.candidate
         self.score, self.gradient = -np.inf, np.zeros(len(start))
@@ -121,6 +126,27 @@ class LocalSearch:
         high = (self.design >= 1.0) & (direction > 0.0)
         return np.where(low | high, 0.0, direction)
 
+    def _tangent(self, step: Floats, multiply: Callable[[Floats], Floats]) -> Floats:
+        """Return a step with the least change, in the metric of the curvature, that keeps the sum.
+
+        A projection of the step would change all its components, and with them the curvature that
+        is estimated from it. `multiply` multiplies by the inverse curvature.
+        """
+        if self._normal is None:
+            return step
+        free = step != 0.0
+        for _ in range(MAX_TANGENTS):
+            normal = np.where(free, self._normal, 0.0)
+            change = np.where(free, multiply(normal), 0.0)
+            if not float(normal @ change) > 0.0:
+                return step
+            tangent = step - change * (float(normal @ step) / float(normal @ change))
+            step = self._inward_part(tangent)
+            if np.array_equal(step, tangent):
+                break
+            free = step != 0.0
+        return step
+
     def _direction(self) -> Floats | None:
         """Return the direction of the next step; None at a maximum."""
         gradient = self._inward_part(self.gradient)
@@ -128,12 +154,13 @@ class LocalSearch:
             return None
         if not self._curvature.is_initial:
             step = np.where(gradient != 0.0, self._curvature.multiply(gradient), 0.0)
-            step = self._inward_part(step)
+            step = self._tangent(self._inward_part(step), self._curvature.multiply)
             if step @ gradient > LEAST_COSINE * np.linalg.norm(step) * np.linalg.norm(gradient):
                 return step
             self._curvature.reset()
         if self._guess is not None:
             return gradient * self._guess
+        gradient = self._tangent(gradient, lambda normal: normal)
         return gradient * (FIRST_CHANGE / float(np.abs(gradient).max()))
 
     def _line_search(
@@ -183,7 +210,7 @@ class CoarseToFine:
         (n,) design vector to begin at.
     matrices
         (n, m) matrices from m values to a design vector, the coarsest first; see `coarse_matrix`.
-    project
+    project, normal
         See `LocalSearch`.
     """
 
@@ -192,9 +219,10 @@ class CoarseToFine:
         start: Floats,
         matrices: Sequence[Floats],
         project: Callable[[Floats], Floats] | None = None,
+        normal: Floats | None = None,
     ) -> None:
         self._matrices = list(matrices)
-        self._project = project
+        self._project, self._normal = project, normal
         self.evaluations = 0
         self.done = False
         self.score, self.design = -np.inf, start
@@ -204,9 +232,10 @@ class CoarseToFine:
         """Begin the search on the next coarse layout, or on the design vector after the last."""
         self._matrix = self._matrices.pop(0) if self._matrices else None
         if self._matrix is None:
-            self._search = LocalSearch(design, self._project)
+            self._search = LocalSearch(design, self._project, normal=self._normal)
         else:
-            self._search = LocalSearch(self._coarsen(self._matrix, design))
+            normal = None if self._normal is None else self._matrix.T @ self._normal
+            self._search = LocalSearch(self._coarsen(self._matrix, design), normal=normal)
 
     def _coarsen(self, matrix: Floats, design: Floats) -> Floats:
         """Return the values (m,) of the coarse layout nearest to a design vector (n,)."""

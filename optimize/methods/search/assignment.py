@@ -1,82 +1,132 @@
-"""Order of the dominoes of a stock: assignments by HiGHS and exchanges, with local searches.
+"""Order of the dominoes of a stock: assignments by HiGHS, then an annealed search of exchanges.
 
 At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
 of domino at each place. An integer programme, solved by HiGHS, finds the assignment with the
-largest predicted gain and a limited number of changes (see `optimize.constraints.stock`). Exchanges
-of two dominoes, and moves of one to another place, are tried too. Short local searches refine the
-gaps of the best few of all these layouts, and the best one is kept. Without a stock, only the local
-searches remain.
+largest predicted gain and a limited number of changes (see `optimize.constraints.stock`). Random
+changes of the order are tried too, and short local searches refine the gaps of the best few of all
+these layouts, until several rounds gain nothing.
+
+Then the search is annealed. Every generation changes the present layout at random: exchanges of one
+or two pairs of dominoes, a domino that moves to another place, a part in reverse order, a
+permutation of up to eight neighbours, and an exchange with a spare domino. Gaps stay at their
+places, move with their dominoes, or keep the pivots. All changed layouts are scored in one batch,
+the best few are refined, and the best of these becomes the present layout if it loses less than a
+threshold, which falls to zero in every cycle. Each cycle begins at the best layout so far; cycles
+with a low threshold and with a high one follow each other, so that no limit has to be known. Small
+random changes of the gaps move layouts off the kinks of the score, at which local searches would
+end. Without a stock, only local searches from several starts remain.
+
+References
+----------
+Dueck, G., Scheuer, T. (1990). Threshold accepting: a general purpose optimization algorithm
+appearing superior to simulated annealing. Journal of Computational Physics 90, 161-175.
 """
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 
-from domino_env.core.types import Floats, unique_points
+from domino_env.core.types import Floats, Ints
 from optimize.constraints.stock import assign
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
-from optimize.methods.starts import starts
+from optimize.methods.starts import starts, uniform_design
 from optimize.problem import Problem
 
-THOROUGH, QUICK = 80, 10  # gradients of a thorough and of a quick local search
+THOROUGH = 80  # gradients of a thorough local search
 SAME_DOMINO = 1e-9  # largest difference of the variables of two dominoes of the same kind
-CHANGES = (2, 4, 8, 16)  # numbers of places that a programme may change
-PROPOSALS = 200  # layouts of each kind of change that are tried, except assignments
-MAX_REFINED = 8  # best layouts of a round that are refined
 LEAST_GAIN = 1e-6  # a smaller relative gain counts as zero
-MAX_IDLE = 3  # rounds without gain that end the search from a start
+CHANGES = (2, 4, 8, 16)  # numbers of places that a programme may change
+# first rounds: random changes, refined layouts, gradients of each, rounds without gain at the end
+PROPOSALS, PROPOSALS_REFINED, QUICK, MAX_IDLE = 400, 8, 10, 3
+# annealed generations: children that are scored, those that are refined, gradients of each, and
+# gradients of the one that is accepted
+CHILDREN, CHILDREN_REFINED, CHILD_GRADIENTS, ACCEPTED_GRADIENTS = 120, 4, 12, 25
+# generations of a cycle, and the largest relative loss that is accepted at its start. The threshold
+# doubles from cycle to cycle; after some cycles it begins anew, with longer cycles.
+CYCLE, THRESHOLD, THRESHOLD_DOUBLINGS = 100, 5e-4, 4
+MAX_TRIES = 8  # random changes until dominoes of different kinds change places
+# probabilities that gaps move with their dominoes, and that the pivots stay
+MOVED_GAPS, SAME_PIVOTS = 0.8, 0.1
+SPARE_PROBABILITY = 0.2  # probability of an exchange with a spare domino, if there is one
+MOST_NEIGHBOURS = 8  # largest number of neighbours that are permuted
+SHAKE = 4e-3  # standard deviation of random changes of gaps, relative to their range
+FACE_DISTANCE = 1e-3  # distance to a face of the box up to which a gap is not changed at random
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Improve one start after the other until a limit is reached."""
-    for start in starts(evaluator, rng):
-        _improve(evaluator, start, rng)
-
-
-def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> None:
-    """Change the order of the dominoes of one start until several rounds gain nothing."""
+    """Search the order of the dominoes until a limit is reached."""
     problem = evaluator.problem
-    score, design = _refine(evaluator, problem.project(start[None]), THOROUGH)
     if problem.is_continuous.all():  # there is no order
-        return
+        for start in starts(evaluator, rng):
+            _refine(evaluator, start, THOROUGH)
+    _improve(evaluator, rng)
+    for cycle in count():
+        before = evaluator.best_score
+        generations = CYCLE * (1 + cycle // THRESHOLD_DOUBLINGS)
+        _anneal(evaluator, generations, THRESHOLD * 2 ** (cycle % THRESHOLD_DOUBLINGS), rng)
+        gain = (evaluator.best_score - before) / abs(before)
+        evaluator.status = f"the last {generations} generations gained {gain:.2g} of the score"
+
+
+def _improve(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Change the order of the uniform baseline until several rounds gain nothing."""
+    problem = evaluator.problem
+    current = _refine(evaluator, uniform_design(problem), THOROUGH)
     idle = 0
     while idle < MAX_IDLE:
-        neighbours = _neighbours(evaluator, design, rng, first=idle == 0)
-        if len(neighbours) == 0:
-            return
-        scores = evaluator.evaluate(neighbours).score
-        best = neighbours[np.argsort(-scores, kind="stable")[:MAX_REFINED]]
-        new_score, new_design = _refine(evaluator, best, QUICK)
-        if new_score > score + LEAST_GAIN * abs(score):
-            score, design, idle = new_score, new_design, 0
-        else:
-            idle += 1
-    _refine(evaluator, design[None], THOROUGH)
+        children = _children(problem, current.design, PROPOSALS, rng)
+        if idle == 0:  # assignments are not random
+            assignments = problem.project(_assignments(evaluator, current.design))
+            children = np.concatenate([children, assignments])
+        child = _best_refined(evaluator, children, PROPOSALS_REFINED, QUICK)
+        has_gained = child.score > current.score + LEAST_GAIN * abs(current.score)
+        current, idle = (child, 0) if has_gained else (current, idle + 1)
 
 
-def _refine(evaluator: Evaluator, designs: Floats, gradients: int) -> tuple[float, Floats]:
-    """Return the best score and design vector of local searches from some layouts."""
-    searches = [LocalSearch(design, evaluator.problem.projection) for design in designs]
+def _anneal(
+    evaluator: Evaluator, generations: int, threshold: float, rng: np.random.Generator
+) -> None:
+    """Run one cycle of generations, from the best layout so far, with a falling threshold."""
+    current = _refine(evaluator, evaluator.best, THOROUGH)
+    for generation in range(generations):
+        loss = threshold * (1.0 - generation / generations) ** 2 * abs(current.score)
+        children = _children(evaluator.problem, current.design, CHILDREN, rng)
+        child = _best_refined(evaluator, children, CHILDREN_REFINED, CHILD_GRADIENTS)
+        if child.score > current.score - loss:
+            run_local_searches(evaluator, [child], ACCEPTED_GRADIENTS)
+            current = child
+
+
+def _best_refined(
+    evaluator: Evaluator, designs: Floats, refined: int, gradients: int
+) -> LocalSearch:
+    """Score layouts (B, n), refine the best of them, and return the best local search."""
+    scores = evaluator.evaluate(designs).score
+    designs = designs[np.argsort(-scores, kind="stable")]
+    pairs = evaluator.problem.scene.count - 1
+    _, firsts = np.unique(designs[:, -pairs:], axis=0, return_index=True)  # the best of each order
+    searches = [_local_search(evaluator.problem, designs[i]) for i in np.sort(firsts)[:refined]]
     run_local_searches(evaluator, searches, gradients)
-    best = max(searches, key=lambda search: search.score)
-    return best.score, best.design
+    return max(searches, key=lambda search: search.score)
 
 
-def _neighbours(
-    evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
-) -> Floats:
-    """Propose layouts (B, n) with another order.
+def _refine(evaluator: Evaluator, design: Floats, gradients: int) -> LocalSearch:
+    """Return a local search from one layout (n,) after some gradients."""
+    search = _local_search(evaluator.problem, evaluator.problem.project(design[None])[0])
+    run_local_searches(evaluator, [search], gradients)
+    return search
 
-    `first` is true if this design vector is changed for the first time; assignments, which are not
-    random, are proposed only then.
+
+def _local_search(problem: Problem, design: Floats) -> LocalSearch:
+    """Return a local search from a design vector (n,) that keeps the rules.
+
+    It does not move dominoes of the stock, so that without a given length it needs no projection.
     """
-    problem = evaluator.problem
-    proposals = [_exchanges(problem, design, rng), _insertions(problem, design, rng)]
-    if first:
-        proposals.append(_assignments(evaluator, design))
-    designs = problem.project(np.concatenate(proposals))
-    return unique_points(designs[np.any(designs != design, axis=1)])
+    project = None if problem.equality is None else problem.project
+    return LocalSearch(design, project, normal=problem.normal)
 
 
 def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
@@ -98,32 +148,63 @@ def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
     return designs
 
 
-def _exchanges(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose exchanges of two dominoes, which keep the gaps or the pivots."""
+def _children(problem: Problem, design: Floats, number: int, rng: np.random.Generator) -> Floats:
+    """Change a layout at random, `number` times; return the design vectors (number, n)."""
     pairs = problem.scene.count - 1
-    thickness = design[-pairs:]
-    first, second = np.nonzero(np.triu(np.abs(thickness[:, None] - thickness) > SAME_DOMINO))
-    chosen = rng.permutation(len(first))[:PROPOSALS]
-    first, second = first[chosen], second[chosen]
-    designs = np.repeat(design[None], len(chosen), axis=0)
-    indices = np.arange(len(chosen))
-    i, j = len(design) - pairs + first, len(design) - pairs + second
-    designs[indices, i], designs[indices, j] = design[j], design[i]
-    if problem.scene.free_spacing:  # every other exchange keeps the pivots
-        odd = indices % 2 == 1
-        scale = (problem.high - problem.low)[-1] / (problem.high - problem.low)[0]
-        shift = scale * (design[j] - design[i])
-        designs[indices[odd], first[odd]] -= shift[odd]
-        designs[indices[odd], second[odd]] += shift[odd]
-    return np.clip(designs, 0.0, 1.0)
+    span = (problem.high - problem.low)[[0, -1]]  # of a gap and of a thickness
+    pieces, spares = design[-pairs:], _spares(problem, design)
+    children = np.repeat(design[None], number, axis=0)
+    for child in children:
+        order = np.arange(pairs)
+        if len(spares) and rng.random() < SPARE_PROBABILITY:
+            child[len(child) - pairs + int(rng.integers(pairs))] = rng.choice(spares)
+        else:
+            for _ in range(MAX_TRIES):
+                order = _reorder(pieces, rng)
+                if np.any(np.abs(pieces[order] - pieces) > SAME_DOMINO):
+                    break
+            child[-pairs:] = pieces[order]
+        if problem.scene.free_spacing:
+            variant = rng.random()
+            if variant < MOVED_GAPS:
+                child[:pairs] = design[order]
+            elif variant < MOVED_GAPS + SAME_PIVOTS:
+                child[:pairs] += span[1] / span[0] * (pieces - child[-pairs:])
+    if problem.scene.free_spacing:
+        gaps = children[:, :pairs]
+        inside = (gaps > FACE_DISTANCE) & (gaps < 1.0 - FACE_DISTANCE)
+        gaps += np.where(inside, SHAKE * rng.standard_normal(gaps.shape), 0.0)
+    return problem.project(np.clip(children, 0.0, 1.0))
 
 
-def _insertions(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Propose moves of one domino to another place; those between shift by one, the gaps stay."""
-    pairs = problem.scene.count - 1
-    thickness = design[-pairs:]
-    designs = np.repeat(design[None], PROPOSALS, axis=0)
-    for proposal in designs:
-        i, j = rng.integers(pairs, size=2)
-        proposal[-pairs:] = np.insert(np.delete(thickness, i), j, thickness[i])
-    return designs
+def _reorder(pieces: Floats, rng: np.random.Generator) -> Ints:
+    """Return a random change of the order of the places, as an array of places (pairs,)."""
+    pairs = len(pieces)
+    order = np.arange(pairs)
+    kind = int(rng.integers(5))
+    if kind < 2:  # exchange one pair of different dominoes, or two
+        for _ in range(kind + 1):
+            i = int(rng.integers(pairs))
+            others = np.flatnonzero(np.abs(pieces[order] - pieces[order[i]]) > SAME_DOMINO)
+            j = int(rng.choice(others)) if len(others) else i
+            order[[i, j]] = order[[j, i]]
+        return order
+    i, j = sorted(rng.integers(pairs, size=2).tolist())
+    if kind == 2:  # move a domino, which shifts those between
+        order[i : j + 1] = np.roll(order[i : j + 1], rng.choice([-3, -2, -1, 1, 2, 3]))
+    elif kind == 3:
+        order[i : j + 1] = order[i : j + 1][::-1]
+    else:
+        end = i + int(rng.integers(2, MOST_NEIGHBOURS + 1))
+        order[i:end] = rng.permutation(order[i:end])
+    return order
+
+
+def _spares(problem: Problem, design: Floats) -> Floats:
+    """Return the variables of the kinds of which a layout (n,) leaves dominoes in the stock."""
+    assert problem.scene.stock is not None
+    stock = problem.scene.stock.without(problem.scene.first_thickness)
+    kinds = (np.array(stock.thickness) - problem.low[-1]) / (problem.high - problem.low)[-1]
+    pieces = design[-(problem.scene.count - 1) :]
+    used = np.abs(pieces[:, None] - kinds).argmin(axis=1)
+    return np.asarray(kinds[np.bincount(used, minlength=len(kinds)) < np.array(stock.count)])

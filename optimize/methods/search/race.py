@@ -12,9 +12,10 @@
    independent estimate of the optimum. It migrates to the main search, where it is joined with the
    best so far, the start of one to the end of the other, and the island begins anew.
 
-The search is done when perturbations gain nothing and enough of the islands agree with the best or,
-after many islands, the second half of the effort gained nothing. Both depend on evaluations, not on
-the speed of the machine. Without a limit the evaluator ends the search when doubling the effort is
+Without a limit the search is done when perturbations gain nothing and enough of the islands agree
+with the best or, after many islands, the second half of the effort gained nothing. Both depend on
+evaluations, not on the speed of the machine. A search with a limit goes on until it is reached.
+Without a limit, too, the evaluator ends the search when doubling the effort is
 expected to gain less than the tolerance.
 
 A search for a long layout begins with a stretched shorter one. Free-standing layouts are searched
@@ -78,6 +79,9 @@ ISLANDS = 3  # independent searches beside the main one
 MAX_PARALLEL = 64
 AGREEMENT = 5e-5  # relative distance of scores within which an island agrees with the best
 ENOUGH_ISLANDS = 3  # islands that agree with the best before the search is done
+# what a longer search gains after such an agreement, measured in 60 searches of random scenes
+SHORTFALL = "finds over 0.02 % more in one of 15 scenes"
+STRETCHED = "a stretched and refined layout; a longer search, by --seconds, may find more"
 # islands after which none has to agree, if the late gain is below this
 MANY_ISLANDS, NO_GAIN = 8, 1e-5
 
@@ -102,6 +106,9 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         uniform = uniform_design(evaluator.problem)
         search.elite.add(float(evaluator.evaluate(uniform).score), uniform)
         search.elite.add(*search_stretched(evaluator, rng, run))
+        if evaluator.may_end:
+            evaluator.status = STRETCHED
+            return
     elif scene.count <= MANY_PLACES:  # the starts alone fill a batch
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
     islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
@@ -257,7 +264,7 @@ class _Search:
         yield from _settle(self.elite, rng, *patience)
         self.is_settled = True
         joined_count = 0
-        while not self.is_done():
+        while not self.is_done() or not self.evaluator.may_end:
             while joined_count == len(self.optima):
                 yield None
             for score, design in self.optima[joined_count:]:
@@ -285,10 +292,11 @@ class _Search:
         scale = abs(best) if self.elite.problem.schedule is None else 1.0 - best
         agree = sum(score >= best - AGREEMENT * scale for score, _ in self.optima)
         report = f"{agree} of {len(self.optima)} independent searches agree to {AGREEMENT:.3%}"
-        self.evaluator.status = f"{report}, {self.elite.idle} perturbations without gain"
+        report = f"{report}, {self.elite.idle} perturbations without gain; a longer search"
+        self.evaluator.status = f"{report}, by --seconds, {SHORTFALL}"
         if agree >= ENOUGH_ISLANDS:
             return True
-        self.evaluator.status += "; a longer search may find more"
+        self.evaluator.status = f"{report} may find more"
         return len(self.optima) >= MANY_ISLANDS and self.evaluator.late_gain < NO_GAIN
 
 
@@ -386,12 +394,12 @@ def _generation(
 
 def _levels(
     problem: Problem, sizes: Sequence[int]
-) -> tuple[list[Floats], Callable[[Floats], Floats] | None]:
-    """Return matrices of coarse layouts with `sizes` knots, and the projection or None."""
+) -> tuple[list[Floats], Callable[[Floats], Floats] | None, Floats | None]:
+    """Return matrices of coarse layouts with `sizes` knots, and projection and normal or None."""
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
     matrices = [coarse_matrix(parts, pairs, parts * size) for size in sizes if size < pairs]
-    return matrices, problem.projection
+    return matrices, problem.projection, problem.normal
 
 
 def _as_parts(problem: Problem, design: Floats) -> Floats:

@@ -29,7 +29,7 @@ from contextlib import suppress
 import numpy as np
 
 from domino_env.core.types import Floats
-from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.evaluator import TOLERANCE, BudgetSpent, Evaluator
 from optimize.methods.gradient.local_search import LocalSearch
 from optimize.methods.registry import Method
 from optimize.methods.search.perturbations import PERTURBATIONS
@@ -74,7 +74,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator, analytic_method: Method)
     layouts.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
     layouts.evaluate(_candidates(evaluator, analytic, analytic_method, rng))
     idle = 0
-    while idle < PATIENCE:
+    while idle < PATIENCE or not evaluator.may_end:
         best_score, designs = layouts.score, _propose(layouts, rng)
         if not len(designs):
             return
@@ -95,7 +95,8 @@ def _candidates(
     for generator in rng.spawn(ANALYTIC_RUNS):
         if evaluator.progress >= 1.0:
             raise BudgetSpent
-        analytic_evaluator = Evaluator(analytic, ANALYTIC_EVALUATIONS, evaluator.remaining_seconds)
+        limits = ANALYTIC_EVALUATIONS, evaluator.remaining_seconds
+        analytic_evaluator = Evaluator(analytic, *limits, tolerance=TOLERANCE)  # may end early
         with suppress(BudgetSpent):
             method(analytic_evaluator, generator)
         finalists += analytic_evaluator.finalists

@@ -58,6 +58,25 @@ def test_a_local_search_finds_the_best_corner_or_face_of_the_box():
     assert np.all(np.abs(gradient[~low & ~high]) < 0.02)
 
 
+def test_a_local_search_keeps_a_given_sum():
+    """Also where the projection, nearest in metres, is no projection of design vectors."""
+    n = 30
+    span, top = np.where(np.arange(n) < 15, 0.04, 0.008), 0.5 + 0.2 * np.sin(np.arange(n) / 7.0)
+    objective, total = quadratic(top), span.sum() * 0.49
+
+    def project(designs):
+        return designs - ((designs @ span - total) / n)[:, None] / span
+
+    arm = LocalSearch(np.full(n, 0.49), project, normal=span)
+    run(arm, lambda x: (objective(x)[0], objective(x)[1] - (objective(x)[1] / span).mean() * span))
+    curvature = np.array([objective(top)[1] - objective(top + unit)[1] for unit in np.eye(n)])
+    change = np.linalg.solve(curvature, span)
+    best = top - change * (span @ top - total) / (span @ change)
+    assert arm.design @ span == pytest.approx(total, rel=1e-12)
+    assert arm.score == pytest.approx(objective(best)[0], abs=1e-3)
+    assert arm.evaluations < 100
+
+
 @pytest.mark.parametrize("n", [2, 10])
 def test_a_local_search_follows_a_kink(n):
     """The ridge -8 |x0 - x1²| bends; along it a smooth score rises to x = 0.7."""
