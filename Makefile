@@ -61,7 +61,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 $(VENV)/.dev: $(VENV)/.core
 	$(BIN)/python -m benchmarks compilation >/dev/null 2>&1 & \
 	$(PIP) --no-build-isolation --group dev \
-		-e '.[rl,render,verify,dist,parquet,minari,studio]' && wait
+		-e '.[rl,render,verify,dist,parquet,minari]' && wait
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core
