@@ -91,12 +91,18 @@ export class Draft {
   }
 
   /** Wave of the whole row on fixed pivots. */
-  get wave() { return (this.simulated ??= this.scene.simulate(this.layout)); }
+  get wave() {
+    if (!this.simulated && this.isSlow) this.simulated = this.scene.simulate(this.layout);
+    if (!this.simulated) {
+      const { score, wave } = this.scene.score(this.layout);
+      Object.assign(this, { simulated: wave, known: this.known ?? score });
+    }
+    return this.simulated;
+  }
 
   /** Score; undefined on a floor until it is computed. */
   get score() {
-    if (this.known === undefined && !this.isSlow) this.known = this.scene.score(this.layout).score;
-    return this.known;
+    return this.known ?? (this.isSlow ? undefined : this.wave && this.known);
   }
   set score(value) { this.known = value; }
 

@@ -31,7 +31,10 @@ const CONTROLS = {
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const canonical = (document) => JSON.stringify(document, (_, v) => (v && typeof v === "object" && !Array.isArray(v) ? Object.fromEntries(Object.entries(v).sort()) : v));
+const sorted = (_, v) => (v && typeof v === "object" && !Array.isArray(v) ? Object.fromEntries(Object.entries(v).sort()) : v);
+const texts = new WeakMap();
+// text of a document, equal for equal documents
+const canonical = (document) => texts.get(document) ?? texts.set(document, JSON.stringify(document, sorted)).get(document);
 const plain = (layout) => ({ ...layout, spacing: [...layout.spacing], thickness: [...layout.thickness], height: [...layout.height] });
 
 let kernels, row, curves, draft, kept = null, steps = [], position = -1, baselines = new Map(), searcher, helper, search = null, ticket = 0;

@@ -30,11 +30,11 @@ export function safetyGaps(layout, every) {
 }
 
 // parts of a row for sheets of paper, `{row, begin, end, dominoes}` with places along the row
-function stripsOf(row, length, begin, end) {
+function stripsOf(row, length, begin, end, safe) {
   const front = Array.from(positionsAlong(row.layout), (x) => MM * x), rear = front.map((x, i) => x - MM * row.layout.thickness[i]), strips = [];
   for (let from = begin; from < end; from += length) {
     const to = from + length, dominoes = [...front.keys()].filter((i) => front[i] > from && rear[i] < to);
-    strips.push({ row, front, rear, begin: from, end: to, dominoes });
+    strips.push({ row, safe, front, rear, begin: from, end: to, dominoes });
   }
   return strips.map((strip, k) => ({ ...strip, number: k + 1, of: strips.length }));
 }
@@ -46,30 +46,26 @@ function stripsOf(row, length, begin, end) {
  * @returns {{width: number, height: number, svg: string}[]} pages with their sizes [mm]
  */
 export function printPages(rows, { paper = "a4", roll = 210, safety = 0, title = "" }) {
-  const isRoll = paper === "roll", high = isRoll ? roll : PAPERS[paper]?.[1], pages = [];
-  if (!high) throw new RangeError(`paper = ${paper}: choose one of ${Object.keys(PAPERS).join(", ")}, roll`);
-  for (const row of rows) {
-    const across = MM * row.layout.width + 2 * BESIDE, [top, foot] = isRoll ? [EDGE, EDGE] : [HEAD, FOOT];
-    const perSheet = Math.floor((high - top - foot) / across);
-    if (perSheet < 1) throw new RangeError(`dominoes ${MM * row.layout.width} mm wide: give at most ${(high - top - foot - 2 * BESIDE).toFixed(0)} mm for this paper`);
-    const front = positionsAlong(row.layout), begin = -MM * row.layout.thickness[0] - LEAD, end = MM * front.at(-1) + LEAD;
-    let margin = MARGIN, wide = isRoll ? Math.min(end - begin + 2 * MARGIN + ROLL_HEAD, LONGEST) : PAPERS[paper][0], left = isRoll ? ROLL_HEAD : 0;
-    const fewer = Math.floor((Math.ceil((end - begin) / (wide - left - 2 * margin)) - 1) / perSheet) * perSheet; // strips of one sheet less
-    if (fewer && end - begin <= fewer * (wide - left - 2 * LEAST_MARGIN)) margin = 0.5 * (wide - left - (end - begin) / fewer);
-    const strips = stripsOf(row, wide - left - 2 * margin, begin, end), sheets = Math.ceil(strips.length / perSheet), safe = safetyGaps(row.layout, safety);
-    for (let sheet = 0; sheet < sheets; sheet++) {
-      const parts = strips.slice(sheet * perSheet, (sheet + 1) * perSheet).map((strip, place) => drawStrip(strip, left + margin, top + (place + 0.5) * across, safe));
-      const words = `${row.name}, sheet ${sheet + 1} of ${sheets}`, x = isRoll ? EDGE : MARGIN;
-      const head = text(x, isRoll ? 9 : 14, title, 4.5, 'font-weight="bold"') + text(x, isRoll ? 15 : 20, words, 3.2);
-      const ruler = drawRuler(x, isRoll ? Math.min(30, high - 6) : high - 14);
-      const svg = `<svg xmlns="http://www.w3.org/2000/svg" width="${wide}mm" height="${high}mm" viewBox="0 0 ${fixed(wide)} ${high}" font-family="sans-serif" fill="#000" stroke="none">${head}${ruler}${parts.join("")}</svg>`;
-      pages.push({ width: wide, height: high, svg });
-    }
-  }
-  return pages;
+  const isRoll = paper === "roll", high = isRoll ? roll : PAPERS[paper]?.[1], [top, foot] = isRoll ? [EDGE, EDGE] : [HEAD, FOOT];
+  if (!(high > 0)) throw new RangeError(isRoll ? `roll = ${roll} mm: give the width of the roll` : `paper = ${paper}: choose one of ${Object.keys(PAPERS).join(", ")}, roll`);
+  const widest = Math.max(...rows.map((row) => MM * row.layout.width)), across = widest + 2 * BESIDE, perSheet = Math.floor((high - top - foot) / across);
+  if (perSheet < 1) throw new RangeError(`dominoes ${widest} mm wide: give at most ${(high - top - foot - 2 * BESIDE).toFixed(0)} mm for this paper`);
+  const placed = rows.map((row) => ({ row, begin: -MM * row.layout.thickness[0] - LEAD, end: MM * positionsAlong(row.layout).at(-1) + LEAD }));
+  const longest = Math.max(...placed.map(({ begin, end }) => end - begin)), left = isRoll ? ROLL_HEAD : 0;
+  const wide = isRoll ? Math.min(longest + 2 * MARGIN + left, LONGEST) : PAPERS[paper][0];
+  const sheets = (margin) => Math.ceil(placed.reduce((n, { begin, end }) => n + Math.ceil((end - begin) / (wide - left - 2 * margin)), 0) / perSheet);
+  const margin = sheets(LEAST_MARGIN) < sheets(MARGIN) ? LEAST_MARGIN : MARGIN, count = sheets(margin);
+  const strips = placed.flatMap(({ row, begin, end }) => stripsOf(row, wide - left - 2 * margin, begin, end, safetyGaps(row.layout, safety)));
+  return Array.from({ length: count }, (_, sheet) => {
+    const parts = strips.slice(sheet * perSheet, (sheet + 1) * perSheet).map((strip, place) => drawStrip(strip, left + margin, top + (place + 0.5) * across));
+    const x = isRoll ? EDGE : MARGIN, head = text(x, isRoll ? 9 : 14, title, 4.5, 'font-weight="bold"') + text(x, isRoll ? 15 : 20, `sheet ${sheet + 1} of ${count}`, 3.2);
+    const ruler = drawRuler(x, isRoll ? Math.min(30, high - 6) : high - 14);
+    const svg = `<svg xmlns="http://www.w3.org/2000/svg" width="${wide}mm" height="${high}mm" viewBox="0 0 ${fixed(wide)} ${high}" font-family="sans-serif" fill="#000" stroke="none">${head}${ruler}${parts.join("")}</svg>`;
+    return { width: wide, height: high, svg };
+  });
 }
 
-function drawStrip({ row, front, rear, begin, end, dominoes, number, of }, left, middle, safe) {
+function drawStrip({ row, safe, front, rear, begin, end, dominoes, number, of }, left, middle) {
   const half = 0.5 * MM * row.layout.width, edge = half + BESIDE, x = (s) => left + s - begin, right = left + end - begin, last = front.length - 1;
   const thin = 'stroke="#000" stroke-width="0.15" fill="none"', pale = 'stroke="#999" stroke-width="0.1" fill="none"';
   const parts = [line(left, middle - edge, right, middle - edge, pale), line(left, middle + edge, right, middle + edge, pale), line(left, middle, right, middle, `${pale} stroke-dasharray="4 1 1 1"`)];
@@ -84,7 +80,7 @@ function drawStrip({ row, front, rear, begin, end, dominoes, number, of }, left,
     const gap = x(front[i]) + 0.5 * (rear[i + 1] - front[i]);
     if (i < last && gap >= left && gap < right) parts.push(text(0, 0, (MM * row.layout.spacing[i]).toFixed(1), 2.4, `class="gap" transform="translate(${fixed(gap + 0.8)} ${fixed(middle - half - 1)}) rotate(-90)"`));
   }
-  parts.push(text(0.5 * (left + right), middle - edge + 4, of > 1 ? `strip ${number} of ${of}; numbers between the boxes: gaps in mm` : "numbers between the boxes: gaps in mm", 2.5, 'text-anchor="middle"'));
+  parts.push(text(0.5 * (left + right), middle - edge + 4, `${row.name}${of > 1 ? `, strip ${number} of ${of}` : ""}; numbers between the boxes: gaps in mm`, 2.5, 'text-anchor="middle"'));
   for (const [at, neighbour, anchor, by] of [[left, number - 1, "start", 1], [right, number + 1, "end", -1]]) if (neighbour >= 1 && neighbour <= of) {
     parts.push(line(at, middle - edge, at, middle + edge, `${thin} stroke-dasharray="2 1"`), text(at + by, middle - edge + 4, `joins strip ${neighbour}`, 2.5, `text-anchor="${anchor}"`));
   }
