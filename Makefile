@@ -9,7 +9,7 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bench lint docs clean
+.PHONY: help run test bench lint docs wasm clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
@@ -17,6 +17,7 @@ help:
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
+	@echo "make wasm   the kernels as WebAssembly, for the page: after a change of them; needs Node.js"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.core
@@ -42,6 +43,10 @@ lint: $(VENV)/.dev
 docs: $(VENV)/.docs
 	$(BIN)/mkdocs build --strict --quiet
 	@echo "site/index.html; with search: $(BIN)/python -m http.server -d site, http://localhost:8000"
+
+wasm: $(VENV)/.core
+	$(PIP) --group wasm
+	$(BIN)/python -m optimize.studio.wasm.build
 
 # An environment that was not finished would pass for one the next time.
 $(BIN)/python:

@@ -32,7 +32,7 @@ from domino_env.view.animation import require_drawable
 from optimize.experiments.best_known import best_known
 
 FOLDER = Path(__file__).parent
-LIBRARY = ("kernels.js", "scene.js", "search.js", "check.js")  # of the page and of its worker
+LIBRARY = ("kernels.js", "ground.js", "scene.js", "search.js", "check.js")  # of page and worker
 PAGE = (
     "vendor/smol-toml.cjs", "geometry.js", "draft.js", "row.js", "curves.js", "files.js",
     "print.js", "main.js",
