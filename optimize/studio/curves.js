@@ -34,36 +34,36 @@ export function createCurves(box, label, act) {
   canvas.setAttribute("role", "img");
   canvas.setAttribute("aria-label", label);
   box.append(canvas);
-  let shown, grip = null, hover = -1, marked = null;
-  const width = () => canvas.clientWidth;
-  const px = (x) => LEFT + ((x - shown.x[0]) / (shown.x[1] - shown.x[0])) * (width() - LEFT - RIGHT);
+  let shown, grip = null, hover = -1, marked = null, width = 0;
+  const px = (x) => LEFT + ((x - shown.x[0]) / (shown.x[1] - shown.x[0])) * (width - LEFT - RIGHT);
   const py = (y) => HEIGHT - BOTTOM - ((y - shown.y[0]) / (shown.y[1] - shown.y[0])) * (HEIGHT - TOP - BOTTOM);
 
   function draw(given) {
     shown = given ?? shown;
-    if (!shown || !width()) return;
+    width = canvas.clientWidth;
+    if (!shown || !width) return;
     const ratio = devicePixelRatio || 1;
-    canvas.width = Math.round(width() * ratio);
+    canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(HEIGHT * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.font = "12px system-ui, sans-serif";
     axes();
     pen.save();
-    pen.beginPath(); pen.rect(LEFT - 6, TOP - 6, width() - LEFT - RIGHT + 12, HEIGHT - TOP - BOTTOM + 12); pen.clip();
+    pen.beginPath(); pen.rect(LEFT - 6, TOP - 6, width - LEFT - RIGHT + 12, HEIGHT - TOP - BOTTOM + 12); pen.clip();
     for (const series of [...shown.series].reverse()) line(series);
     if (marked !== null) { pen.strokeStyle = colour("leader"); pen.beginPath(); pen.moveTo(px(marked), TOP); pen.lineTo(px(marked), HEIGHT - BOTTOM); pen.stroke(); }
     pen.restore();
     tip();
   }
   function axes() {
-    const right = width() - RIGHT, foot = HEIGHT - BOTTOM;
+    const right = width - RIGHT, foot = HEIGHT - BOTTOM;
     pen.fillStyle = colour("ink"); pen.textAlign = "left"; pen.textBaseline = "alphabetic";
     pen.fillText(shown.title, LEFT, 13, right - LEFT);
     pen.fillStyle = colour("soft"); pen.strokeStyle = colour("grid"); pen.lineWidth = 1;
     pen.textAlign = "right"; pen.textBaseline = "middle";
     for (const v of ticks(...shown.y, 4)) stroke([[LEFT, py(v)], [right, py(v)]], String(v), LEFT - 6, py(v));
     pen.textAlign = "center"; pen.textBaseline = "top";
-    const places = ticks(...shown.x, Math.max(width() / 120, 2));
+    const places = ticks(...shown.x, Math.max(width / 120, 2));
     for (const v of places) stroke([[px(v), TOP], [px(v), foot]], v === places.at(-1) ? `${v} ${shown.axis ?? ""}` : String(v), px(v), foot + 5);
     pen.strokeStyle = colour("soft");
     stroke([[LEFT, TOP], [LEFT, foot], [right, foot]], "", 0, 0);
@@ -94,7 +94,7 @@ export function createCurves(box, label, act) {
   function tip() {
     if (hover < 0 || !shown.series[0].points) return;
     const { x, y } = shown.series[0], text = `${hover}: ${y[hover].toFixed(3)} ${act.unit}`, half = pen.measureText(text).width / 2 + 4;
-    const at = Math.min(Math.max(px(x[hover]), LEFT + half), width() - RIGHT - half), up = py(y[hover]) < TOP + 24 ? 18 : -14;
+    const at = Math.min(Math.max(px(x[hover]), LEFT + half), width - RIGHT - half), up = py(y[hover]) < TOP + 24 ? 18 : -14;
     pen.fillStyle = colour("paper"); pen.fillRect(at - half, py(y[hover]) + up - 8, 2 * half, 16);
     pen.fillStyle = colour("ink"); pen.textAlign = "center"; pen.textBaseline = "middle";
     pen.fillText(text, at, py(y[hover]) + up);

@@ -2,6 +2,7 @@
 
 import { pivots } from "./kernels.js";
 
+const known = new WeakMap(); // pivots by layout
 const PIECES = 12; // straight pieces of the curve between two dominoes
 
 /** True for a layout on level ground. */
@@ -9,8 +10,11 @@ export const isFlat = (layout) => !layout.rise?.some((v) => v !== 0) && !layout.
 
 /** Front bottom edges of the dominoes, `{x, z}` [m], the first at 0. */
 export function pivotsOf(layout) {
-  const places = pivots(layout);
-  return { x: Float64Array.from(places, ([x]) => x), z: Float64Array.from(places, ([, z]) => z) };
+  if (!known.has(layout)) {
+    const places = pivots(layout);
+    known.set(layout, { x: Float64Array.from(places, ([x]) => x), z: Float64Array.from(places, ([, z]) => z) });
+  }
+  return known.get(layout);
 }
 
 /** Points [x, z] of the ground [m]: straight under each domino, a cubic between two of them. */
