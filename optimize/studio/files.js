@@ -2,13 +2,17 @@
 
 import toml from "./vendor/smol-toml.cjs";
 import { isFlat } from "./geometry.js";
+import { STANDARD, full, general } from "./kernels.js";
 
 const SMALLEST = 1e-9, LARGEST = 1e9; // bounds of sizes in files [SI units]
 const MAX_LINK_LENGTH = 30000; // characters that programs accept in an address
 const MAX_LINK_CONTENT = 2 ** 20; // [characters] of a link, unpacked
 const UNIT = "SI: m, kg/m3";
 const SIZES = ["spacing", "thickness", "height", "width", "density"], GROUND = ["rise", "tilt"];
-const STANDARD = { height: 0.048, density: 1040 };
+const MEANINGS = {
+  spacing: "free gaps, one fewer than dominoes [m]", thickness: "along the chain [m]", height: "[m]", width: "across the chain [m]", density: "[kg/m³]",
+  rise: "height of the next pivot above this one [m]", tilt: "slope of the ground under it, positive downhill [rad]",
+};
 // cells are divided by these, not multiplied by 0.001: 18 mm is then exactly the number 0.018
 const PER_UNIT = { density: 1, tilt: 1, tilt_rad: 1, tilt_deg: 180 / Math.PI };
 for (const name of ["spacing", "thickness", "height", "width", "rise"]) Object.assign(PER_UNIT, { [name]: 1, [`${name}_m`]: 1, [`${name}_mm`]: 1000 });
@@ -27,13 +31,8 @@ export function withName(name, work) {
 }
 
 /** Layout of arguments as in a file: single numbers hold for all dominoes. */
-export function makeLayout({ spacing, thickness, height = STANDARD.height, width = 0.024, density = STANDARD.density, rise, tilt }) {
+export function makeLayout({ spacing, thickness, height = STANDARD.height, width = STANDARD.width, density = STANDARD.density, rise, tilt }) {
   const count = spacing.length + 1;
-  const full = (name, value, n) => {
-    const array = typeof value === "number" ? new Float64Array(n).fill(value) : Float64Array.from(value);
-    if (array.length !== n) fail(`${name} has ${array.length} values: give ${n}, or a single number`);
-    return array;
-  };
   const layout = { spacing: Float64Array.from(spacing), thickness: full("thickness", thickness, count), height: full("height", height, count), width, density };
   if (typeof density !== "number") layout.density = full("density", density, count);
   const ground = { rise: full("rise", rise ?? 0, count - 1), tilt: full("tilt", tilt ?? 0, count) };
@@ -65,24 +64,28 @@ function readJson(text) {
     if (key === "spacing" ? !Array.isArray(value) : key === "width" && Array.isArray(value)) fail(`${key} = ${oneLine(JSON.stringify(value))}: give a ${key === "spacing" ? "list of numbers" : "number"}`);
     list.forEach((v, i) => {
       const low = signed ? -LARGEST : SMALLEST;
-      if (typeof v !== "number" || !(v >= low && v <= LARGEST)) fail(`${key}${Array.isArray(value) ? `[${i}]` : ""} = ${JSON.stringify(v)}: give a number from ${low} to ${LARGEST}`);
+      if (typeof v !== "number" || !(v >= low && v <= LARGEST)) fail(`${key}${Array.isArray(value) ? `[${i}]` : ""} = ${oneLine(JSON.stringify(v))}: give a finite number from ${general(low)} to ${general(LARGEST)} (${MEANINGS[key]})`);
     });
   }
-  for (const key of ["spacing", "thickness"]) if (!(key in values)) fail(`${key} is missing: give ${key === "spacing" ? "a list of numbers (free gaps, one fewer than dominoes [m])" : "a number or a list of numbers (along the chain [m])"}`);
+  for (const key of ["spacing", "thickness"]) if (!(key in values)) fail(`${key} is missing: give ${key === "spacing" ? "" : "a number or "}a list of numbers (${MEANINGS[key]})`);
   delete values.unit;
   return values;
 }
 
-// lines of cells that are not blank, with their numbers; cells may be quoted
-function cellsOf(text, separator) {
-  const lines = [];
-  text.split(/\r\n|\n|\r/).forEach((line, k) => {
-    const cells = line.match(new RegExp(`(?:^|${separator})(?:"(?:[^"]|"")*"|[^${separator}]*)`, "g")) ?? [];
-    const plain = cells.map((cell, i) => cell.slice(i || cell.startsWith(separator) ? 1 : 0).replace(/^"(.*)"$/, "$1").replaceAll('""', '"'));
-    if (plain.some((cell) => cell.trim())) lines.push([k + 1, plain]);
-  });
-  return lines;
+// cells of a line; those in quotes may contain the separator
+function split(line, separator) {
+  const cells = [""];
+  let quoted = false;
+  for (const sign of line) {
+    if (sign === '"') quoted = !quoted;
+    else if (sign === separator && !quoted) cells.push("");
+    else cells[cells.length - 1] += sign;
+  }
+  return cells;
 }
+
+// lines of cells that are not blank, with their numbers
+const cellsOf = (text, separator) => text.split(/\r\n|\n|\r/).map((line, k) => [k + 1, split(line, separator)]).filter(([, cells]) => cells.some((cell) => cell.trim()));
 
 function readTable(name, text) {
   const tables = [";", "\t", ","].map((sign) => ({ sign, lines: cellsOf(text.replace(/^\ufeff/, ""), sign) }));
@@ -104,7 +107,7 @@ function readTable(name, text) {
   for (const [line, cells] of dominoes) {
     if (cells.slice(names.length).some((cell) => cell.trim())) fail(`${name}, line ${line}: more cells than the ${names.length} names: where commas separate cells, write 18.5 with a point, or separate them by semicolons`);
     for (const [kind, place] of Object.entries(places)) {
-      const cell = (cells[place] ?? "").trim(), isGap = cell.replace(/[\s0.,]/g, "") !== "", isLast = line === dominoes.at(-1)[0];
+      const cell = (cells[place] ?? "").trim(), isGap = /[^\s0.,]/.test(cell), isLast = line === dominoes.at(-1)[0];
       const wrong = (reason) => fail(`${name}, line ${line}, column '${oneLine(names[place])}': ${reason}`);
       if (kind === "spacing" && isGap === isLast) wrong(isLast ? "leave it empty, as the last domino has no gap in front, or add dominoes" : "empty or 0: give the free gap in front of every domino but the last");
       if (["spacing", "rise"].includes(kind) && isLast) continue;
@@ -124,7 +127,7 @@ function number(kind, cell, perUnit, sign, wrong) {
   const quoted = oneLine(cell, 60), text = sign === "," ? cell : cell.replace(",", ".");
   const value = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text) / perUnit : NaN;
   if (Number.isNaN(value)) wrong(`'${quoted}' is not a number${/^\d+,\d+$/.test(cell) ? `: where commas separate cells, write ${cell.replace(",", ".")}` : ""}`);
-  if (GROUND.includes(kind) ? Math.abs(value) > LARGEST : !(value >= SMALLEST && value <= LARGEST)) wrong(`${quoted}: give a number more than 0, ${SMALLEST} to ${LARGEST} in SI units`);
+  if (GROUND.includes(kind) ? Math.abs(value) > LARGEST : !(value >= SMALLEST && value <= LARGEST)) wrong(`${quoted}: give a number more than 0, ${general(SMALLEST)} to ${general(LARGEST)} in SI units`);
   return value;
 }
 

@@ -106,7 +106,7 @@ function notify(text, kind = "") {
 function report(error) {
   if (!(error instanceof RangeError)) console.error(error);
   settle();
-  notify(error.message.replace("row.", ""), "error"); // the table of a scene's file
+  notify(error.message.replace(/(^|: )row\.(?=\w+ (=|is))/, "$1"), "error"); // the table of a scene's file
 }
 
 // draws row, result and curves; `glide` lets the dominoes move to new places
