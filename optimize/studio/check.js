@@ -18,8 +18,8 @@ function normals(seed) {
 
 /** Answer in words, for a layout of a scene. */
 export function check(kernels, scene, layout) {
-  const normal = normals(1), floor = scene.document.physics?.floor_friction ?? FLOOR, row = scene.row(layout);
-  const sizes = [scene.freeThickness ? layout.thickness.slice(1) : undefined, scene.document.growth ? layout.height.slice(1) : undefined];
+  const normal = normals(1), floor = scene.floorFriction ?? FLOOR, row = scene.row(layout);
+  const sizes = [scene.freeThickness ? layout.thickness.slice(1) : undefined, scene.growth ? layout.height.slice(1) : undefined];
   let falls = 0;
   for (let k = 0; k < DRAWS; k++) {
     const spacing = layout.spacing.map((gap) => Math.max(gap + DEVIATION * normal(), LEAST_GAP));

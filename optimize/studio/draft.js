@@ -6,6 +6,8 @@ import { pivotsOf } from "./geometry.js";
 export const OWN = { name: "own", title: "your own scene" };
 const USUAL_GAPS = [0.002, 0.04]; // [m] bounds for a layout without a scene, widened to its gaps
 const SAME_GAIN = 5e-5; // smaller relative differences count as equal
+const SAME_SIZE = 1e-9; // [m]
+const SCORE_RTOL = 1e-10; // relative tolerance of arrival times
 const EQUAL = 1e-6; // relative range of values that count as equal
 
 const clip = (value, [low, high]) => Math.min(Math.max(value, low), high);
@@ -14,8 +16,8 @@ const sum = (values) => values.reduce((a, b) => a + b, 0);
 
 /** Curves of a layout: gaps, thicknesses and growths of dominoes 1 … N-1 in the units of its scene. */
 export function curvesOf(scene, layout) {
-  const { spacing, thickness, height } = layout, inHeights = Boolean(scene.document.spacing.of);
-  const unit = (i) => (inHeights ? height[i + 1] : 1), pairs = spacing.length;
+  const { spacing, thickness, height } = layout, { inHeights } = scene, pairs = spacing.length;
+  const unit = (i) => (inHeights ? height[i + 1] : 1);
   return {
     spacing: range(pairs, (i) => spacing[i] / (inHeights ? Math.min(height[i], height[i + 1]) : 1)),
     thickness: range(pairs, (i) => thickness[i + 1] / unit(i)),
@@ -23,14 +25,18 @@ export function curvesOf(scene, layout) {
   };
 }
 
+/** Bounds of these curves. */
+export function boundsOf({ spacing, thickness, growth, inHeights, height }) {
+  const scaled = (bounds) => bounds.map((v) => (inHeights ? v / height : v));
+  return { spacing: scaled(spacing), thickness: scaled(thickness), growth: growth ?? [1, 1] };
+}
+
 /** Feasible layout nearest to some curves: within the bounds, of the length, with the pieces of the stock. */
 export function nearest(scene, curves) {
-  const { document } = scene, inHeights = Boolean(document.spacing.of);
-  const growth = document.growth && [document.growth.min ?? 1, document.growth.max];
-  const bounds = { spacing: scene.spacing, thickness: scene.thickness, growth: growth ?? [1, 1] };
+  const { inHeights, stock, growth } = scene, bounds = boundsOf(scene);
   const parts = Object.fromEntries(Object.entries(bounds).map(([name, b]) => [name, curves[name].map((v) => clip(v, b))]));
-  if (document.stock) parts.thickness = fromStock(document, parts.thickness);
-  if (document.row.length) meetLength(document, parts, bounds);
+  if (stock) parts.thickness = fromStock(scene, parts.thickness);
+  if (scene.length !== null) meetLength(scene, parts, bounds);
   const pairs = parts.spacing.length, height = range(pairs + 1, () => scene.height);
   for (let i = 1; i <= pairs; i++) height[i] = height[i - 1] * parts.growth[i - 1];
   const gaps = range(pairs, (i) => parts.spacing[i] * (inHeights ? Math.min(height[i], height[i + 1]) : 1));
@@ -39,22 +45,22 @@ export function nearest(scene, curves) {
 }
 
 // shifts free gaps and thicknesses by one value, within their bounds, so that the length is met
-function meetLength({ row, stock }, parts, bounds) {
+function meetLength({ length, stock }, parts, bounds) {
   const free = [parts.spacing, ...(stock ? [] : [parts.thickness])], limits = [bounds.spacing, bounds.thickness];
   const total = (shift) => sum(free.map((p, k) => sum(p.map((v) => clip(v + shift, limits[k]))))) + (stock ? sum(parts.thickness) : 0);
-  let [low, high] = [-row.length, row.length];
+  let [low, high] = [-length, length];
   for (let k = 0; k < 200 && low < high; k++) {
     const middle = 0.5 * (low + high);
     if (middle === low || middle === high) break;
-    if (total(middle) < row.length) low = middle; else high = middle;
+    if (total(middle) < length) low = middle; else high = middle;
   }
   free.forEach((p, k) => p.forEach((v, i) => { p[i] = clip(v + high, limits[k]); }));
 }
 
 // pieces of the stock in the order of the wanted thicknesses, chosen with the least sum of squares
-function fromStock({ stock, row, thickness }, wanted) {
+function fromStock({ stock, firstThickness }, wanted) {
   const pieces = stock.thickness.flatMap((d, k) => Array(stock.count[k]).fill(d)).sort((a, b) => a - b);
-  pieces.splice(pieces.indexOf(row.first_thickness ?? thickness.fixed), 1);
+  pieces.splice(pieces.findIndex((d) => Math.abs(d - firstThickness) < SAME_SIZE), 1);
   const order = [...wanted.keys()].sort((a, b) => wanted[a] - wanted[b]), n = order.length, spare = pieces.length - n;
   const cost = Array.from({ length: n + 1 }, () => new Float64Array(spare + 1)); // of the first i with j pieces left out
   for (let i = 1; i <= n; i++) for (let j = 0; j <= spare; j++) {
@@ -73,7 +79,7 @@ function fromStock({ stock, row, thickness }, wanted) {
 export function sceneFor(layout, given, makeScene) {
   const count = layout.thickness.length, gaps = layout.spacing, sizes = [...layout.thickness.slice(1)];
   if (count < 2) throw new RangeError("one domino has no gap: give a layout of two or more");
-  if (given && given.count === count && !given.score(layout).violations.length) return given;
+  if (given && given.count === count && !given.violations(layout).length) return given;
   const [thin, thick] = [Math.min(...sizes), Math.max(...sizes)];
   return makeScene({
     ...OWN, objective: "mean_speed",
@@ -92,11 +98,10 @@ export class Draft {
 
   /** Wave of the whole row on fixed pivots. */
   get wave() {
-    if (!this.simulated && this.isSlow) this.simulated = this.scene.simulate(this.layout);
-    if (!this.simulated) {
-      const { score, wave } = this.scene.score(this.layout);
-      Object.assign(this, { simulated: wave, known: this.known ?? score });
-    }
+    if (this.simulated) return this.simulated;
+    const { scene, layout } = this;
+    this.simulated = scene.kernels.simulate(scene.row(layout), scene.physics, { rtol: SCORE_RTOL });
+    if (!this.isSlow) this.known ??= scene.scoreOf(this.simulated);
     return this.simulated;
   }
 
@@ -107,7 +112,7 @@ export class Draft {
   set score(value) { this.known = value; }
 
   /** True if a score takes long. */
-  get isSlow() { return this.scene.document.physics?.floor_friction != null; }
+  get isSlow() { return this.scene.floorFriction !== null; }
 
   /** Index of the leading domino with which the wave stops; -1 if it completes. */
   get stop() { return this.wave.outcome === "PROPAGATED" ? -1 : Math.max(this.wave.hit - 1, 0); }
@@ -129,17 +134,17 @@ export class Draft {
   withSize(quantity, index, value, others) {
     const { scene, layout } = this, curves = curvesOf(scene, layout), pairs = layout.spacing.length;
     const size = quantity === "spacing" ? layout.spacing[index] : layout.thickness[index + 1];
-    const unit = size / curves[quantity][index], bounds = scene[quantity];
-    const wanted = clip(value / unit, bounds);
+    const unit = size / curves[quantity][index], bounds = boundsOf(scene);
+    const wanted = clip(value / unit, bounds[quantity]);
     let rest = (curves[quantity][index] - wanted) * unit;
     curves[quantity][index] = wanted;
-    if (!others && scene.document.row.length) {
+    if (!others && scene.length !== null) {
       others = [...Array(pairs).keys()].sort((a, b) => Math.abs(a - index) - Math.abs(b - index) || a - b);
       if (quantity === "spacing") others = others.filter((k) => k !== index);
     }
     for (const k of others ?? []) {
       const scale = layout.spacing[k] / curvesOf(scene, layout).spacing[k];
-      const next = clip(curves.spacing[k] + rest / scale, scene.spacing);
+      const next = clip(curves.spacing[k] + rest / scale, bounds.spacing);
       rest -= (next - curves.spacing[k]) * scale;
       curves.spacing[k] = next;
     }
@@ -193,10 +198,10 @@ export class Draft {
     const { scene, wave } = this;
     if (this.stop >= 0) return [`stops at domino ${this.stop}`, `${wave.hit} of ${wave.arrivalTimes.length} are hit`];
     if (this.score === undefined) return [`${wave.meanSpeed.toFixed(3)} m/s`, "with fixed pivots; computing it on the floor …"];
-    const number = rounded(scene.scoreText(this.score));
+    const number = rounded(scene.text(this.score, wave));
     if (!uniform) return [number, "computing the best equal gaps …"];
-    const gain = scene.gain(this.score, uniform.score);
-    if (!number.endsWith("m/s") || gain == null || Number.isNaN(gain)) return [number, `best equal gaps: ${rounded(scene.scoreText(uniform.score))}`];
+    const gain = this.score / uniform.score - 1;
+    if (scene.unit !== "m/s" || !(Math.min(this.score, uniform.score) > 0)) return [number, `best equal gaps: ${rounded(scene.text(uniform.score, uniform.wave))}`];
     if (Math.abs(gain) < SAME_GAIN) return [number, "as fast as the best equal gaps"];
     return [number, `${(100 * Math.abs(gain)).toFixed(2)}% ${gain > 0 ? "faster" : "slower"} than the best equal gaps`];
   }
@@ -208,7 +213,7 @@ export class Draft {
     if (this.stop >= 0) return words + wave.explanation.split(" (smallest_push")[0];
     const last = wave.arrivalTimes[count - 1];
     words += `last hit after ${last.toFixed(4)} s (computed to ${(wave.errorEstimate * last).toExponential(0)} s)`;
-    if (best && uniform && this.score !== undefined && this.scene.scoreText(1).endsWith("m/s")) {
+    if (best && uniform && this.score !== undefined && this.scene.unit === "m/s") {
       const share = (this.score - uniform.score) / (best.score - uniform.score);
       if (share > 0.005) words += `; ${(100 * share).toFixed(0)}% of the gain of the best known row`;
     }

@@ -124,7 +124,7 @@ function draw(glide = false) {
   };
   const both = (values) => [{ ...values(draft), colour: "result" }, ...(other ? [{ ...values(other), colour: "uniform" }] : [])];
   for (const quantity of ["spacing", "thickness"]) if (!$(quantity).hidden) {
-    const series = both((d) => sizes(d, quantity)), scale = MM * (scene.document.spacing.of ? draft.layout.height.reduce((a, b) => Math.max(a, b)) : 1);
+    const series = both((d) => sizes(d, quantity)), scale = MM * (scene.inHeights ? draft.layout.height.reduce((a, b) => Math.max(a, b)) / scene.height : 1);
     series[0].points = true;
     curves[quantity].draw({ title: `${quantity === "spacing" ? "Gap" : "Thickness"} [mm]: drag the points`, x, y: rangeOf(scene[quantity].map((v) => scale * v)), series });
   }
@@ -213,9 +213,9 @@ async function commitLater(promise, words) {
 }
 
 function checkSize(scene) {
-  const count = scene.count + (scene.document.run_out?.count ?? 0);
-  if (count > MOST) throw new RangeError(`scene '${scene.document.name}' has ${count.toLocaleString("en")} dominoes: give at most ${MOST.toLocaleString("en")}, as each is drawn`);
-  if (!scene.freeSpacing && !scene.freeThickness && !scene.freeHeight) throw new RangeError(`scene '${scene.document.name}' leaves nothing free: give bounds for the gaps`);
+  const count = scene.count + (scene.runOut?.count ?? 0);
+  if (count > MOST) throw new RangeError(`scene '${scene.name}' has ${count.toLocaleString("en")} dominoes: give at most ${MOST.toLocaleString("en")}, as each is drawn`);
+  if (!scene.freeSpacing && !scene.freeThickness && !scene.freeHeight) throw new RangeError(`scene '${scene.name}' leaves nothing free: give bounds for the gaps`);
   return scene;
 }
 
@@ -228,8 +228,9 @@ const uniformDraft = async (scene) => {
 async function made({ document: tables, layout }) {
   if (!layout) return uniformDraft(new Scene(kernels, tables));
   const scene = tables ? new Scene(kernels, tables) : sceneFor(layout, draft?.scene, (document) => new Scene(kernels, document));
-  const { violations } = checkSize(scene).isSlow ? { violations: [] } : scene.score(layout);
-  if (violations.length) throw new RangeError(`not a layout of scene '${scene.document.name}': ${violations.join("; ")}`);
+  if (scene.ground && !layout.rise) Object.assign(layout, scene.ground.riseAndTilt(layout));
+  const violations = checkSize(scene).violations(layout);
+  if (violations.length) throw new RangeError(`not a layout of scene '${scene.name}': ${violations.join("; ")}`);
   return new Draft(scene, layout);
 }
 
@@ -372,7 +373,7 @@ const saveStrip = () => save("strip.svg", stripSvg(draft.wave.layout, { toleranc
 // pictures of the shipped scenes half-way through their fall, each a link that opens it
 function fillGallery() {
   $("gallery").replaceChildren(...Object.entries(data.scenes).map(([name, { document: tables, best, uniform }]) => {
-    const scene = new Scene(kernels, tables), wave = scene.simulate(makeLayout(best ?? uniform));
+    const scene = new Scene(kernels, tables), { wave } = new Draft(scene, makeLayout(best ?? uniform));
     const last = Math.min(wave.hit, DRAWN) - 1, leans = kernels.motion(wave).leans(0.5 * wave.arrivalTimes[last]), pivots = pivotsOf(wave.layout);
     const points = Array.from({ length: last + 1 }, (_, i) => corners(wave.layout, pivots, i, leans[i]).map(([x, z]) => [MM * x, -MM * z]));
     const [xs, zs] = [0, 1].map((k) => points.flat().map((p) => p[k])), low = [Math.min(...xs), Math.min(...zs)];
@@ -458,7 +459,8 @@ window.domino = {
     if (!data.scenes[name]) throw new RangeError(`scene = ${name}: choose one of ${Object.keys(data.scenes).join(", ")}`);
     const scene = new Scene(kernels, data.scenes[name].document), worker = createWorker(kernels.bytes);
     const { layout, score } = await worker.ask({ type: "search", document: scene.document, seconds, seed }, () => {}).finally(worker.end);
-    return { score, gain: scene.gain(score, (await baseline(scene).promise).score), spacing: [...layout.spacing], thickness: [...layout.thickness] };
+    scene.baseline = await baseline(scene).promise;
+    return { score, gain: scene.gain(score), spacing: [...layout.spacing], thickness: [...layout.thickness] };
   },
   layout: () => plain(draft.layout),
   open: async (layout) => commit(await made({ layout: makeLayout(layout) })),
