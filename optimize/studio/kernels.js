@@ -139,8 +139,8 @@ export function pivots(layout) {
 export function checkLayout(layout) {
   const { spacing, thickness, height, density, width, rise, tilt } = layout;
   const count = spacing.length + 1;
-  for (const [name, values] of Object.entries({ thickness, height, tilt })) {
-    if (values && values.length !== count) full(name, values, count);
+  for (const [name, values] of Object.entries({ thickness, height, density, tilt })) {
+    if (values?.length && values.length !== count) full(name, values, count);
   }
   if (rise && rise.length !== count - 1) full("rise", rise, count - 1);
   requireAll("spacing", spacing, "m");
