@@ -31,7 +31,7 @@ const CONTROLS = {
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const sorted = (_, v) => (v && typeof v === "object" && !Array.isArray(v) ? Object.fromEntries(Object.entries(v).sort()) : v);
+const sorted = (_, v) => (v && typeof v === "object" && !Array.isArray(v) ? Object.fromEntries(Object.keys(v).sort().map((key) => [key, v[key]])) : v);
 const texts = new WeakMap();
 // text of a document, equal for equal documents
 const canonical = (document) => texts.get(document) ?? texts.set(document, JSON.stringify(document, sorted)).get(document);
@@ -188,11 +188,17 @@ function attempt(action) {
 
 // shows the present step of the history with a change
 function preview(change) {
-  attempt(() => { draft = change(steps[position]); draw(); });
+  attempt(() => { draft = standing(change(steps[position])); draw(); });
+}
+
+// a draft whose dominoes can stand; else an error
+function standing(made) {
+  if (made.wave) return made;
+  throw new RangeError("the row has no wave");
 }
 
 function commit(next = draft) {
-  draft = next;
+  draft = standing(next);
   if (draft !== steps[position]) steps.splice(++position, steps.length, draft);
   settle();
 }

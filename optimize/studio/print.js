@@ -72,7 +72,8 @@ function drawStrip({ row, safe, front, rear, begin, end, dominoes, number, of },
   for (const i of dominoes) {
     const is = { first: i === 0, last: i === last, late: safe.has(i), fixed: i >= row.designed }, d = front[i] - rear[i], centre = x(rear[i] + 0.5 * d);
     const fill = is.first || is.last ? "#bbb" : is.fixed ? "#ddd" : "none";
-    parts.push(box(x(rear[i]), middle - half, d, 2 * half, `class="domino" stroke="#000" stroke-width="0.15" fill="${fill}" ${is.late ? 'stroke-dasharray="1.5 1"' : ""}`));
+    parts.push(box(x(rear[i]), middle - half, d, 2 * half, `class="domino" stroke="#000" stroke-width="0.15" fill="${fill}"`));
+    if (is.late) parts.push(line(x(rear[i]), middle - half, x(front[i]), middle + half, pale), line(x(rear[i]), middle + half, x(front[i]), middle - half, pale));
     if (centre >= left && centre < right) {
       parts.push(text(centre, middle + half + (i % 2 ? 6.6 : 3.4), i + 1, 2.4, 'text-anchor="middle"'));
       if (is.first || is.last || (is.late && !safe.has(i - 1))) parts.push(text(centre, middle + half + 10.5, is.first ? "first: push →" : is.last ? "last" : "leave out until the end", 2.8, `text-anchor="${is.last ? "end" : "start"}"`));

@@ -233,15 +233,16 @@ def test_a_push_is_heard_and_space_pauses(tab: Tab, size: str) -> None:
         "window.nodes = 0; const make = AudioContext.prototype.createBufferSource;"
         "AudioContext.prototype.createBufferSource = function() { nodes++; return make.call(this) }"
     )
-    tab.set("pace", "1")
+    tab.set("pace", "0.1")
     tab.press("domino", 0)
     state = "return domino.state.row.state"
-    tab.wait(lambda: tab.run(f"{state}.now") > 0.1)
+    tab.wait(lambda: tab.run(f"{state}.now") > 0.01)
     if size == "desk":
         canvas = tab.window.find_element("id", "row")
         canvas.send_keys(" ")
         assert not tab.run(f"{state}.playing")
         canvas.send_keys(" ")
+    tab.set("pace", "1")
     tab.wait(lambda: tab.run("const s = domino.state.row.state; return s.now == s.end"))
     assert tab.run("return nodes") == 39
 
@@ -345,6 +346,8 @@ def test_a_printed_row_has_the_gaps_of_the_layout(tab: Tab, paper: str, height: 
     assert across == pytest.approx([height] * len(boxes), abs=0.3)
     starts, ends = [], []
     for sheet in rectangles(pdf):
+        # filled boxes are drawn twice
+        sheet = {tuple(round(float(x), 3) for x in r) for r in sheet}
         dominoes = [r for r in sheet if abs(abs(r[3] - r[1]) - 24.0) < 0.05]
         assert all(abs(abs(r[2] - r[0]) - 7.5) < 0.05 for r in dominoes)
         for y in sorted({round(r[1]) for r in dominoes}, reverse=True):  # strips
