@@ -239,11 +239,23 @@ def _shipped() -> dict[str, dict[str, Any]]:
         scene = load_scene(name)
         document, entry = scene.document(), {}
         if (point := stored_point(document)) is not None:
-            entry["uniform"] = layout_document(UniformLayouts(scene).layout(np.array(point)))
+            entry["uniform"] = _sizes(scene, UniformLayouts(scene).layout(np.array(point)))
         if name in known:
-            entry["best"] = layout_document(known[name].layout)
+            entry["best"] = _sizes(scene, known[name].layout)
         scenes[name] = {"document": document} | entry
     return scenes
+
+
+def _sizes(scene: Scene, layout: Layout) -> list[Any]:
+    """Return the arguments of `scene.layout`, one number for equal values; None if they follow."""
+    return [
+        None if values is None else values.tolist() if np.ptp(values) else float(values[0])
+        for values in (
+            layout.spacing,
+            layout.thickness[1:] if scene.free_thickness else None,
+            None if scene.growth is None else layout.height[1:],
+        )
+    ]
 
 
 def _read(name: str) -> str:
