@@ -206,7 +206,11 @@ export function checkPhysics(physics) {
 /** Wave of a layout: arrival times, velocities and outcome, with the meanings of Python's `Wave`. */
 export class Wave {
   constructor(layout, physics, rtol, summary, arrivals) {
-    const field = (k) => Float64Array.from({ length: arrivals.length / 4 }, (_, i) => arrivals[4 * i + k]);
+    const field = (k) => {
+      const values = new Float64Array(arrivals.length / 4);
+      for (let i = 0; i < values.length; i++) values[i] = arrivals[4 * i + k];
+      return values;
+    };
     Object.assign(this, { layout, physics, rtol, ...summary });
     this.arrivalTimes = field(0);
     this.releaseVelocity = field(1);

@@ -204,8 +204,11 @@ export class Scene {
     const pairs = this.count - 1, mean = pieces.reduce((sum, d) => sum + d, 0) / pieces.length;
     const [low, high] = [0, 1].map((k) => pairs * (this.spacing[k] + (this.stock ? mean : this.thickness[k])));
     if (!(low - 1e-12 <= this.length && this.length <= high + 1e-12)) {
+      const fewest = Math.ceil((this.length * pairs) / high - 1e-9) + 1;
+      const most = Math.min(Math.floor((this.length * pairs) / low + 1e-9) + 1, MAX_DOMINOES);
+      const fits = !this.stock && fewest >= 2 && fewest <= most, counts = fewest < most ? `${fewest} to ${most}` : most;
       throw new RangeError(`row.length = ${general(this.length)} m cannot be met: ${this.count} dominoes within the bounds ` +
-        `cover ${general(low)} to ${general(high)} m; change the length or the bounds`);
+        `cover ${general(low)} to ${general(high)} m; ${fits ? `row.count = ${counts} would fit` : "change the length or the bounds"}`);
     }
   }
 
