@@ -428,6 +428,13 @@ function listen() {
     e.preventDefault();
     move(e.shiftKey ? 1 : -1);
   });
+  for (const link of document.querySelectorAll("[data-opens]")) link.addEventListener("click", (e) => {
+    e.preventDefault();
+    const fold = [...document.querySelectorAll("details")].find((d) => d.firstElementChild.textContent === link.dataset.opens);
+    fold.open = true;
+    fold.scrollIntoView({ behavior: "smooth" });
+    fold.querySelector("input, select").focus({ preventScroll: true });
+  });
   const over = (on) => (e) => { e.preventDefault(); $("drop").hidden = !on; };
   document.addEventListener("dragover", over(true));
   document.addEventListener("dragleave", (e) => { if (!e.relatedTarget) over(false)(e); });

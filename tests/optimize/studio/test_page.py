@@ -302,6 +302,30 @@ def test_a_race(tab: Tab, size: str) -> None:
     tab.wait(lambda: tab.run("const s = domino.state.row.state; return s.now == s.end"))
 
 
+def test_rows_of_runs_are_raced_and_a_frame_shows_the_page(tab: Tab, tmp_path: Path) -> None:
+    run = {"name": "run-1", "layout": layout_document(BEST), "document": SPRINT.document()}
+    pages.write_page(tmp_path / "rows.html", SPRINT, rows=[run])
+    (tmp_path / "frame.html").write_text(studio(SPRINT)._repr_html_(), "utf-8")
+    other = Tab(tab.window, tmp_path / "rows.html")
+    other.open()
+    other.set("against", "run-1")
+    assert other.run("return domino.state.row.state.other") == "run-1"
+    tab.window.get((tmp_path / "frame.html").as_uri())
+    tab.window.switch_to.frame(0)
+    tab.wait(lambda: "as fast as" in tab.result)
+    tab.window.switch_to.default_content()
+
+
+def test_a_scene_that_the_page_cannot_search_names_the_command(tab: Tab) -> None:
+    tab.open("#scene=stock")
+    tab.click("faster")
+    assert "domino optimize stock" in tab.text("message")
+    tab.drag("gap", 3, (0, 20))
+    assert "slower than the best equal gaps" in tab.result
+    tab.open("#scene=table")
+    tab.wait(lambda: "on a floor of friction 0.4 as fast as the best equal gaps" in tab.result)
+
+
 def rectangles(pdf: bytes) -> list[list[tuple[float, ...]]]:
     """Return the rectangles [mm] of each page of a PDF that Chromium has written."""
     sheets = []
