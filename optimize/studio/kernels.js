@@ -44,9 +44,10 @@ export function general(value, digits = 6) {
 /** Return a float as Python's repr writes it. */
 export function repr(value) {
   if (!Number.isFinite(value)) return general(value);
-  const text = String(value).replace(/e([+-])(\d)$/, "e$10$2");
-  if (/[.e]/.test(text) || Math.abs(value) >= 1e16) return text;
-  return `${Object.is(value, -0) ? "-0" : text}.0`;
+  const size = Math.abs(value);
+  if (size > 0 && (size < 1e-4 || size >= 1e16)) return value.toExponential().replace(/e([+-])(\d)$/, "e$10$2");
+  const text = Object.is(value, -0) ? "-0" : String(value);
+  return text.includes(".") ? text : `${text}.0`;
 }
 
 /** Return a range as Python's messages have it, such as ", more than 0". */
