@@ -44,9 +44,18 @@ export function general(value, digits = 6) {
 /** Return a float as Python's repr writes it. */
 export function repr(value) {
   if (!Number.isFinite(value)) return general(value);
-  const text = String(value).replace(/e([+-])(\d)$/, "e$10$2");
-  if (/[.e]/.test(text) || Math.abs(value) >= 1e16) return text;
-  return `${Object.is(value, -0) ? "-0" : text}.0`;
+  const size = Math.abs(value);
+  if (size > 0 && (size < 1e-4 || size >= 1e16)) return value.toExponential().replace(/e([+-])(\d)$/, "e$10$2");
+  const text = Object.is(value, -0) ? "-0" : String(value);
+  return text.includes(".") ? text : `${text}.0`;
+}
+
+/** Return "did you mean 'height'? " for a name that is like one of some others, or "". */
+export function didYouMean(name, others) {
+  const pairs = (word) => Array.from(word, (_, i) => word.slice(i, i + 2));
+  const alike = (other) => pairs(other).filter((pair) => pairs(name).includes(pair)).length / Math.max(other.length, name.length);
+  const nearest = others.reduce((a, b) => (alike(b) > alike(a) ? b : a));
+  return alike(nearest) >= 0.5 ? `did you mean '${nearest}'? ` : "";
 }
 
 /** Return a range as Python's messages have it, such as ", more than 0". */

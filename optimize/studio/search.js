@@ -7,7 +7,7 @@
  * Generators yield after each simulation, so that the caller can stop them or answer messages.
  */
 
-const RTOL = 1e-6; // of arrival times, in the search
+const RTOL = 1e-6, TEMPO_RTOL = 1e-9; // of arrival times, in the search
 const FIRST_GRADIENTS = 12; // gradients of every start in the first round
 const CHILDREN = 32, REFINED = 8; // changed layouts of a generation that are scored, and refined
 const CHILD_GRADIENTS = 10, NEAR_GRADIENTS = 60, BEST_GRADIENTS = 240;
@@ -19,6 +19,7 @@ const MANY_PLACES = 64; // places above which starts and patience are smaller
 const AGREEMENT = 5e-5, ENOUGH = 3, MOST_ISLANDS = 8; // independent searches that end the search
 const LONG = 512, SHORT = 160; // dominoes of a row that is stretched from a shorter one
 const MAX_TIGHT = 8, FACE = 1e-3; // tight gaps at the end; distance to a bound that counts as on it
+const ON_TIME = 1e-9; // [s] RMS error below which a search of a schedule is done
 const SLICE = 30; // [ms] between answers to messages
 
 // --- Problem --------------------------------------------------------------------------------------
@@ -28,8 +29,13 @@ class Problem {
   constructor(scene, onBetter = () => {}) {
     this.scene = scene;
     this.pairs = scene.count - 1;
+    this.rtol = scene.tempo ? TEMPO_RTOL : RTOL;
     this.bounds = [...(scene.freeSpacing ? [scene.spacing] : []), ...(scene.freeThickness ? [scene.thickness] : [])];
     this.size = this.pairs * this.bounds.length;
+    this.widths = Float64Array.from(this.bounds.flatMap(([low, high]) => Array(this.pairs).fill(high - low)));
+    const fixed = (scene.freeSpacing ? 0 : scene.spacing[0]) + (scene.freeThickness ? 0 : scene.thickness[0]);
+    const lowest = this.bounds.reduce((sum, [low]) => sum + low, fixed);
+    this.room = scene.length === null ? null : scene.length - this.pairs * lowest; // sum of design times widths [m]
     this.best = { score: -Infinity, design: null };
     this.onBetter = onBetter;
   }
@@ -54,22 +60,24 @@ class Problem {
 
   /** Return the nearest design within the bounds, and of the given length. */
   project(design) {
-    const { length } = this.scene, clip = (x) => Math.min(Math.max(x, 0), 1);
-    if (length === null) return design.map(clip);
-    const range = (i) => this.bounds[Math.floor(i / this.pairs)], width = (i) => range(i)[1] - range(i)[0];
-    let target = length - (this.scene.freeThickness ? 0 : this.pairs * this.scene.thickness[0]);
-    if (!this.scene.freeSpacing) target -= this.pairs * this.scene.spacing[0];
-    for (let i = 0; i < this.size; i++) target -= range(i)[0];
-    const moved = (shift) => design.map((x, i) => clip(x + shift * width(i)));
-    const excess = (values) => values.reduce((sum, x, i) => sum + x * width(i), -target);
-    let low = -1, high = 1; // in units in which a width of 1 moves by 1
-    while (excess(moved(low)) > 0 && low > -1e9) low *= 2;
-    while (excess(moved(high)) < 0 && high < 1e9) high *= 2;
-    for (let k = 0; k < 200 && high - low > 1e-16 * (Math.abs(low) + Math.abs(high)); k++) {
-      const middle = 0.5 * (low + high);
-      if (excess(moved(middle)) > 0) high = middle; else low = middle;
+    const { widths, room } = this, clip = (x) => Math.min(Math.max(x, 0), 1);
+    if (room === null) return design.map(clip);
+    // Newton's method within a bracket for the shift of all sizes after which the length is right
+    const least = Math.min(...this.bounds.map(([from, to]) => to - from));
+    let low = -Math.max(...design) / least, high = (1 - Math.min(...design)) / least, shift = 0;
+    for (let k = 0; k < 100; k++) {
+      let excess = -room, slope = 0;
+      for (let i = 0; i < design.length; i++) {
+        const x = design[i] + shift * widths[i];
+        excess += widths[i] * clip(x);
+        if (x > 0 && x < 1) slope += widths[i] ** 2;
+      }
+      if (Math.abs(excess) <= 1e-16 * design.length) break;
+      if (excess > 0) high = shift; else low = shift;
+      const next = shift - excess / slope;
+      shift = next > low && next < high ? next : 0.5 * (low + high);
     }
-    return moved(0.5 * (low + high));
+    return design.map((x, i) => clip(x + shift * widths[i]));
   }
 
   /** Return the score of a design, with its gradient if wanted (zeros for a score of 0 or less). */
@@ -79,12 +87,12 @@ class Problem {
     try {
       const layout = this.layout(design);
       if (wantsGradient) {
-        const result = scene.gradient(layout, { rtol: RTOL });
+        const result = scene.gradient(layout, { rtol: this.rtol });
         const parts = [...(scene.freeSpacing ? [result.spacing] : []), ...(scene.freeThickness ? [result.thickness] : [])];
         score = result.score;
         if (result.spacing) parts.forEach((part, k) => gradient.set(part.map((g) => g * (this.bounds[k][1] - this.bounds[k][0])), k * pairs));
       } else {
-        score = scene.scoreOf(scene.kernels.simulate(scene.row(layout), scene.physics, { rtol: RTOL, exactMargins: scene.stallMargin !== null }));
+        score = scene.scoreOf(scene.kernels.simulate(scene.row(layout), scene.physics, { rtol: this.rtol, exactMargins: scene.stallMargin !== null }));
       }
     } catch (error) {
       if (!(error instanceof RangeError)) throw error; // a layout that cannot stand
@@ -539,14 +547,17 @@ export async function search(scene, { seconds = 5, seed = 0, start, onBetter = (
     const layout = problem.layout(problem.best.design);
     return { layout, score: scene.score(layout).score, seconds: elapsed() };
   };
+  const onTime = () => scene.tempo !== null && problem.best.score > 1 / (1 + ON_TIME / scene.tempo.tolerance);
   const given = start ? [problem.design(start)] : [], steps = searchProblem(problem, new Random(seed), given);
   let reason = "", slice = began;
   while (!reason) {
     const step = steps.next();
     if (step.done) reason = step.value;
+    else if (onTime()) reason = "every domino is hit on schedule, to 1 ns";
     else if (performance.now() - slice > SLICE) {
       if (isBetter) onBetter(result());
       isBetter = false;
+      // messages are answered meanwhile
       await new Promise((resume) => { setTimeout(resume); });
       slice = performance.now();
       if (shouldStop()) reason = "stopped";

@@ -6,8 +6,8 @@
  * layout, score, seconds} and {type: "done", layout, score, seconds, reason}; {type: "uniform",
  * document}, by {type: "uniform", point, layout, score}; {type: "score", document, layout} (of
  * free-standing dominoes, say), by {type: "score", score, text}; {type: "check", document, layout}, by
- * {type: "check", text}; each of them by {type: "error", message} if something is wrong. {type: "stop"} ends a search, which still answers "done"; so does
- * another search.
+ * {type: "check", text}; each of them by {type: "error", message} if something is wrong. {type: "stop"}
+ * ends a search, which still answers "done"; so does another search.
  */
 
 import { loadKernels } from "./kernels.js";
