@@ -544,7 +544,7 @@ export async function search(scene, { seconds = 5, seed = 0, start, onBetter = (
   let isBetter = false;
   const problem = new Problem(scene, () => { isBetter = true; });
   const result = () => {
-    const layout = problem.layout(problem.best.design);
+    const layout = problem.best.design ? problem.layout(problem.best.design) : start ?? scene.uniform().layout;
     return { layout, score: scene.score(layout).score, seconds: elapsed() };
   };
   const onTime = () => scene.tempo !== null && problem.best.score > 1 / (1 + ON_TIME / scene.tempo.tolerance);
