@@ -9,7 +9,7 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?=
 
-.PHONY: help run test bounds compat lowest newest bench lint docs clean
+.PHONY: help run test bounds compat lowest newest bench lint docs wasm clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
@@ -21,6 +21,7 @@ help:
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter, codespell"
 	@echo "make docs   the documentation as a site, into site/"
+	@echo "make wasm   the kernels as WebAssembly, for the page: after a change of them; needs Node.js"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.core
@@ -72,6 +73,10 @@ docs: $(VENV)/.docs
 	$(BIN)/mkdocs build --strict --quiet
 	@echo "site/index.html; with search: $(BIN)/python -m http.server -d site, http://localhost:8000"
 
+wasm: $(VENV)/.core
+	$(PIP) --group wasm
+	$(BIN)/python -m optimize.studio.wasm.build
+
 # An environment that was not finished would pass for one the next time.
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: install it," \
@@ -90,7 +95,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 $(VENV)/.dev: $(VENV)/.core
 	$(BIN)/python -m benchmarks compilation >/dev/null 2>&1 & \
 	$(PIP) --no-build-isolation --group dev \
-		-e '.[rl,render,verify,dist,parquet,minari,studio]' && wait
+		-e '.[rl,render,verify,dist,parquet,minari]' && wait
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
-from itertools import chain, cycle, product
+from itertools import chain, cycle, product, starmap
 from typing import Any
 
 import gymnasium
@@ -26,6 +26,7 @@ import numpy as np
 from numba.core import event
 
 import domino_env as de
+from benchmarks.page import time_page
 from domino_env.physics.wave import MIN_RTOL
 from domino_env.rigid.simulation import largest_difference
 
@@ -273,8 +274,12 @@ def main() -> None:
     if sys.argv[1:] == ["compilation"]:
         print(*compilation_table(), sep="\n")
         return
+    if sys.argv[1:] == ["page"]:
+        print(*starmap(format_line, time_page()), sep="\n")
+        return
     print(f"{'':68}{'µs per unit':>14}   remark")
-    for line in chain(time_waves(), time_long_layouts_and_batches(), time_environments()):
+    tables = time_waves(), time_long_layouts_and_batches(), time_environments()
+    for line in chain(*tables, starmap(format_line, time_page())):
         print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = (

@@ -66,7 +66,7 @@ PARSED = {
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
-    "domino studio": "serves a page, see tests/optimize/interactive/test_page.py",
+    "domino studio": "opens a browser, see tests/optimize/studio/test_page.py",
     "domino train draw": "minutes, see tests/agents/test_draw.py",
     "domino train tempo-noise": "minutes, see tests/agents/test_draw.py",
     "domino dataset": "half an hour, see tests/agents/test_dataset.py",
@@ -116,7 +116,7 @@ def run(line):
 # Python -----------------------------------------------------------------------------------------
 
 
-PACKAGES = {"stable_baselines3": "stable_baselines3", "studio(": "panel", "minari": "minari"}
+PACKAGES = {"stable_baselines3": "stable_baselines3", "minari": "minari"}
 
 
 def run_examples(text, names):

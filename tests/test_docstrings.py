@@ -19,8 +19,6 @@ MODULES = [
 def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     module = pytest.importorskip(name, exc_type=ImportError)
-    if name.startswith("optimize.interactive"):
-        pytest.importorskip("panel")
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     with np.printoptions(legacy=False):
         for test in doctest.DocTestFinder().find(module):

@@ -111,8 +111,8 @@ def start(bodies: Bodies, setting: Setting, push: float) -> State:
         The first domino moves; the others are held at rest until they are hit.
     """
     count, fixed = len(bodies.height), setting.floor == FIXED_PIVOTS
-    sine, cosine = bodies.slope.T
-    ex, ey = bodies.edge.T
+    sine, cosine = bodies.slope[:, 0], bodies.slope[:, 1]
+    ex, ey = bodies.edge[:, 0], bodies.edge[:, 1]
     x = bodies.pivots[:, 0] - ex * cosine - ey * sine
     y = bodies.pivots[:, 1] + ex * sine - ey * cosine
     velocity, inverse_mass, inverse_inertia = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
@@ -122,10 +122,10 @@ def start(bodies: Bodies, setting: Setting, push: float) -> State:
         velocity[0, 1] = push * (bodies.pivots[0, 0] - x[0])
         inverse_mass[0] = 1.0 / bodies.mass[0]
     capacity = KINDS * (setting.window + 3)
-    place = np.stack([x, y, bodies.tilt], axis=-1)
+    place = np.stack((x, y, bodies.tilt), axis=-1)
     run = np.zeros(1, RUN)
-    run["share"] = 1.0
-    run["tip_gap"] = _tip_gap(0, place, velocity, 0.0, bodies) if count > 1 else 0.0
+    run["share"][0] = 1.0
+    run["tip_gap"][0] = _tip_gap(0, place, velocity, 0.0, bodies) if count > 1 else 0.0
     return State(
         place, velocity, inverse_mass, inverse_inertia, np.zeros((count, KINDS, 2)),
         np.zeros((count, 4)), np.zeros((count, 4)), np.full(count, np.inf),

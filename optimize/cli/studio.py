@@ -1,15 +1,14 @@
 """Design a row in the browser: drag, push, improve, print.
 
 SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
-of the page. The page is served on this machine only, until its last tab is closed or until Ctrl-C.
+of the page. The page is one HTML file, which needs neither network nor server.
 """
 
 from __future__ import annotations
 
 import argparse
-from contextlib import suppress
 
-from domino_env.cli.options import add_flags, add_options, number
+from domino_env.cli.options import add_flags, add_options, output
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,22 +17,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source", metavar="SOURCE", nargs="?", default="course",
         help="scene, layout, run folder or link (course)",
     )  # fmt: skip
-    port = number(whole=True, low=0, high=65535)
-    add_options(parser, ("port", port, "N", 0, "port on this machine; 0: a free one"))
-    add_flags(parser, no_browser="print the address only")
+    page = "file of the page, which is kept; by default a temporary one"
+    add_options(parser, ("out", output(".html"), "FILE", None, page))
+    add_flags(parser, no_browser="write the page without opening it")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serve the page until it is closed."""
-    import webbrowser
+    """Write the page and open it."""
+    from optimize.studio.page import studio
 
-    from optimize.interactive.server import studio
-
-    def open_page(url: str) -> None:
-        print(f"{url}\nclose its last tab, or press Ctrl-C here, to end it", flush=True)
-        if not arguments.no_browser:
-            webbrowser.open(url)
-
-    with suppress(KeyboardInterrupt):
-        studio(arguments.source, arguments.port).serve(open_page)
+    page = studio(arguments.source)
+    print((page.save if arguments.no_browser else page.open)(arguments.out))
     return 0

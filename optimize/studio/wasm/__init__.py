@@ -1,0 +1,1 @@
+"""Build of `chain.wasm`: the kernels as WebAssembly, for the page (`make wasm`)."""
