@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ def llvm_code(folder: str) -> dict[str, str]:
     from domino_env.kernels import jit
 
     jit._FAST = None  # the public compilation
+    warnings.simplefilter("ignore")  # what is not cached
     from optimize.studio.wasm.functions import FUNCTIONS
 
     return {

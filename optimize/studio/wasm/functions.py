@@ -6,9 +6,11 @@ is not used; without `uneven` the ground is flat, and rise and tilt are not used
 friction, gravity, push and rtol.
 """
 
+from typing import Any
+
 import numba
 import numpy as np
-from numba import carray, types
+from numba import carray, types  # type: ignore[attr-defined]
 
 from domino_env.kernels import arrays, ground
 from domino_env.kernels.adjoint.chain import vjp
@@ -26,7 +28,7 @@ EVENTS, ARRIVALS, SUMMARY, SNAPSHOTS = (
 SAMPLES = physics_motion.PIECES + 1  # of each fall
 MANY_STEPS = 1_000_000
 lean_stacks, start_standing = physics_motion._lean_stacks, numba.njit(dynamics.start)
-FUNCTIONS = {}  # exported functions by name
+FUNCTIONS: dict[str, Any] = {}  # exported functions by name
 
 
 def export(*parameters):
