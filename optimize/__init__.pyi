@@ -9,9 +9,9 @@ from .experiments.store import open_store as open_store
 from .experiments.sweep import sweep as sweep
 from .experiments.task import Task as Task
 from .experiments.task import TaskResult as TaskResult
-from .studio.page import Studio as Studio
-from .studio.page import studio as studio
 from .methods.registry import METHODS as METHODS
 from .problem import Problem as Problem
 from .result import SearchResult as SearchResult
 from .searching import search as search
+from .studio.page import Studio as Studio
+from .studio.page import studio as studio

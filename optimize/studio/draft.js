@@ -222,4 +222,4 @@ export class Draft {
 }
 
 // decimal numbers of a text rounded to three digits, or to whole numbers
-const rounded = (text) => text.replace(/\d+\.\d+/g, (m) => (Number(m) < 100 ? Number(m).toPrecision(3) : Number(m).toFixed(0)));
+const rounded = (text) => text.replace(/\d+\.\d{3,}/g, (m) => (Number(m) < 100 ? Number(m).toPrecision(3) : Number(m).toFixed(0)));

@@ -2,7 +2,7 @@
 
 import toml from "./vendor/smol-toml.cjs";
 import { isFlat } from "./geometry.js";
-import { STANDARD, full, general } from "./kernels.js";
+import { STANDARD, didYouMean, full, general } from "./kernels.js";
 
 const SMALLEST = 1e-9, LARGEST = 1e9; // bounds of sizes in files [SI units]
 const MAX_LINK_LENGTH = 30000; // characters that programs accept in an address
@@ -57,8 +57,7 @@ function readJson(text) {
   const allowed = [...SIZES, ...GROUND, "unit"];
   if (values === null || typeof values !== "object" || Array.isArray(values)) fail("not a layout: give an object with spacing and thickness");
   for (const [key, value] of Object.entries(values)) {
-    const near = allowed.find((k) => k.startsWith(key.slice(0, 4)));
-    if (!allowed.includes(key)) fail(`unknown key '${oneLine(key, 60)}': ${near ? `did you mean '${near}'? ` : ""}allowed: ${allowed.join(", ")}`);
+    if (!allowed.includes(key)) fail(`unknown key '${oneLine(key, 60)}': ${didYouMean(key, allowed)}allowed: ${allowed.join(", ")}`);
     if (key === "unit") { if (value !== UNIT) fail(`unit = '${oneLine(value)}': choose one of ${UNIT}`); continue; }
     const signed = GROUND.includes(key), list = Array.isArray(value) ? value : [value];
     if (key === "spacing" ? !Array.isArray(value) : key === "width" && Array.isArray(value)) fail(`${key} = ${oneLine(JSON.stringify(value))}: give a ${key === "spacing" ? "list of numbers" : "number"}`);

@@ -13,7 +13,7 @@ export class Ground {
     }
     Object.assign(this, { kernels, slope, profile });
     if (profile) this.#fit();
-    else require("slope", slope, { low: -MAX_SLOPE, high: MAX_SLOPE });
+    else require("slope", slope, { low: -MAX_SLOPE, high: MAX_SLOPE }, { hint: "of an even slope, positive downhill [degrees]" });
   }
 
   get isEven() { return this.profile === undefined; }

@@ -44,9 +44,18 @@ export function general(value, digits = 6) {
 /** Return a float as Python's repr writes it. */
 export function repr(value) {
   if (!Number.isFinite(value)) return general(value);
-  const text = String(value).replace(/e([+-])(\d)$/, "e$10$2");
-  if (/[.e]/.test(text) || Math.abs(value) >= 1e16) return text;
-  return `${Object.is(value, -0) ? "-0" : text}.0`;
+  const size = Math.abs(value);
+  if (size > 0 && (size < 1e-4 || size >= 1e16)) return value.toExponential().replace(/e([+-])(\d)$/, "e$10$2");
+  const text = Object.is(value, -0) ? "-0" : String(value);
+  return text.includes(".") ? text : `${text}.0`;
+}
+
+/** Return "did you mean 'height'? " for a name that is like one of some others, or "". */
+export function didYouMean(name, others) {
+  const pairs = (word) => Array.from(word, (_, i) => word.slice(i, i + 2));
+  const alike = (other) => pairs(other).filter((pair) => pairs(name).includes(pair)).length / Math.max(other.length, name.length);
+  const nearest = others.reduce((a, b) => (alike(b) > alike(a) ? b : a));
+  return alike(nearest) >= 0.5 ? `did you mean '${nearest}'? ` : "";
 }
 
 /** Return a range as Python's messages have it, such as ", more than 0". */
@@ -206,7 +215,11 @@ export function checkPhysics(physics) {
 /** Wave of a layout: arrival times, velocities and outcome, with the meanings of Python's `Wave`. */
 export class Wave {
   constructor(layout, physics, rtol, summary, arrivals) {
-    const field = (k) => Float64Array.from({ length: arrivals.length / 4 }, (_, i) => arrivals[4 * i + k]);
+    const field = (k) => {
+      const values = new Float64Array(arrivals.length / 4);
+      for (let i = 0; i < values.length; i++) values[i] = arrivals[4 * i + k];
+      return values;
+    };
     Object.assign(this, { layout, physics, rtol, ...summary });
     this.arrivalTimes = field(0);
     this.releaseVelocity = field(1);

@@ -68,11 +68,14 @@ function createWorker(bytes) {
 // shipped scene with the same rules, if there is one
 const shippedOf = (scene) => data.scenes[scene.document.name] && canonical(data.scenes[scene.document.name].document) === canonical(scene.document) ? data.scenes[scene.document.name] : null;
 
+// draft of shipped gaps, thicknesses and heights; null for those that the scene has
+const shippedDraft = (scene, sizes) => new Draft(scene, scene.layout(...sizes.map((v) => v ?? undefined)));
+
 // draft of the best equal gaps of a scene, as `{value, promise}`: the shipped one, or one that the worker computes
 function baseline(scene) {
   const key = canonical(scene.document), shipped = shippedOf(scene)?.uniform;
   if (!baselines.has(key)) {
-    const entry = { value: shipped && new Draft(scene, makeLayout(shipped)) };
+    const entry = { value: shipped && shippedDraft(scene, shipped) };
     const asked = () => helper.ask({ type: "uniform", document: scene.document }).then(({ layout, score }) => new Draft(scene, layout, score));
     entry.promise = shipped ? scored(entry.value) : asked();
     entry.promise.then((value) => { entry.value = value; }, () => {});
@@ -97,7 +100,7 @@ function otherOf(name) {
 
 const draftOf = (entry) => (entry.draft ??= new Draft(new Scene(kernels, entry.document), makeLayout(entry.layout)));
 
-const bestOf = (shipped) => shipped?.best && (shipped.draft ??= new Draft(new Scene(kernels, shipped.document), makeLayout(shipped.best)));
+const bestOf = (shipped) => shipped?.best && (shipped.draft ??= shippedDraft(new Scene(kernels, shipped.document), shipped.best));
 
 // from the draft to the page -----------------------------------------------------------------------
 
@@ -382,7 +385,7 @@ const saveStrip = () => save("strip.svg", stripSvg(draft.wave.layout, { toleranc
 // pictures of the shipped scenes half-way through their fall, each a link that opens it
 function fillGallery() {
   $("gallery").replaceChildren(...Object.entries(data.scenes).map(([name, { document: tables, best, uniform }]) => {
-    const scene = new Scene(kernels, tables), { wave } = new Draft(scene, makeLayout(best ?? uniform));
+    const scene = new Scene(kernels, tables), { wave } = shippedDraft(scene, best ?? uniform);
     const last = Math.min(wave.hit, DRAWN) - 1, leans = kernels.motion(wave).leans(0.5 * wave.arrivalTimes[last]), pivots = pivotsOf(wave.layout);
     const points = Array.from({ length: last + 1 }, (_, i) => corners(wave.layout, pivots, i, leans[i]).map(([x, z]) => [MM * x, -MM * z]));
     const [xs, zs] = [0, 1].map((k) => points.flat().map((p) => p[k])), low = [Math.min(...xs), Math.min(...zs)];
@@ -427,6 +430,13 @@ function listen() {
     if (!(e.ctrlKey || e.metaKey) || e.key.toLowerCase() !== "z" || e.target.matches("input")) return;
     e.preventDefault();
     move(e.shiftKey ? 1 : -1);
+  });
+  for (const link of document.querySelectorAll("[data-opens]")) link.addEventListener("click", (e) => {
+    e.preventDefault();
+    const fold = [...document.querySelectorAll("details")].find((d) => d.firstElementChild.textContent === link.dataset.opens);
+    fold.open = true;
+    fold.scrollIntoView({ behavior: "smooth" });
+    fold.querySelector("input, select").focus({ preventScroll: true });
   });
   const over = (on) => (e) => { e.preventDefault(); $("drop").hidden = !on; };
   document.addEventListener("dragover", over(true));

@@ -42,7 +42,6 @@ HEIGHT = 1200  # [px] of the page in a notebook
 
 _IMPORT = re.compile(r'^import (?:\{([^}]*)\}|(\w+)) from "\./([^"]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function\*?|class|const|let) (\w+))", re.MULTILINE)
-_MORE = re.compile(r"(?<=,) (\w+) = ")  # further names of an exported `const a = 1, b = 2;`
 
 
 def read_source(source: str | Path | Scene | Layout) -> tuple[Scene, Layout | None]:
@@ -246,11 +245,23 @@ def _shipped() -> dict[str, dict[str, Any]]:
         scene = load_scene(name)
         document, entry = scene.document(), {}
         if (point := stored_point(document)) is not None:
-            entry["uniform"] = layout_document(UniformLayouts(scene).layout(np.array(point)))
+            entry["uniform"] = _sizes(scene, UniformLayouts(scene).layout(np.array(point)))
         if name in known:
-            entry["best"] = layout_document(known[name].layout)
+            entry["best"] = _sizes(scene, known[name].layout)
         scenes[name] = {"document": document} | entry
     return scenes
+
+
+def _sizes(scene: Scene, layout: Layout) -> list[Any]:
+    """Return the arguments of `scene.layout`, one number for equal values; None if they follow."""
+    return [
+        None if values is None else values.tolist() if np.ptp(values) else float(values[0])
+        for values in (
+            layout.spacing,
+            layout.thickness[1:] if scene.free_thickness else None,
+            None if scene.growth is None else layout.height[1:],
+        )
+    ]
 
 
 def _read(name: str) -> str:
@@ -260,7 +271,7 @@ def _read(name: str) -> str:
 def _bundle(names: Sequence[str]) -> str:
     """Return modules of JavaScript as one classic script."""
     text = "\n".join(_module(name) for name in names)
-    assert "</script" not in text and "<!--" not in text, f"{names}: it would end the script"
+    assert not re.search("</script|<!--", text), f"{names}: it would end the script"
     return text
 
 
@@ -268,14 +279,12 @@ def _module(name: str) -> str:
     """Return a module as a function that is called at once and returns its exports."""
     text = _read(name)
     if name.endswith(".cjs"):
-        return f"const {_variable(name)} = (() => {{ const exports = {{}};\n{text}return exports;\n}})();"
-    exports = _EXPORT.findall(text)
-    for line in re.findall(r"^export const .*;", text, re.MULTILINE):
-        exports += _MORE.findall(line) if "(" not in line else []
-    body = _EXPORT.sub("", _IMPORT.sub(_reference, text))
-    assert not re.search(r"^(import|export) ", body, re.MULTILINE), f"{name}: unknown form"
-    made = f"return {{ {', '.join(exports)} }};"
-    return f"const {_variable(name)} = (() => {{\n{body}{made}\n}})();"
+        body, result = f"const exports = {{}};\n{text}", "exports"
+    else:
+        body, names = _EXPORT.sub("", _IMPORT.sub(_reference, text)), _EXPORT.findall(text)
+        assert not re.search(r"^(import|export) ", body, re.MULTILINE), f"{name}: unknown form"
+        result = f"{{ {', '.join(names)} }}"
+    return f"const {_variable(name)} = (() => {{\n{body}return {result};\n}})();"
 
 
 def _reference(match: re.Match[str]) -> str:

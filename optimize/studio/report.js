@@ -25,7 +25,8 @@ function swatch(k) {
 
 // true if all values are positive, and the largest is more than `WIDE` times the least
 const isWide = (values) => Math.min(...values) > 0 && Math.max(...values) > WIDE * Math.min(...values);
-const power = (v) => String(Number((10 ** v).toPrecision(2)));
+const short = (v) => (v >= 1e4 ? `${v / 1e3} k` : String(v));
+const power = (v) => short(Number((10 ** v).toPrecision(2)));
 
 // appends a chart of series `{x, y, colour, dash}`; a logarithmic axis where a flag of `wide` is true
 function chart(box, title, series, wide = [false, false]) {
@@ -33,7 +34,7 @@ function chart(box, title, series, wide = [false, false]) {
   const xs = shown.flatMap((s) => s.x), place = element("div", { className: "curve" });
   box.append(place);
   const [low, high] = xs.length ? [Math.min(...xs), Math.max(...xs)] : [0, 1];
-  const write = wide.map((isLogarithmic) => (isLogarithmic ? power : String));
+  const write = wide.map((isLogarithmic) => (isLogarithmic ? power : short));
   createCurves(place, title).draw({ title, x: [low, high > low ? high : low + 1], y: rangeOf(shown.flatMap((s) => s.y)), series: shown, write });
 }
 
@@ -57,7 +58,7 @@ function resultTable(rows, drafts) {
     const { wave } = drafts[k], { x } = pivotsOf(wave.layout), speed = wave.meanSpeed, last = wave.arrivalTimes.at(-1);
     const link = element(row.fits ? "a" : "span", { textContent: row.name });
     if (row.fits) makeLink(row.document, drafts[k].layout).then((text) => { if (text) link.href = `#${text}`; });
-    const gain = 100 * (speed / base?.meanSpeed - 1);
+    const gain = 100 * (speed / base?.wave.meanSpeed - 1);
     const cells = [element("span", {}, swatch(k), link), ...(texts ? [row.score ?? "–"] : []), speed ? `${speed.toFixed(5)} m/s` : "–",
       ...(names.some((name) => name.startsWith("over ")) ? [speed ? `${gain > 0 ? "+" : ""}${gain.toFixed(2)} %` : "–"] : []),
       speed ? `${(MILLI * last).toFixed(2)} ms` : "never", `${x.at(-1).toFixed(4)} m`, wave.arrivalTimes.length, wave.outcome.toLowerCase()];

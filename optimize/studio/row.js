@@ -2,8 +2,10 @@
 
 import { groundLine, pivotsOf } from "./geometry.js";
 
-/** Margins of the row and of the curves at the left and right [px]. */
-export const LEFT = 48, RIGHT = 12;
+/** Margins of the row and of the curves at the left [px]. */
+export const LEFT = 48;
+/** Margin at the right [px]. */
+export const RIGHT = 12;
 const SKY = 52, FOOT = 12, MAP = 26; // [px] above and below the row, and for the map of long rows
 const SMALLEST = 26, REACH = 9, STILL = 4; // [px] height of a domino in view; distances of the pointer
 const BEHIND = 0.8, BEYOND = 1.2; // [tallest domino] before the first pivot, and ahead of the last one

@@ -6,7 +6,7 @@
  */
 
 import { Ground } from "./ground.js";
-import { STANDARD, full, general, pitch, positions, repr, require } from "./kernels.js";
+import { STANDARD, didYouMean, full, general, pitch, positions, repr, require } from "./kernels.js";
 
 const LENGTH_TOLERANCE = 1e-9; // [m]
 const SCORE_RTOL = 1e-10;
@@ -61,7 +61,7 @@ const TABLES = {
     spacing: { ...size("free gap before each of them [m]"), needed: true },
   },
 };
-const TOP = ["name", "title", "objective"], OBJECTIVES = ["mean_speed", "magnify", "tempo"];
+const TOP = ["name", "title", "objective"], OBJECTIVES = ["magnify", "mean_speed", "tempo"];
 const EXCLUSIVE = [
   ["thickness", "stock"], ["physics.floor_friction", "limits"], ["stock.hand", "physics.floor_friction"],
   ["stock.hand", "row.length"], ["run_out", "stock"], ["run_out", "growth"], ["run_out", "tempo"],
@@ -71,18 +71,18 @@ const EXCLUSIVE = [
 /** Throw a RangeError about the first key of a document with another value than a scene may have. */
 function checkDocument(document) {
   const fail = (sentence) => { throw new RangeError(sentence); };
-  const allowed = (names) => `allowed: ${names.join(", ")}`;
+  const allowed = (key, names) => `${didYouMean(key, names)}allowed: ${names.join(", ")}`;
   for (const [name, table] of Object.entries(document)) {
     if (TOP.includes(name)) continue;
-    const keys = TABLES[name] ?? fail(`unknown key '${name}': ${allowed([...TOP, ...Object.keys(TABLES)])}`);
+    const keys = TABLES[name] ?? fail(`unknown key '${name}': ${allowed(name, [...TOP, ...Object.keys(TABLES)])}`);
     if (typeof table !== "object") fail(`${name} = ${table}: give a table of ${Object.keys(keys).join(", ")}`);
     for (const key of Object.keys(table)) {
-      const range = keys[key] ?? fail(`unknown key '${name}.${key}': ${allowed(Object.keys(keys))}`);
+      const range = keys[key] ?? fail(`unknown key '${name}.${key}': ${allowed(key, Object.keys(keys))}`);
       if (range.hint) require(`${name}.${key}`, table[key], range, { hint: range.hint, whole: range.whole });
     }
   }
   if (!OBJECTIVES.includes(document.objective ?? "mean_speed")) {
-    fail(`objective = '${document.objective}': choose one of ${OBJECTIVES.join(", ")}`);
+    fail(`objective = ${typeof document.objective === "string" ? `'${document.objective}'` : document.objective}: choose one of ${OBJECTIVES.join(", ")}`);
   }
   for (const [name, keys] of Object.entries(TABLES)) {
     if (!document[name] && ["row", "spacing"].includes(name)) fail(`${name} is missing: give a table of ${Object.keys(keys).join(", ")}`);
@@ -204,8 +204,11 @@ export class Scene {
     const pairs = this.count - 1, mean = pieces.reduce((sum, d) => sum + d, 0) / pieces.length;
     const [low, high] = [0, 1].map((k) => pairs * (this.spacing[k] + (this.stock ? mean : this.thickness[k])));
     if (!(low - 1e-12 <= this.length && this.length <= high + 1e-12)) {
+      const fewest = Math.ceil((this.length * pairs) / high - 1e-9) + 1;
+      const most = Math.min(Math.floor((this.length * pairs) / low + 1e-9) + 1, MAX_DOMINOES);
+      const fits = !this.stock && fewest >= 2 && fewest <= most, counts = fewest < most ? `${fewest} to ${most}` : most;
       throw new RangeError(`row.length = ${general(this.length)} m cannot be met: ${this.count} dominoes within the bounds ` +
-        `cover ${general(low)} to ${general(high)} m; change the length or the bounds`);
+        `cover ${general(low)} to ${general(high)} m; ${fits ? `row.count = ${counts} would fit` : "change the length or the bounds"}`);
     }
   }
 

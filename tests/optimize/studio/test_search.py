@@ -1,0 +1,88 @@
+"""The search in JavaScript: its results, its end, and the worker of the page."""
+
+import pytest
+from page_modules import FOLDER, run_javascript, sizes
+
+import domino_env as de
+from optimize import search
+from optimize.experiments.best_known import best_known
+
+IMPORTS = f"""
+const {{ search }} = await import("{FOLDER.as_posix()}/search.js");
+const {{ serve }} = await import("{FOLDER.as_posix()}/worker.js");
+"""
+
+
+def test_the_search_of_a_short_row_ends_by_itself_with_the_optimum():
+    """With free thickness and a length, which the layout keeps."""
+    scene = de.load_scene("course").replace(count=6, length=0.12, thickness=(0.004, 0.012))
+    answer = run_javascript(
+        IMPORTS + """const scene = new Scene(kernels, data), result = await search(scene, { seconds: 1e6, seed: 1 });
+        answer({ ...result, violations: scene.violations(result.layout), uniform: scene.uniform().score });""",
+        scene.document(),
+    )
+    known = search(scene, method="auto", budget=1500, seed=0).score
+    assert "independent searches agree" in answer["reason"]
+    assert answer["violations"] == []
+    assert answer["score"] >= known * (1.0 - 2e-4)
+    assert answer["score"] > answer["uniform"] > 0.0
+
+
+@pytest.mark.parametrize(("name", "shortfall"), [("sprint", 2e-4), ("gentle", 2e-4)])
+def test_the_search_comes_near_the_best_known_score(name, shortfall):
+    """It is stopped when it has: every better layout is reported."""
+    scene, target = de.load_scene(name), best_known()[name].score * (1.0 - shortfall)
+    answer = run_javascript(
+        IMPORTS + """let best = -1; const scene = new Scene(kernels, data.document), rising = [];
+        const onBetter = ({ layout, score }) => { rising.push(score - best); best = score; };
+        const result = await search(scene, { seconds: 300, onBetter, shouldStop: () => best > data.target });
+        answer({ ...result, rising, again: scene.score(result.layout).score });""",
+        {"document": scene.document(), "target": target},
+    )
+    assert answer["reason"] == "stopped"
+    assert answer["score"] == answer["again"] > target
+    assert min(answer["rising"]) > -1e-6  # tolerance of the arrival times in the search
+
+
+def test_the_search_begins_with_a_given_layout():
+    scene = de.load_scene("sprint")
+    answer = run_javascript(
+        IMPORTS + """const scene = new Scene(kernels, data.document);
+        answer(await search(scene, { seconds: 300, start: layoutOf(data.start), shouldStop: () => true }));""",
+        {"document": scene.document(), "start": sizes(best_known()["sprint"].layout)},
+    )
+    assert answer["score"] == pytest.approx(best_known()["sprint"].score, rel=1e-6)
+
+
+def test_a_scene_that_is_not_searched_is_rejected_with_the_command_that_does():
+    document = de.load_scene("stock").document()
+    script = IMPORTS + """try { await search(new Scene(kernels, data)); } catch (error) { answer(error.message); }"""
+    assert "domino optimize stock" in run_javascript(script, document)
+
+
+def test_the_worker_answers_messages_while_it_searches():
+    """A search is stopped and keeps its best layout; errors are sentences."""
+    sprint, stock = (de.load_scene(name).document() for name in ("sprint", "stock"))
+    answers = run_javascript(
+        IMPORTS + """const { port1, port2 } = new MessageChannel(), answers = [];
+        serve(port2);
+        port1.on("message", (message) => {
+          answers.push(message);
+          if (message.type === "better") port1.postMessage({ type: "stop" });
+          if (answers.some(({ type }) => type === "error") && answers.some(({ type }) => type === "done")) {
+            answer(answers);
+            port1.close();
+          }
+        });
+        port1.postMessage({ type: "load", bytes: fs.readFileSync(data.module) });
+        port1.postMessage({ id: 1, type: "uniform", document: data.sprint });
+        port1.postMessage({ id: 2, type: "search", document: data.sprint, seconds: 300, seed: 0 });
+        port1.postMessage({ id: 3, type: "search", document: data.stock });""",
+        {"module": (FOLDER / "chain.wasm").as_posix(), "sprint": sprint, "stock": stock},
+    )
+    by_type = {answer["type"]: answer for answer in answers}
+    assert by_type["uniform"]["score"] == pytest.approx(0.802996849, rel=1e-6)
+    assert by_type["done"]["id"] == 2
+    assert by_type["done"]["reason"] == "stopped"
+    assert by_type["error"]["id"] == 3
+    assert "domino optimize stock" in by_type["error"]["message"]
