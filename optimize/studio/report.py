@@ -140,19 +140,19 @@ def _row(entry: ComparedLayout, energy: Energy) -> dict[str, Any]:
 def _curve(
     entry: ComparedLayout, name: str, x_column: str, y_column: str
 ) -> tuple[list[Any], list[Any]] | None:
-    """Return a curve of a CSV file in the run folder; None if there is no such file or no score."""
-    if entry.folder is None or entry.scene is None or entry.score is None:
+    """Return a curve of a CSV file in the run folder; None if there is no such file."""
+    if entry.folder is None or not (entry.folder / name).exists():
         return None
     path = entry.folder / name
-    if not path.exists():
-        return None
     with errors_with_path(path):
         table = np.genfromtxt(io.StringIO(read_text(path)), delimiter=",", names=True, ndmin=1)
         for column in (x_column, y_column):
             if column not in (table.dtype.names or ()):
                 raise ValueError(f"no column {column}: remove the file, or write that of the run")
             require(column, table[column], array=True)
-    scores = np.asarray(entry.scene.criterion.displayed(table[y_column]))
+    scores = table[y_column]
+    if entry.scene is not None:
+        scores = np.asarray(entry.scene.criterion.displayed(scores))
     shown = np.isfinite(scores)
     return _round_values(table[x_column][shown]), _round_values(scores[shown])
 

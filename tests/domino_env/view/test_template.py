@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.view.slots import safety_gaps
 from domino_env.view.template import LEAST_MARGIN, MARGIN, PAPERS, _advice, strips, write_template
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
@@ -75,3 +76,17 @@ def test_a_template_has_title_push_and_time_of_its_scene(tmp_path, output_of):
     assert f"after {wave.arrival_times[-1]:.3f} s" in sentence
     stops = _advice(strips(wave.layout), wave.layout, de.Physics(push=2.0))[-1]
     assert "the wave stops" in stops
+
+
+def test_boxes_of_safety_gaps_are_crossed(tmp_path):
+    cross = r"([\d.]+) ([\d.]+) m\n([\d.]+) ([\d.]+) l\nS"
+    late = len(safety_gaps(LAYOUT, 200.0))
+    slanted = []
+    for every in (0.0, 200.0):
+        write_template(LAYOUT, tmp_path / "row.pdf", safety=every)
+        text = (tmp_path / "row.pdf").read_bytes().decode("latin-1")
+        lines = np.array(re.findall(cross, text), dtype=float)
+        slanted.append(int(((lines[:, 0] != lines[:, 2]) & (lines[:, 1] != lines[:, 3])).sum()))
+    assert slanted[0] == 0
+    assert slanted[1] >= 2 * late > 0
+    assert "the crossed boxes" in " ".join(_advice(strips(LAYOUT), LAYOUT, None, 60, {1}))
