@@ -167,9 +167,9 @@ def write_template(
     late = safety_gaps(layout, safety)
     total = all_strips[-1].sheet
     buffer = io.BytesIO()
-    # without a date, equal layouts give equal files; without compression, tests read their lengths
+    # without a date, equal layouts give equal files
     with (
-        rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
+        rc_context({"pdf.compression": 9, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
