@@ -164,6 +164,7 @@ def _scene_figure(scene: de.Scene, record: BestKnown) -> Figure:
     if not scene.hand:
         drawn = SimpleNamespace(scene=scene, layout=record.layout, score=record.score)
         drawn.wave = scene.simulate(record.layout)
+        drawn.score_text = scene.format_with_gain(record.score, drawn.wave)
         return draw_with_uniform(drawn, "best known")
     layout = ScriptedPolicy("rule").build(scene).layout
     (order,) = scene.orders([np.random.default_rng(evaluation_seeds(scene)[0])])

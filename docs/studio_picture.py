@@ -45,12 +45,12 @@ def main() -> None:
         tab = Tab(window, studio().save(Path(folder) / "studio.html"))
         tab.open()
         take(HOLD)
-        for step in range(1, 9):
-            tab.drag("domino", 20, (step % 3, 0))
+        for _ in range(4):
+            tab.drag("domino", 20, (5, 0))
             take()
         take(HOLD)
         tab.click("faster")
-        while "best of" not in tab.text("message"):
+        while "best row" not in tab.text("message"):
             take()
         take(HOLD)
         tab.set("pace", "0.1")

@@ -16,14 +16,20 @@ import fs from "fs";
 import * as kernel from "FOLDER/kernels.js";
 import { Ground } from "FOLDER/ground.js";
 import { Scene } from "FOLDER/scene.js";
+import { search } from "FOLDER/search.js";
+import { serve } from "FOLDER/worker.js";
 const kernels = await kernel.loadKernels(fs.readFileSync("FOLDER/chain.wasm"));
 const data = JSON.parse(fs.readFileSync(0, "utf8"));
+const array = (x) => (Array.isArray(x) ? Float64Array.from(x) : x);
 const layoutOf = (sizes) => Object.fromEntries(
-  Object.entries(sizes).map(([key, value]) => [key, Array.isArray(value) ? Float64Array.from(value) : value]));
-const message = (action) => { try { action(); return ""; } catch (error) { return `${error.name}: ${error.message}`; } };
-const answer = (value) => console.log(JSON.stringify(value, (key, x) =>
-  ArrayBuffer.isView(x) ? Array.from(x, plain) : plain(x)).replace(/"@(-?Infinity|NaN)"/g, "$1"));
+  Object.entries(sizes).map(([name, x]) => [name, array(x)]));
+const message = (action) => {
+  try { action(); return ""; } catch (error) { return `${error.name}: ${error.message}`; }
+};
 const plain = (x) => (typeof x === "number" && !Number.isFinite(x) ? `@${x}` : x);
+const encode = (_, x) => (ArrayBuffer.isView(x) ? Array.from(x, plain) : plain(x));
+const answer = (value) => console.log(
+  JSON.stringify(value, encode).replace(/"@(-?Infinity|NaN)"/g, "$1"));
 """.replace("FOLDER", FOLDER.as_posix())
 
 

@@ -38,30 +38,39 @@ const texts = new WeakMap();
 const canonical = (document) => texts.get(document) ?? texts.set(document, JSON.stringify(document, sorted)).get(document);
 const plain = (layout) => ({ ...layout, spacing: [...layout.spacing], thickness: [...layout.thickness], height: [...layout.height] });
 
-let kernels, row, curves, draft, kept = null, steps = [], position = -1, baselines = new Map(), searcher, helper, search = null, ticket = 0;
+// workers: of a search, of best equal gaps, and of what takes seconds and is dropped when the row changes
+const searcher = createWorker(), helper = createWorker(), slow = createWorker();
+let bytes, kernels, row, curves, draft, kept = null, steps = [], position = -1, baselines = new Map(), search = null, ticket = 0;
 
 // workers ------------------------------------------------------------------------------------------
 
-// worker with the library of the page; `ask` sends a message and returns the promise of its answer
-function createWorker(bytes) {
-  const url = URL.createObjectURL(new Blob([$("library").textContent, "\n", $("worker").textContent], { type: "text/javascript" }));
-  const worker = new Worker(url), waiting = new Map();
-  let count = 0;
-  worker.postMessage({ type: "load", bytes });
-  worker.onmessage = ({ data: answer }) => {
-    const entry = waiting.get(answer.id);
-    if (!entry) return;
-    if (answer.type === "better") { entry.onBetter(answer); return; }
-    waiting.delete(answer.id);
-    if (answer.type === "error") entry.reject(new RangeError(answer.message)); else entry.resolve(answer);
-  };
-  worker.onerror = (event) => { for (const entry of waiting.values()) entry.reject(new Error(event.message)); };
+// worker with the library of the page, which starts when it is first asked: `ask` sends a message and returns the
+// promise of its answer; `end` drops what was asked
+function createWorker() {
+  let worker = null, waiting = new Map(), count = 0;
+  function begin() {
+    const url = URL.createObjectURL(new Blob([$("library").textContent, "\n", $("worker").textContent], { type: "text/javascript" }));
+    worker = new Worker(url);
+    worker.postMessage({ type: "load", bytes });
+    worker.onmessage = ({ data: answer }) => {
+      const entry = waiting.get(answer.id);
+      if (!entry) return;
+      if (answer.type === "better") { entry.onBetter(answer); return; }
+      waiting.delete(answer.id);
+      if (answer.type === "error") entry.reject(new RangeError(answer.message)); else entry.resolve(answer);
+    };
+    worker.onerror = (event) => { for (const entry of waiting.values()) entry.reject(new Error(event.message)); };
+  }
   return {
     ask: (message, onBetter) => new Promise((resolve, reject) => {
+      if (!worker) begin();
       waiting.set(++count, { resolve, reject, onBetter });
       worker.postMessage({ ...message, id: count });
     }),
-    end() { worker.terminate(); URL.revokeObjectURL(url); },
+    end() {
+      if (waiting.size) { worker.terminate(); worker = null; }
+      waiting = new Map();
+    },
   };
 }
 
@@ -85,8 +94,8 @@ function baseline(scene) {
 }
 
 // promise of a draft with its score, which the worker computes if that takes long
-const scored = async (made) => {
-  if (made.score === undefined) made.score = (await helper.ask({ type: "score", document: made.scene.document, layout: made.layout })).score;
+const scored = async (made, by = helper) => {
+  if (made.score === undefined) made.score = (await by.ask({ type: "score", document: made.scene.document, layout: made.layout })).score;
   return made;
 };
 
@@ -168,7 +177,8 @@ function settle() {
   $("against").replaceChildren(...names.map((name) => new Option(name, name, false, name === before)));
   keepAddress();
   const again = () => { if (draft === shown) draw(); };
-  Promise.all([scored(shown), baseline(scene).promise]).then(again, (error) => { if (draft === shown) notify(error.message, "error"); });
+  slow.end();
+  Promise.all([scored(shown, slow), baseline(scene).promise]).then(again, (error) => { if (draft === shown) notify(error.message, "error"); });
   draw();
 }
 
@@ -315,7 +325,6 @@ function endSearch() {
   const found = draft;
   search = null;
   searcher.end();
-  searcher = createWorker(kernels.bytes);
   commit(found);
 }
 
@@ -344,7 +353,7 @@ async function startSearch(thorough) {
     clearInterval(limit);
     const isBetter = draft !== first, seconds = ((performance.now() - mine.began) / 1000).toFixed(1);
     endSearch();
-    notify(`${isBetter ? "best of" : "no better row was found in"} ${seconds} s: ${reason}`);
+    notify(`${isBetter ? "best row found" : "no better row was found"} in ${seconds} s: ${reason}`);
   };
   mine.began = performance.now();
   try {
@@ -361,7 +370,7 @@ async function checkRow() {
   const shown = draft;
   notify("placing the row 256 times, and letting it fall on a floor …");
   try {
-    const { text } = await helper.ask({ type: "check", document: shown.scene.document, layout: shown.layout });
+    const { text } = await slow.ask({ type: "check", document: shown.scene.document, layout: shown.layout });
     if (draft === shown) notify(text);
   } catch (error) {
     if (draft === shown) report(error);
@@ -445,10 +454,8 @@ function listen() {
 }
 
 async function start() {
-  kernels = await loadKernels(await unpack($("wasm").textContent));
-  kernels.bytes = await unpack($("wasm").textContent);
-  searcher = createWorker(kernels.bytes);
-  helper = createWorker(kernels.bytes);
+  bytes = await unpack($("wasm").textContent);
+  kernels = await loadKernels(bytes);
   row = createRow($("row"), kernels, {
     drag: (index, shift, following) => preview((d) => d.withShift(index, shift, following)),
     commit: () => attempt(commit),
@@ -477,7 +484,7 @@ window.domino = {
   },
   async search(name, { seconds = 5, seed = 0 } = {}) {
     if (!data.scenes[name]) throw new RangeError(`scene = ${name}: choose one of ${Object.keys(data.scenes).join(", ")}`);
-    const scene = new Scene(kernels, data.scenes[name].document), worker = createWorker(kernels.bytes);
+    const scene = new Scene(kernels, data.scenes[name].document), worker = createWorker();
     const { layout, score } = await worker.ask({ type: "search", document: scene.document, seconds, seed }, () => {}).finally(worker.end);
     scene.baseline = await baseline(scene).promise;
     return { score, gain: scene.gain(score), spacing: [...layout.spacing], thickness: [...layout.thickness] };

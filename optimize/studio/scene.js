@@ -163,7 +163,8 @@ export class Scene {
     if (this.placement?.draws) return `The score is taken over random placement errors, and this page shows the row without them: ${command}.`;
     if (this.floorFriction !== null) return `Free-standing rows take too long here: ${command}.`;
     if (this.stock) return `The order of the pieces of a stock is not searched here: ${command}.`;
-    return this.growth ? `Growing heights are not searched here: ${command}.` : "";
+    if (this.growth) return `Growing heights are not searched here: ${command}.`;
+    return this.freeSpacing || this.freeThickness ? "" : "Gaps and thicknesses are fixed: give spacing or thickness a min and a max.";
   }
 
   /** Return another scene: tables are merged, null leaves a key or a table out. */

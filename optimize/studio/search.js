@@ -20,7 +20,7 @@ const AGREEMENT = 5e-5, ENOUGH = 3, MOST_ISLANDS = 8; // independent searches th
 const LONG = 512, SHORT = 160; // dominoes of a row that is stretched from a shorter one
 const MAX_TIGHT = 8, FACE = 1e-3; // tight gaps at the end; distance to a bound that counts as on it
 const ON_TIME = 1e-9; // [s] RMS error below which a search of a schedule is done
-const SLICE = 30; // [ms] between answers to messages
+const SLICE = 30, REPORT = 100; // [ms] between answers to messages, and between reports of better layouts
 
 // --- Problem --------------------------------------------------------------------------------------
 
@@ -536,7 +536,7 @@ function* stretched(problem, random) {
  * Search better layouts of a scene; return {layout, score, reason}.
  *
  * seconds: limit; start: a layout to begin with, beside others; onBetter({layout, score, seconds}):
- * called for better layouts, at most once in a slice of time; shouldStop(): true ends the search.
+ * called for better layouts, ten times a second at most; shouldStop(): true ends the search.
  */
 export async function search(scene, { seconds = 5, seed = 0, start, onBetter = () => {}, shouldStop = () => false } = {}) {
   if (scene.whyNotSearched) throw new RangeError(scene.whyNotSearched);
@@ -549,14 +549,16 @@ export async function search(scene, { seconds = 5, seed = 0, start, onBetter = (
   };
   const onTime = () => scene.tempo !== null && problem.best.score > 1 / (1 + ON_TIME / scene.tempo.tolerance);
   const given = start ? [problem.design(start)] : [], steps = searchProblem(problem, new Random(seed), given);
-  let reason = "", slice = began;
+  let reason = "", slice = began, reported = began;
   while (!reason) {
     const step = steps.next();
     if (step.done) reason = step.value;
     else if (onTime()) reason = "every domino is hit on schedule, to 1 ns";
     else if (performance.now() - slice > SLICE) {
-      if (isBetter) onBetter(result());
-      isBetter = false;
+      if (isBetter && performance.now() - reported > REPORT) {
+        onBetter(result());
+        [isBetter, reported] = [false, performance.now()];
+      }
       // messages are answered meanwhile
       await new Promise((resume) => { setTimeout(resume); });
       slice = performance.now();

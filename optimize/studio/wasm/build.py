@@ -1,4 +1,4 @@
-"""Write `chain.wasm`, the kernels as WebAssembly: `make wasm`, some minutes.
+"""Write `chain.wasm`, the kernels as WebAssembly: `make wasm`, two minutes.
 
 Numba translates the functions of `functions.py` to LLVM code, without optimisation, which would use
 instructions of this processor. LLVM optimises it for WebAssembly, `wasm-ld` links it with
@@ -71,7 +71,7 @@ def object_code(codes: dict[str, str]) -> bytes:
     machine = target.create_target_machine(
         opt=3, reloc="static", codemodel="default", features=features
     )
-    whole: Any = None
+    modules = []
     for code in codes.values():
         # WebAssembly has no common symbols
         text = re.sub(
@@ -81,11 +81,10 @@ def object_code(codes: dict[str, str]) -> bytes:
             r"target datalayout = .*", f'target datalayout = "{machine.target_data}"', text
         )
         text = re.sub(r"target triple = .*", 'target triple = "wasm32-unknown-unknown"', text)
-        module = llvm.parse_assembly(re.sub(r'"target-(cpu|features)"="[^"]*"', "", text))
-        if whole is None:
-            whole = module
-        else:
-            whole.link_in(module)
+        modules.append(llvm.parse_assembly(re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)))
+    whole: Any = modules[0]
+    for module in modules[1:]:
+        whole.link_in(module)
     whole.verify()
     for function in whole.functions:
         if not function.is_declaration and not function.name.startswith("run_"):
@@ -101,20 +100,19 @@ def main() -> None:
     """Write the module."""
     with tempfile.TemporaryDirectory() as folder:
         names = "chain.o", "runtime.o", "chain.wasm", "imports.txt"
-        chain, runtime, module, imports = (Path(folder, name) for name in names)
+        chain, runtime, module, imports = (str(Path(folder, name)) for name in names)
         codes = llvm_code(folder)
-        chain.write_bytes(object_code(codes))
-        imports.write_text("\n".join(MATHS))
-        zig = sys.executable, "-m", "ziglang"
+        Path(chain).write_bytes(object_code(codes))
+        Path(imports).write_text("\n".join(MATHS))
+        zig, run = (sys.executable, "-m", "ziglang"), subprocess.check_call
+        source = str(FOLDER / "runtime.c")
+        run([*zig, "cc", "-target", "wasm32-freestanding", "-O2", "-c", source, "-o", runtime])
+        linking = "--no-entry", "--gc-sections", "--strip-all", f"--allow-undefined-file={imports}"
         exports = [f"--export=run_{name}" for name in codes]
-        run = subprocess.check_call
-        run([*zig, "cc", "-target", "wasm32-freestanding", "-O2", "-c", FOLDER / "runtime.c",
-             "-o", runtime])  # fmt: skip
-        run([*zig, "wasm-ld", "--no-entry", "--gc-sections", "--strip-all",
-             f"--allow-undefined-file={imports}", *exports, chain, runtime, "-o", module])  # fmt: skip
+        run([*zig, "wasm-ld", *linking, *exports, chain, runtime, "-o", module])
         flags = [f"--enable-{name}" for name in FEATURES.values()]
         run([*OPTIMISER, "-O3", *flags, module, "-o", module])
-        MODULE.write_bytes(module.read_bytes() + stamp_section())
+        MODULE.write_bytes(Path(module).read_bytes() + stamp_section())
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from domino_env.kernels.adjoint.chain import vjp
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
 from domino_env.kernels.chain import solve_batch
 from domino_env.kernels.diagnosis import trace_motion
-from domino_env.physics import motion as motion_module
+from domino_env.physics import motion as physics_motion
 from domino_env.rigid import dynamics
 
 WHOLE, NUMBERS = types.int32, types.CPointer(types.float64)
@@ -23,8 +23,9 @@ EVENTS, ARRIVALS, SUMMARY, SNAPSHOTS = (
     types.CPointer(numba.from_dtype(kind))
     for kind in (arrays.EVENT, arrays.ARRIVAL, arrays.SUMMARY, arrays.SNAPSHOT)
 )
-LEANS = motion_module.PIECES + 1  # samples of a fall
-lean_stacks, start_standing = motion_module._lean_stacks, numba.njit(dynamics.start)
+SAMPLES = physics_motion.PIECES + 1  # of each fall
+MANY_STEPS = 1_000_000
+lean_stacks, start_standing = physics_motion._lean_stacks, numba.njit(dynamics.start)
 FUNCTIONS = {}  # exported functions by name
 
 
@@ -46,6 +47,12 @@ def parts(table, n):
 
 
 @numba.njit
+def batch(values):
+    """Return an array as a batch of one."""
+    return values.reshape((1, len(values)))
+
+
+@numba.njit
 def setting_at(setting):
     """Return the setting of the kernels."""
     friction, gravity, push, rtol = carray(setting, (4,))
@@ -54,7 +61,7 @@ def setting_at(setting):
 
 @numba.njit
 def curve_at(curve, knots):
-    """Return ground: numbers at K knots, K + 1 starts, and K + 1 pieces of 4 coefficients."""
+    """Return ground: K knots, K + 1 starts, and K + 1 pieces of 4 coefficients."""
     values = carray(curve, (6 * knots + 5,))
     pieces = values[2 * knots + 1 :].reshape((knots + 1, 4))
     return arrays.Curve(values[:knots], values[knots : 2 * knots + 1], pieces)
@@ -64,14 +71,13 @@ def curve_at(curve, knots):
 def simulate(n, uneven, table, setting, exact_minimum, arrivals, summary, tape, events):
     """Simulate a chain; the tape has room for `events`, none if no gradient is wanted."""
     s, d, h, rho, e, a = parts(table, n)
-    s, d, h, rho = s.reshape((1, -1)), d.reshape((1, -1)), h.reshape((1, -1)), rho.reshape((1, -1))
+    s, d, h, rho = batch(s), batch(d), batch(h), batch(rho)
+    options = setting_at(setting), exact_minimum != 0
     results = carray(summary, (1,)), carray(arrivals, (1, n)), carray(tape, (events,))
-    flat = arrays.Arrays(s, d, h, rho, None, None)
     if uneven:
-        layout = arrays.Arrays(s, d, h, rho, e.reshape((1, -1)), a.reshape((1, -1)))
-        solve_batch(0, 1, layout, setting_at(setting), exact_minimum != 0, *results)
+        solve_batch(0, 1, arrays.Arrays(s, d, h, rho, batch(e), batch(a)), *options, *results)
     else:
-        solve_batch(0, 1, flat, setting_at(setting), exact_minimum != 0, *results)
+        solve_batch(0, 1, arrays.Arrays(s, d, h, rho, None, None), *options, *results)
     return 0
 
 
@@ -80,19 +86,16 @@ def pullback(n, uneven, table, setting, tape, events, arrival_bar, bars, physics
     """Write derivatives of Σ arrival_bar · arrival times by a table, and by friction to push."""
     s, d, h, rho, e, a = parts(table, n)
     s_bar, d_bar, h_bar, rho_bar, e_bar, a_bar = parts(bars, n)
-    times_bar, recorded = carray(arrival_bar, (n,)), carray(tape, (events,))
+    inputs = setting_at(setting), carray(tape, (events,)), carray(arrival_bar, (n,))
     by_physics = np.zeros(1, PHYSICS_BAR)
     if uneven:
         bar = arrays.Arrays(s_bar, d_bar, h_bar, rho_bar, e_bar, a_bar)
-        layout = arrays.Arrays(s, d, h, rho, e, a)
-        vjp(layout, setting_at(setting), recorded, times_bar, bar, by_physics)
+        vjp(arrays.Arrays(s, d, h, rho, e, a), *inputs, bar, by_physics)
     else:
-        bar = arrays.Arrays(s_bar, d_bar, h_bar, rho_bar, None, None)
-        layout = arrays.Arrays(s, d, h, rho, None, None)
-        vjp(layout, setting_at(setting), recorded, times_bar, bar, by_physics)
-    results = carray(physics_bar, (3,))
-    results[0], results[1] = by_physics[0].friction, by_physics[0].gravity
-    results[2] = by_physics[0].push
+        flat_bar = arrays.Arrays(s_bar, d_bar, h_bar, rho_bar, None, None)
+        vjp(arrays.Arrays(s, d, h, rho, None, None), *inputs, flat_bar, by_physics)
+    results, by_one = carray(physics_bar, (3,)), by_physics[0]
+    results[0], results[1], results[2] = by_one.friction, by_one.gravity, by_one.push
     return 0
 
 
@@ -100,7 +103,7 @@ def pullback(n, uneven, table, setting, tape, events, arrival_bar, bars, physics
 def motion(n, uneven, table, setting, snapshots):
     """Sample all falls of a chain; return their number."""
     s, d, h, rho, e, a = parts(table, n)
-    samples = carray(snapshots, (n, LEANS))
+    samples = carray(snapshots, (n, SAMPLES))
     if uneven:
         return trace_motion(arrays.Arrays(s, d, h, rho, e, a), setting_at(setting), samples)
     return trace_motion(arrays.Arrays(s, d, h, rho, None, None), setting_at(setting), samples)
@@ -109,7 +112,7 @@ def motion(n, uneven, table, setting, snapshots):
 @export(WHOLE, NUMBERS, WHOLE, types.float64, NUMBERS)
 def lean(n, contacts, leader, angle, leans):
     """Write the leans of all dominoes up to the leader, from its own."""
-    leaders, angles = np.array([leader]), np.array([angle])
+    leaders, angles = np.full(1, leader), np.full(1, angle)
     lean_stacks(carray(contacts, (n - 1, 7)), leaders, angles, carray(leans, (1, n)))
     return 0
 
@@ -118,9 +121,8 @@ def lean(n, contacts, leader, angle, leans):
 def place(n, table, knots, curve):
     """Write rise and tilt of a table on curved ground."""
     s, d, _, _, e, a = parts(table, n)
-    written = e.reshape((1, -1)), a.reshape((1, -1))
-    curve_arrays = curve_at(curve, knots)
-    ground.place_on_ground(0, 1, curve_arrays, s.reshape((1, -1)), d.reshape((1, -1)), *written)
+    places = batch(e), batch(a)
+    ground.place_on_ground(0, 1, curve_at(curve, knots), batch(s), batch(d), *places)
     return 0
 
 
@@ -129,38 +131,29 @@ def place_back(n, table, knots, curve, bars):
     """Add the derivatives by rise and tilt of a table to those by spacing and thickness."""
     s, d, _, _, e, a = parts(table, n)
     s_bar, d_bar, _, _, e_bar, a_bar = parts(bars, n)
-    ground.place_on_ground_vjp(
-        0, 1, curve_at(curve, knots), s.reshape((1, -1)), d.reshape((1, -1)), e.reshape((1, -1)),
-        a.reshape((1, -1)), e_bar.reshape((1, -1)), a_bar.reshape((1, -1)),
-        s_bar.reshape((1, -1)), d_bar.reshape((1, -1)),
-    )  # fmt: skip
+    layout = batch(s), batch(d), batch(e), batch(a)
+    written = batch(e_bar), batch(a_bar), batch(s_bar), batch(d_bar)
+    ground.place_on_ground_vjp(0, 1, curve_at(curve, knots), *layout, *written)
     return 0
 
 
 @export(WHOLE, NUMBERS, NUMBERS, types.float64, NUMBERS)
 def standing(n, bodies, setting, push, record):
-    """Simulate free-standing dominoes until they end; return the state of the run.
+    """Simulate free-standing dominoes to their end; return the state of the run.
 
     bodies: rows of N: height, thickness, mass, inertia, x and y of pivots, tilt, its sine and
-    cosine, x and y of edges. setting: as `dynamics.Setting`. record: rows of N as
-    `dynamics.Record`, arrival times inf but the first, the others 0.
+    cosine, x and y of edges. setting: that of `dynamics`. record: rows of N as in
+    `dynamics.Record`; arrival times are inf but for the first, the others 0.
     """
-    b, results = carray(bodies, (11, n)), carray(record, (5, n))
-    pairs = np.empty((3, n, 2))
-    for k in range(3):
-        for i in range(n):
-            for j in range(2):
-                pairs[k, i, j] = b[(4, 7, 9)[k] + j, i]
-    dominoes = dynamics.Bodies(b[0], b[1], b[2], b[3], pairs[0], b[6], pairs[1], pairs[2])
+    b, r = carray(bodies, (11, n)), carray(record, (5, n))
+    pivots, slope, edge = b[4:6].T.copy(), b[7:9].T.copy(), b[9:11].T.copy()
+    dominoes = dynamics.Bodies(b[0], b[1], b[2], b[3], pivots, b[6], slope, edge)
     friction, floor, gravity, coarseness, tolerance, window, patience = carray(setting, (7,))
-    rules = dynamics.Setting(
-        friction, floor, gravity, coarseness, tolerance, np.int64(window), patience
-    )
+    numbers = friction, floor, gravity, coarseness, tolerance
+    rules = dynamics.Setting(*numbers, np.int64(window), patience)
+    written = dynamics.Record(r[0], r[1], r[2], r[3, : n - 1], r[4, : n - 1])
     state = start_standing(dominoes, rules, push)
-    written = dynamics.Record(
-        results[0], results[1], results[2], results[3, : n - 1], results[4, : n - 1]
-    )
     status = dynamics.RUNNING
     while status == dynamics.RUNNING:
-        status = dynamics.advance(dominoes, rules, state, written, 1_000_000)
+        status = dynamics.advance(dominoes, rules, state, written, MANY_STEPS)
     return status

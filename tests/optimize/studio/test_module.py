@@ -1,4 +1,4 @@
-"""`chain.wasm` against the kernels in Python: waves, gradients, motion, ground, standing dominoes."""
+"""`chain.wasm` against the kernels: waves, gradients, motion, ground, free-standing dominoes."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from domino_env.rigid.simulation import simulate_standing
 from optimize.studio.wasm.build import MODULE, stamp_section
 
 pytest.importorskip("wasmtime", reason="needs wasmtime")
-from chain_module import chain, setting, table  # noqa: E402
+from chain_module import chain, table
 
 
 def layouts():
@@ -94,3 +94,29 @@ def test_places_on_curved_ground_and_their_reverse_mode_equal_those_of_python():
     expected = ground.along_ground(gradient, layout)
     np.testing.assert_allclose(bars[0, :-1], expected.spacing, rtol=1e-9)
     np.testing.assert_allclose(bars[1], expected.thickness, rtol=1e-9)
+
+
+@pytest.mark.parametrize("floor", [0.4, None])
+def test_free_standing_dominoes_are_those_of_python(floor, monkeypatch):
+    layout, physics = uneven_layout(3, 6), de.Physics(push=14.0)
+    known = simulate_standing(layout, physics, floor, rtol=0.1)
+
+    def advance(bodies, setting, state, record, _):
+        pairs = (bodies.pivots, bodies.slope, bodies.edge)
+        pivots, slope, edge = (array.T for array in pairs)
+        sizes = bodies.height, bodies.thickness, bodies.mass, bodies.inertia
+        rows = np.array([*sizes, *pivots, bodies.tilt, *slope, *edge])
+        results = np.zeros((5, layout.count))
+        results[0, 1:] = np.inf
+        status = chain().call(
+            "standing", layout.count, rows, np.array(setting), physics.push, results
+        )
+        for values, row in zip(record, results, strict=True):
+            values[:] = row[: len(values)]
+        return status
+
+    monkeypatch.setattr("domino_env.rigid.dynamics.advance", advance)
+    wave = simulate_standing(layout, physics, floor, rtol=0.1)
+    np.testing.assert_allclose(wave.arrival_times, known.arrival_times, rtol=1e-12)
+    np.testing.assert_allclose(wave.lean, known.lean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(wave.topples, known.topples)

@@ -279,7 +279,7 @@ def test_a_search_ends_by_itself_or_by_a_touch_and_keeps_what_it_found(tab: Tab,
     assert tab.layout == FIRST
     if size == "desk":
         tab.click("faster")
-        tab.wait(lambda: "best of" in tab.text("message"))
+        tab.wait(lambda: "best row" in tab.text("message"))
         assert "3.18% faster than the best equal gaps" in tab.result
         assert "100% of the gain" in tab.text("details")
         tab.click("thorough")

@@ -35,8 +35,8 @@ def test_scores_texts_and_gradients_equal_those_of_python(scenes):
     answers = run_javascript(
         """answer(data.map(([document, sizes]) => {
           const scene = new Scene(kernels, document), layout = layoutOf(sizes);
-          const { score, violations, text } = scene.score(layout), { spacing, thickness, height } = scene.gradient(layout);
-          return { score, violations, text, spacing, thickness, height };
+          const { score, violations, text } = scene.score(layout);
+          return { ...scene.gradient(layout), wave: null, score, violations, text };
         }));""",
         [(scene.document(), sizes(layout)) for scene, layout in cases],
     )
@@ -113,7 +113,8 @@ def test_rules_that_a_layout_violates_are_told_as_in_python(scenes):
     cases.append((scenes["sprint"], scenes["uphill"].uniform().layout))
     cases.append((scenes["sprint"], scenes["course"].uniform().layout))
     answers = run_javascript(
-        "answer(data.map(([document, sizes]) => new Scene(kernels, document).violations(layoutOf(sizes))));",
+        """answer(data.map(([document, sizes]) =>
+          new Scene(kernels, document).violations(layoutOf(sizes))));""",
         [(scene.document(), sizes(layout)) for scene, layout in cases],
     )
     assert answers == [scene.violations(layout) for scene, layout in cases]
@@ -133,7 +134,7 @@ REJECTED = [  # with the same sentence or not
     (True, changed("sprint", spacing={"min": None})),
     (True, changed("course", row={"length": 12.0})),
     (True, changed("gentle", row={"first_thickness": None})),
-    (False, changed("sprint", row={"lenght": 1.0})),
+    (False, changed("sprint", row={"gap": 1.0})),
     (False, changed("sprint", spacing={"min": 0.05})),
     (False, changed("tempo", tempo={"to": None})),
     (False, changed("hills", ground={"slope": 1.0})),
