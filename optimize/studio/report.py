@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from domino_env.core.checks import require
 from domino_env.core.files import errors_with_path, read_text
-from domino_env.core.types import Floats
 from domino_env.physics.motion import PIECES, Motion
 from domino_env.rigid.known import known_verification
 from domino_env.rigid.simulation import floor_name
@@ -184,7 +183,7 @@ def _kinetic_of_falls(energy: Energy) -> tuple[list[Any], list[Any]]:
     time, kinetic = (x.reshape(-1, FALL) for x in (energy.time, energy.kinetic))
     begins, ends = time[:, 0], time[:, -1]
     has_length = ends > begins  # the interval of a leader that stalls at once has no length
-    integrals: Floats = np.trapezoid(kinetic[has_length], time[has_length], axis=1)
+    integrals = np.asarray(np.trapezoid(kinetic[has_length], time[has_length], axis=1))
     means = integrals / (ends - begins)[has_length]
     return _round_values(0.5 * (begins + ends)[has_length]), _round_values(means)
 
