@@ -21,7 +21,7 @@ from domino_env import DominoChain, Layout, load_scene
 from domino_env.core.types import Floats
 from domino_env.physics.motion import stack_leans
 from domino_env.view.animation import STRIP_HEIGHT, frames, write_gif
-from domino_env.view.comparison import ComparedLayout
+from domino_env.view.compared import ComparedLayout
 from domino_env.view.drawing import (
     BACKGROUND,
     FALLEN_COLOUR,

@@ -35,10 +35,11 @@ from domino_env.rigid.known import known_verification, not_toppled, read_verifie
 from domino_env.scenes.io.reading import schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
-from domino_env.view.comparison import ComparedLayout
+from domino_env.view.compared import ComparedLayout
 from domino_env.view.figures import DrawnLayout, draw_layouts, draw_with_uniform
 from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, THIRD_PARTY
+from optimize.studio.page import page_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,10 +64,13 @@ SCENE_PAGE = """\
 
 ## Try it
 
+[Open the scene in the page of the studio](../domino-studio.html#scene={name}), or
+
 ```
+domino studio {name}                          # the same page, without network
 domino optimize {name}                        # search for a layout
 domino best-known {name} --layout runs/best.csv # write the best known layout
-domino report runs/best.csv --scene {name}      # compare it with the baseline
+domino report runs/best.csv --scene {name}      # race it against the baseline
 ```
 
 ## The file
@@ -98,6 +102,9 @@ MEASURED = {
     "gradient.most": "4",
 }
 GALLERY = "<!-- on the site, a gallery of the scenes -->"
+PAGE = "domino-studio.html"
+OPEN_PAGE = "<!-- on the site, a link to the page -->"
+BUTTON = f"[Design a row now, in this browser]({PAGE}){{ .md-button .md-button--primary }}"
 EQUATION = re.compile(r"^\$\$(.+?)(?: \\tag\{(\d+)\})?\$\$$", re.MULTILINE)
 SITE_LINKS = {  # links to files of the repository, and to pages of the site
     r"\(\.\./\.\./domino_env/scenes/shipped/([\w-]+)\.toml\)": r"(\1.md)",
@@ -106,10 +113,10 @@ SITE_LINKS = {  # links to files of the repository, and to pages of the site
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages and pictures of the scenes, and the pages of the public names."""
+    """Add the page of the studio, pages and pictures of the scenes, and pages of public names."""
     from mkdocs.structure.files import File
 
-    pages: dict[str, str | bytes] = {}
+    pages: dict[str, str | bytes] = {PAGE: page_text()}
     for name, record in best_known().items():
         scene = de.load_scene(name)
         source = package_files("domino_env.scenes") / "shipped" / f"{name}.toml"
@@ -158,6 +165,7 @@ def _scene_figure(scene: de.Scene, record: BestKnown) -> Figure:
     if not scene.hand:
         drawn = SimpleNamespace(scene=scene, layout=record.layout, score=record.score)
         drawn.wave = scene.simulate(record.layout)
+        drawn.score_text = scene.format_with_gain(record.score, drawn.wave)
         return draw_with_uniform(drawn, "best known")
     layout = ScriptedPolicy("rule").build(scene).layout
     (order,) = scene.orders([np.random.default_rng(evaluation_seeds(scene)[0])])
@@ -191,6 +199,7 @@ def gallery() -> str:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Write equations, between pairs of $$, as MathML, links to pages of the site, the gallery."""
+    markdown = markdown.replace(OPEN_PAGE, BUTTON)
     if GALLERY in markdown:
         markdown = markdown.replace(GALLERY, gallery())
     for link, place in SITE_LINKS.items():

@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     if wave.hit < 2:
         reason = wave.explanation if wave.layout.count > 1 else "a chain needs two dominoes or more"
         raise ValueError(f"{source}: no domino hits another, so there is no sound: {reason}")
-    target = arguments.wav or source.with_suffix(".wav")
+    target = arguments.wav or options.beside(source, ".wav")
     write_wav(clicks(wave), target)
     print(chosen.line)
     print(f"{target}: {amount(wave.hit - 1, 'click')} in {wave.arrival_times[wave.hit - 1]:.3f} s")

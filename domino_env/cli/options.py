@@ -112,12 +112,20 @@ def require_output(path: Path, *suffixes: str) -> None:
     require_writable(path.parent)
 
 
+def beside(layout: Path, suffix: str) -> Path:
+    """Return the layout's file with another ending, for a link one in the present folder."""
+    from domino_env.scenes.io.link import is_link
+    from domino_env.scenes.io.reading import layout_name
+
+    return Path(layout_name(layout) + suffix) if is_link(layout) else layout.with_suffix(suffix)
+
+
 LAYOUT_FILE = output(".csv", ".json")
 
 
 def add_layout(parser: argparse.ArgumentParser, name: str = "layout", **options: Any) -> None:
     """Add the argument LAYOUT, a file or several."""
-    text = "layout file, .csv or .json"
+    text = "layout file, .csv or .json, or link of the page"
     parser.add_argument(name, metavar="LAYOUT", type=Path, help=text, **options)
 
 

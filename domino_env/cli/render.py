@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the animations and the picture."""
     from domino_env.core.files import one_line
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
-    from domino_env.view.report import read_compared
+    from domino_env.view.compared import read_compared
 
     writers = ((arguments.gif, write_gif), (arguments.mp4, write_mp4))
     if not (arguments.gif or arguments.mp4 or arguments.png):
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     heading = f"friction {chosen.physics.friction:g}, push {chosen.physics.push:g} rad/s"
     if chosen.scene:
         heading = f"{one_line(chosen.scene.name, 40)}: {one_line(chosen.scene.title, 100)}"
-    compared, _ = read_compared(arguments.layouts, chosen.scene, chosen.other_physics)
+    compared = read_compared(arguments.layouts, chosen.scene, chosen.other_physics)
     print(chosen.line)
     for name, write in writers:
         if name:

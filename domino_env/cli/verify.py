@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Verify each layout; return 1 if a verdict is DIFFERS, else 0."""
     from importlib.util import find_spec
 
+    from domino_env.core.files import one_line
     from domino_env.rigid import verification
     from domino_env.rigid.engine import engine_name
 
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     layouts = [chosen.read(name) for name, chosen in choices.items()]
     for (name, chosen), layout in zip(choices.items(), layouts, strict=True):
         if not arguments.json:
-            print(f"{name}\n{chosen.line}", flush=True)
+            print(f"{one_line(str(name))}\n{chosen.line}", flush=True)
         result = verification.verify(
             chosen.row(layout), chosen.physics, floors=arguments.floor, engine=engine,
             progress=None,

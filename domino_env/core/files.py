@@ -128,14 +128,6 @@ def require_writable(folder: Path) -> None:
         raise ValueError(f"{base}: {error.strerror}; name a folder that can be written") from None
 
 
-def layout_name(path: Path) -> str:
-    """Return the stem of the name of a layout's file, or the name of its folder for "layout".
-
-    Long names are shortened to 100 characters.
-    """
-    return one_line(path.resolve().parent.name if path.stem == "layout" else path.stem, 100)
-
-
 def one_line(text: str, max_length: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
     """Return text with control characters escaped, shortened to `max_length` characters by "…".
 

@@ -16,10 +16,9 @@ from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
 from domino_env.view import drawing
-from domino_env.view.comparison import ComparedLayout
+from domino_env.view.compared import ComparedLayout, require_drawable
 from domino_env.view.ground import relief
 
-MAX_DOMINOES = 5_000  # of a chain that can be drawn
 MAX_WIDTH = 10_000  # [px]
 MAX_PIXELS = 500_000_000  # of all images of a file; a GIF keeps one byte per pixel in memory
 STRIP_HEIGHT, POSE_HEIGHT = 120, 100  # [px] on flat ground, in an animation and in poses
@@ -112,25 +111,6 @@ def poses(
         t = end * (k + 0.5) / moments
         strips += _strips(compared, motions, t, scale, MAX_POSE_PLACE)
     return drawing.stack_strips(strips)
-
-
-def require_drawable(name: str, count: int) -> None:
-    """Raise an error for a chain with too many dominoes to draw.
-
-    Parameters
-    ----------
-    name
-        Name of the chain, the first word of the message.
-    count
-        Number of its dominoes.
-
-    Raises
-    ------
-    ValueError
-        For more than 5 000 dominoes.
-    """
-    if count > MAX_DOMINOES:
-        raise ValueError(f"{name}: {count:,} dominoes: give at most {MAX_DOMINOES:,} to draw")
 
 
 def write_png(image: Image.Image, path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
 from domino_env.view.ground import positions_along
+from domino_env.view.slots import safety_gaps
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
 MAX_SHEETS = 1_000  # enough for several hundred metres
@@ -130,6 +131,7 @@ def write_template(
     title: str = "Template",
     physics: Physics | None = None,
     designed: int | None = None,
+    safety: float = 0.0,
 ) -> str:
     """Write a PDF: a page of advice, then the sheets.
 
@@ -148,6 +150,8 @@ def write_template(
     designed
         Number of designed dominoes; the boxes of those after them, the run-out, are grey. None for
         all.
+    safety
+        Length between safety gaps [mm], whose boxes are crossed out; 0 for none.
 
     Returns
     -------
@@ -160,22 +164,23 @@ def write_template(
         For dominoes wider than the paper, and for more than 1 000 sheets.
     """
     all_strips, designed = strips(layout, paper), designed or layout.count
+    late = safety_gaps(layout, safety)
     total = all_strips[-1].sheet
     buffer = io.BytesIO()
-    # without a date, equal layouts give equal files; without compression, tests read their lengths
+    # without a date, equal layouts give equal files
     with (
         own_style(),
-        rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
+        rc_context({"pdf.compression": 9, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         _forbid_scaling(pages)
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _write_advice(axes, _advice(all_strips, layout, physics, designed))
+            _write_advice(axes, _advice(all_strips, layout, physics, designed, late))
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in all_strips:
                     if strip.sheet == number:
-                        _draw_one_strip(axes, layout, strip, len(all_strips), designed)
+                        _draw_one_strip(axes, layout, strip, len(all_strips), designed, late)
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
     pages = f"a page of advice and {amount(total, 'sheet')} with {amount(len(all_strips), 'strip')}"
@@ -197,6 +202,7 @@ def _advice(
     layout: Layout,
     physics: Physics | None,
     designed: int | None = None,
+    late: Set[int] = frozenset(),
 ) -> list[str]:
     """Return the steps of building the layout with the strips."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
@@ -212,8 +218,9 @@ def _advice(
             "the boxes are measured along the surface. Slopes are printed above the boxes where "
             "they change, in degrees, positive downhill: check them as well as the gaps."
         )
+    empty = "the crossed boxes" if late else "a few boxes"
     steps.append(
-        "Stand a domino on every box, its faces along the lines. Leave a few boxes empty and fill "
+        f"Stand a domino on every box, its faces along the lines. Leave {empty} empty and fill "
         "them last: a domino that falls early then topples only some of the others."
     )
     if designed is not None and designed < layout.count:
@@ -263,10 +270,13 @@ def _write_advice(axes: Axes, steps: Sequence[str]) -> None:
         y -= 4.9 * (len(lines) - 1)
 
 
-def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int, designed: int) -> None:
+def _draw_one_strip(
+    axes: Axes, layout: Layout, strip: Strip, total: int, designed: int, late: Set[int]
+) -> None:
     """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours.
 
-    total: number of strips. designed: number of dominoes before the run-out.
+    total: number of strips. designed: number of dominoes before the run-out. late: dominoes that
+    are left out until the end.
     """
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
     positions, left = positions_along(layout), strip.margin * MM
@@ -280,6 +290,9 @@ def _draw_one_strip(axes: Axes, layout: Layout, strip: Strip, total: int, design
         colour = "none" if i < designed else "0.85"
         box = Rectangle((x, middle - half), d, 2.0 * half, fc=colour, lw=LINE, ec="black")
         axes.add_patch(box)
+        if i in late:
+            ends = [middle - half, middle + half]
+            axes.plot([x, x + d], ends, [x, x + d], ends[::-1], color="0.5", lw=LINE)
         if left <= x + d / 2.0 < right:
             # numbers stand at two heights, as narrow gaps leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)

@@ -26,7 +26,8 @@ export function rangeOf(values, least = Infinity) {
  * @param {HTMLElement} box
  * @param {string} label for screen readers
  * @param {object} [act] for points that can be dragged: `drag(index, value)`, `commit()`; and `unit` of the values
- * @returns {object} `draw({title, x: [low, high], y: [low, high], series, axis})`, a series being
+ * @returns {object} `draw({title, x: [low, high], y: [low, high], series, axis, write})`, `write` having the
+ *   functions that write numbers of both axes, a series being
  *   `{x, y, colour, points, dash}` with the name of a colour of page.css; `point(position)` marks a position, null for none
  */
 export function createCurves(box, label, act) {
@@ -61,10 +62,11 @@ export function createCurves(box, label, act) {
     pen.fillText(shown.title, LEFT, 13, right - LEFT);
     pen.fillStyle = colour("soft"); pen.strokeStyle = colour("grid"); pen.lineWidth = 1;
     pen.textAlign = "right"; pen.textBaseline = "middle";
-    for (const v of ticks(...shown.y, 4)) stroke([[LEFT, py(v)], [right, py(v)]], String(v), LEFT - 6, py(v));
+    const [across, up] = shown.write ?? [String, String];
+    for (const v of ticks(...shown.y, 4)) stroke([[LEFT, py(v)], [right, py(v)]], up(v), LEFT - 6, py(v));
     pen.textAlign = "center"; pen.textBaseline = "top";
     const places = ticks(...shown.x, Math.max(width / 120, 2));
-    for (const v of places) stroke([[px(v), TOP], [px(v), foot]], v === places.at(-1) ? `${v} ${shown.axis ?? ""}` : String(v), px(v), foot + 5);
+    for (const v of places) stroke([[px(v), TOP], [px(v), foot]], v === places.at(-1) ? `${across(v)} ${shown.axis ?? ""}` : across(v), px(v), foot + 5);
     pen.strokeStyle = colour("soft");
     stroke([[LEFT, TOP], [LEFT, foot], [right, foot]], "", 0, 0);
   }

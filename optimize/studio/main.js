@@ -8,6 +8,7 @@ import { createCurves, rangeOf } from "./curves.js";
 import { pivotsOf } from "./geometry.js";
 import { documentToml, layoutCsv, layoutJson, makeLayout, makeLink, readFiles, readLink, save, unpack, withName } from "./files.js";
 import { printPages, stripSvg } from "./print.js";
+import { showReport } from "./report.js";
 
 const PATIENCE = 2, LEAST_GAIN = 1e-4; // a search ends after this time [s] with less relative gain
 const SECONDS = 60, THOROUGH = 300; // [s] of a search at most
@@ -103,8 +104,10 @@ function otherOf(name) {
   const shipped = shippedOf(draft.scene), more = data.rows.find((r) => r.name === name);
   if (name === UNIFORM) return baseline(draft.scene).value;
   if (name === BEST) return bestOf(shipped);
-  return name === KEPT ? kept : more && (more.draft ??= new Draft(new Scene(kernels, more.document), makeLayout(more.layout)));
+  return name === KEPT ? kept : more && draftOf(more);
 }
+
+const draftOf = (entry) => (entry.draft ??= new Draft(new Scene(kernels, entry.document), makeLayout(entry.layout)));
 
 const bestOf = (shipped) => shipped?.best && (shipped.draft ??= shippedDraft(new Scene(kernels, shipped.document), shipped.best));
 
@@ -469,6 +472,7 @@ async function start() {
   try { next = await openAddress(); } catch (error) { message = error.message; }
   commit(next ?? (await made(first)));
   if (message) notify(message, "error");
+  if (data.headline) showReport($("runs"), data, draftOf);
 }
 
 /** Console of the page, see `About this page`. */

@@ -28,14 +28,14 @@ from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside, 
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import stored_point
 from domino_env.scenes.uniform_layouts import UniformLayouts
-from domino_env.view.animation import require_drawable
+from domino_env.view.compared import require_drawable
 from optimize.experiments.best_known import best_known
 
 FOLDER = Path(__file__).parent
 LIBRARY = ("kernels.js", "ground.js", "scene.js", "search.js", "check.js")  # of page and worker
 PAGE = (
     "vendor/smol-toml.cjs", "geometry.js", "draft.js", "row.js", "curves.js", "files.js",
-    "print.js", "main.js",
+    "print.js", "report.js", "main.js",
 )  # fmt: skip
 USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened to its gaps
 HEIGHT = 1200  # [px] of the page in a notebook
@@ -79,7 +79,9 @@ def read_source(source: str | Path | Scene | Layout) -> tuple[Scene, Layout | No
             layout = read_layout(path, scene)
         else:
             scene = load_scene(source)
-    scene = scene or _scene_for(layout)
+    if scene is None:
+        assert layout is not None
+        scene = scene_for(layout)
     require_drawable(f"scene '{scene.name}'", scene.row_count)
     if layout is not None and (violations := scene.violations(layout)):
         message = f"not a layout of scene '{scene.name}': {'; '.join(violations)}"
@@ -87,23 +89,25 @@ def read_source(source: str | Path | Scene | Layout) -> tuple[Scene, Layout | No
     return scene, layout
 
 
-def _scene_for(layout: Layout | None) -> Scene:
-    """Return a scene whose bounds contain a layout."""
-    assert layout is not None
+def scene_for(layout: Layout, physics: Physics | None = None) -> Scene:
+    """Return a scene whose bounds contain a layout; physics: None for the defaults."""
     if layout.count < 2:
         raise ValueError("one domino has no gap: give a layout of two or more")
     thickness, gaps = layout.thickness[1:], layout.spacing
     return Scene(
         title="your own scene", count=layout.count, height=float(layout.height[0]),
         width=layout.width, density=float(layout.density[0]),
-        first_thickness=float(layout.thickness[0]), physics=Physics(),
+        first_thickness=float(layout.thickness[0]), physics=physics or Physics(),
         spacing=(min(USUAL_GAPS[0], float(gaps.min())), max(USUAL_GAPS[1], float(gaps.max()))),
         thickness=(float(thickness.min()), float(thickness.max())),
     )  # fmt: skip
 
 
 def page_text(
-    scene: Scene | None = None, layout: Layout | None = None, rows: Sequence[dict[str, Any]] = ()
+    scene: Scene | None = None,
+    layout: Layout | None = None,
+    rows: Sequence[dict[str, Any]] = (),
+    headline: str = "",
 ) -> str:
     """Return the page as the text of one HTML file.
 
@@ -116,6 +120,8 @@ def page_text(
     rows
         Further rows to race against, each with `name`, `layout` (`layout_document`) and `document`
         (of its scene), and what a report shows of it.
+    headline
+        Sentences above the report of the rows; empty for no report.
 
     Returns
     -------
@@ -126,7 +132,7 @@ def page_text(
     first: dict[str, Any] = {"document": scene.document()}
     if layout is not None:
         first["layout"] = layout_document(layout)
-    data = {"scenes": _shipped(), "first": first, "rows": list(rows)}
+    data = {"scenes": _shipped(), "first": first, "rows": list(rows), "headline": headline}
     module = (FOLDER / "chain.wasm").read_bytes()
     library, worker, page = (_bundle(names) for names in (LIBRARY, ("worker.js",), PAGE))
     parts = {
@@ -149,9 +155,10 @@ def write_page(
     scene: Scene | None = None,
     layout: Layout | None = None,
     rows: Sequence[dict[str, Any]] = (),
+    headline: str = "",
 ) -> int:
     """Write the page to an HTML file and return its size [bytes]; arguments as of `page_text`."""
-    text = page_text(scene, layout, rows)
+    text = page_text(scene, layout, rows, headline)
     write_text(path, text)
     return len(text.encode())
 

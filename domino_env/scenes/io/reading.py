@@ -16,6 +16,7 @@ from domino_env.core.checks import as_path, require_type
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
+from domino_env.scenes.io.link import is_link, read_link
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.scene import Scene
 
@@ -189,7 +190,7 @@ def scene_beside(path: str | Path) -> Scene | None:
     Parameters
     ----------
     path
-        File of the layout, or run folder with a scene.toml.
+        File of the layout, run folder with a scene.toml, or link of the page, which contains it.
 
     Returns
     -------
@@ -201,6 +202,8 @@ def scene_beside(path: str | Path) -> Scene | None:
     ValueError
         As for `load_scene`.
     """
+    if is_link(path):
+        return read_link(str(path))[0]
     path = Path(path)
     places = [path / SCENE]
     if not path.is_dir():
@@ -250,7 +253,7 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     Parameters
     ----------
     paths
-        Run folders and files of layouts.
+        Run folders, files of layouts and links of the page.
 
     Returns
     -------
@@ -263,7 +266,7 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
         For a path that does not exist, layouts of different scenes, and as for `load_scene`.
     """
     for given in map(Path, paths):
-        if not given.exists():
+        if not is_link(given) and not given.exists():
             files.raise_with_path(given, "there is no such file: name a layout or a run folder")
     scenes = {str(path): scene_beside(path) for path in paths}
     first, common = next(((p, s) for p, s in scenes.items() if s is not None), ("", None))
@@ -282,13 +285,22 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     return common
 
 
+def layout_name(path: Path) -> str:
+    """Return the stem of the name of a layout's file, or the name of its folder for "layout".
+
+    Long names are shortened to 100 characters; a link has the name "link".
+    """
+    name = path.resolve().parent.name if path.stem == "layout" else path.stem
+    return "link" if is_link(path) else files.one_line(name, 100)
+
+
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
     """Read a layout, with the width and the ground of the scene if the file does not have them.
 
     Parameters
     ----------
     path
-        File of the layout, .csv or .json.
+        File of the layout, .csv or .json, or link of the page.
     scene
         Scene of the layout; None for the standard width and flat ground.
 
@@ -300,8 +312,11 @@ def read_layout(path: str | Path, scene: Scene | None) -> Layout:
     Raises
     ------
     ValueError
-        As for `Layout.read`, and for a layout that cannot stand on the ground.
+        As for `Layout.read`, for a link that was cut or changed, and for a layout that cannot stand
+        on the ground.
     """
+    if is_link(path):
+        return read_link(str(path))[1]
     layout = Layout.read(path, WIDTH if scene is None else scene.width)
     if scene is None or scene.ground is None or not layout.is_flat:
         return layout

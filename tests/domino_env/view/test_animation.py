@@ -6,7 +6,7 @@ from PIL import Image, ImageSequence
 
 import domino_env as de
 from domino_env.view.animation import STRIP_HEIGHT, frames, write_gif
-from domino_env.view.comparison import ComparedLayout
+from domino_env.view.compared import ComparedLayout
 from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR, STANDING_COLOUR
 
 

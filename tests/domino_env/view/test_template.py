@@ -1,16 +1,25 @@
 """Templates: lengths on paper are those of the layout."""
 
 import re
+import zlib
 from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.view.slots import safety_gaps
 from domino_env.view.template import LEAST_MARGIN, MARGIN, PAPERS, _advice, strips, write_template
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
 POINT = 0.0254 / 72.0
+
+
+def text_of(path):
+    """Return the content of a PDF with its streams unpacked."""
+    data = path.read_bytes()
+    streams = re.findall(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", data, re.DOTALL)
+    return b"\n".join([data, *map(zlib.decompress, streams)]).decode("latin-1")
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -27,7 +36,7 @@ def test_strips_have_all_dominoes_and_do_not_touch(paper):
 
 def test_a_template_has_advice_and_sheets_with_footprints_to_full_scale(tmp_path):
     write_template(LAYOUT, tmp_path / "row.pdf", title="the layout")
-    text, plan = (tmp_path / "row.pdf").read_bytes().decode("latin-1"), strips(LAYOUT)
+    text, plan = text_of(tmp_path / "row.pdf"), strips(LAYOUT)
     box = r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS"
     corners = np.array(re.findall(box, text), dtype=float) * POINT
     assert len(corners) >= 60
@@ -94,3 +103,17 @@ def test_a_template_has_title_push_and_time_of_its_scene(tmp_path, output_of):
     assert f"after {wave.arrival_times[-1]:.3f} s" in sentence
     stops = _advice(strips(wave.layout), wave.layout, de.Physics(push=2.0))[-1]
     assert "the wave stops" in stops
+
+
+def test_boxes_of_safety_gaps_are_crossed(tmp_path):
+    cross = r"([\d.]+) ([\d.]+) m\n([\d.]+) ([\d.]+) l\n\nS"
+    late = len(safety_gaps(LAYOUT, 200.0))
+    slanted = []
+    for every in (0.0, 200.0):
+        write_template(LAYOUT, tmp_path / "row.pdf", safety=every)
+        text = text_of(tmp_path / "row.pdf")
+        lines = np.array(re.findall(cross, text), dtype=float).reshape(-1, 4)
+        slanted.append(int(((lines[:, 0] != lines[:, 2]) & (lines[:, 1] != lines[:, 3])).sum()))
+    assert slanted[0] == 0
+    assert slanted[1] >= 2 * late > 0
+    assert "the crossed boxes" in " ".join(_advice(strips(LAYOUT), LAYOUT, None, 60, {1}))
