@@ -122,9 +122,10 @@ def test_writers_that_are_killed_lose_no_stored_result(path, result):
 
 
 def test_a_store_has_all_tables_or_none(path, monkeypatch, result):
-    with monkeypatch.context() as patch, pytest.raises(ValueError, match="incomplete input"):
+    with monkeypatch.context() as patch:
         patch.setattr("optimize.experiments.store.TABLES", (TABLES[0], "CREATE"))
-        open_store(path)
+        with pytest.raises(ValueError, match="incomplete input"):
+            open_store(path)
     study = open_store(path).begin("one", "sweep", {})
     study.add(result)
     assert study.results() == {result.key: result}
