@@ -56,7 +56,7 @@ lowest newest:
 		tests/optimize/constraints tests/optimize/test_journal.py tests/domino_env/envs/test_vector.py
 
 compat: $(VENV)/.dev
-	$(PIP) jax # for the DataCollector of Minari
+	$(PIP) --group compat
 	$(BIN)/python -m pytest -n 2 tests/compat.py tests/domino_env/envs/test_interfaces.py
 
 bench: $(VENV)/.core

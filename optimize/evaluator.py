@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from domino_env.core.checks import numbers, require, require_type
+from domino_env.core.checks import require, require_type
 from domino_env.core.files import amount
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
@@ -288,8 +288,7 @@ class Evaluator:
         ValueError
             If no design vectors are given, and for the reasons of `Problem.evaluate`.
         """
-        given = numbers("designs", designs, None)
-        single, designs = given.ndim < 2, np.atleast_2d(given)
+        single, designs = np.ndim(designs) < 2, self.problem.check(designs)
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
@@ -343,6 +342,7 @@ class Evaluator:
             If a limit is reached.
         """
         self.require_more()
+        design = self.problem.check(design)[0]
         answer = self._replay(kind, design[None])
         if answer is None:
             scores, arrays = compute(design)

@@ -25,16 +25,16 @@ class ReadOnlyArrays:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        _protect(tuple(state.values()))
+        protect(tuple(state.values()))
 
 
-def _protect(value: object) -> None:
+def protect(value: object) -> None:
     """Make an array, or those in nested tuples, read-only."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
     elif isinstance(value, tuple):
         for part in value:
-            _protect(part)
+            protect(part)
 
 
 def unique_points(table: Floats) -> Floats:

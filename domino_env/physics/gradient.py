@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.results import dataclass_repr
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, ReadOnlyArrays, protect
 from domino_env.kernels.arrays import Arrays
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)
-class Gradient:
+class Gradient(ReadOnlyArrays):
     """Partial derivatives of one number, in its unit over the unit of the variable.
 
     For B layouts, every field has a leading B.
@@ -60,6 +60,9 @@ class Gradient:
     rise: Floats | None = None
     tilt: Floats | None = None
     __repr__ = dataclass_repr
+
+    def __post_init__(self) -> None:
+        protect(tuple(vars(self).values()))
 
 
 def arrays_from(layout: Layout) -> Arrays:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from msgspec.structs import asdict
+
 from domino_env.core.checks import require_type
 from domino_env.core.models import Amount, Size, Value, about
 from domino_env.physics.layout import Layout
+
+ESTABLISHED = "friction", "gravity", "push"  # fields that all digests contain
 
 
 class Physics(Value, frozen=True):  # type: ignore[misc]
@@ -30,6 +34,15 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     friction: Annotated[Amount, about("coefficient between dominoes; 0 for none")] = 0.25
     gravity: Annotated[Size, about("[m/s²]; 9.81 on Earth")] = 9.81
     push: Annotated[Size, about("angular velocity of domino 0 at t = 0 [rad/s]")] = 8.0
+
+    @property
+    def distinctive(self) -> dict[str, float]:
+        """Friction, gravity and push, and the other fields that differ from their defaults.
+
+        Digests of stored results are of these, so that a new field with its default changes none.
+        """
+        fields, defaults = asdict(self), asdict(type(self)())
+        return {k: v for k, v in fields.items() if k in ESTABLISHED or v != defaults[k]}
 
 
 STANDARD = Physics()  # default argument of the simulations

@@ -17,7 +17,7 @@ import numpy as np
 from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import read_model
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import ESTABLISHED, Physics
 
 PATH = Path(__file__).with_name("known.json")
 
@@ -100,9 +100,11 @@ class StoredVerification:
 def digest(layout: Layout, physics: Physics) -> str:
     """Return 16 hexadecimal digits that identify a layout with its physics."""
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
-    parts = *sizes, (physics.friction, physics.gravity, physics.push), *layout.rise_and_tilt
+    fields = physics.distinctive
+    parts = *sizes, tuple(fields.values()), *layout.rise_and_tilt
     data = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
-    return hashlib.sha256(data).hexdigest()[:16]
+    others = "".join(name for name in fields if name not in ESTABLISHED)
+    return hashlib.sha256(data + others.encode()).hexdigest()[:16]
 
 
 def read_verified() -> dict[str, StoredVerification]:

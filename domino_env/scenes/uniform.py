@@ -21,6 +21,7 @@ from domino_env.core.results import dataclass_repr
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import StoppedError
 from domino_env.scenes.scene_base import SceneBase
@@ -287,7 +288,8 @@ def best_uniform_on(scene: SceneBase, baseline: Layout, floor: float | None) -> 
 
 def stamp(document: dict[str, Any]) -> str:
     """Return a digest of the tables on which the baseline depends: all but name and title."""
-    tables = document | {"name": None, "title": None}
+    physics = Physics(**document["physics"]).distinctive
+    tables = document | {"name": None, "title": None, "physics": physics}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 

@@ -93,7 +93,7 @@ def open_study(
         "comparison" or "sweep".
     default
         Name if none is given; a number is added if a study has it. ``--resume`` continues the last
-        study of the same tasks, if there is one.
+        study of the same tasks and versions, if there is one.
     tasks
         All tasks of the experiment.
 
@@ -106,15 +106,16 @@ def open_study(
     ------
     ValueError
         If the name is invalid, if a study has it and ``--resume`` is not given, if the output
-        folder of a new study contains another report, or if the study has other tasks.
+        folder of a new study contains another report, or if the study has other tasks or versions.
     """
     from optimize.experiments.report import COMPARISON_FILES, SWEEP_FILES
     from optimize.experiments.store import open_store
-    from optimize.experiments.task import digest
+    from optimize.experiments.task import digest, installed_versions
 
     store = open_store(arguments.store)
     settings = {name: value for name, value in vars(arguments).items() if name in SETTINGS}
     settings |= {"tasks": len(tasks), "digest": digest([task.key for task in tasks])}
+    settings |= {"versions": installed_versions()}
     studies = {study.name: study for study in store.studies()}
     name = arguments.name
     if name in studies and not arguments.resume:

@@ -232,6 +232,8 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     store = Store(path)
     with store.transaction() as connection:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+            # all tables or none, whatever ends this process, and once if others do the same
+            connection.execute("BEGIN IMMEDIATE")
             for table in TABLES:
                 connection.execute(table)
         # fails if the file is not a store

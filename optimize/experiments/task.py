@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import msgspec
@@ -144,7 +144,8 @@ class Task:
     @property
     def key(self) -> str:
         """Digest of everything that determines the result, so not of the labels."""
-        return digest([self.scene, self.method, self.seed, self.budget, self.seconds])
+        determinants = self.scene, self.method, self.seed, self.budget, self.seconds
+        return digest([*determinants, installed_versions()])
 
     @property
     def name(self) -> str:
@@ -252,6 +253,12 @@ def describe_labels(labels: Mapping[str, Label]) -> str:
 def digest(values: list[object]) -> str:
     """Return 32 hexadecimal digits that identify plain data."""
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:32]
+
+
+@cache
+def installed_versions() -> dict[str, str]:
+    """Return `versions`, read once in this process, as reading them takes milliseconds."""
+    return versions()
 
 
 @lru_cache(CACHED_SCENES)

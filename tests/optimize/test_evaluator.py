@@ -65,6 +65,26 @@ def test_the_best_design_is_kept(scenes):
     assert not evaluator.stop_reason
 
 
+@pytest.mark.parametrize("entry", [np.nextafter(1.0, 2.0), -5e-324])
+def test_rounding_errors_outside_of_the_box_are_clipped(scenes, entry):
+    evaluator = Evaluator(Problem(scenes["spacing"]))
+    evaluator.evaluate(np.full(evaluator.problem.dimension, entry))
+    assert np.array_equal(evaluator.best, np.full(evaluator.problem.dimension, round(entry)))
+
+
+@pytest.mark.parametrize("name", ["length-both", "dying"])
+def test_scores_do_not_depend_on_the_order_of_requests(scenes, name):
+    """An optimiser may ask for more than it evaluates, and learn the scores in any order."""
+    problem = Problem(scenes[name])
+    designs = np.random.default_rng(0).random((16, problem.dimension))
+    first, second = Evaluator(problem), Evaluator(problem)
+    scores = [first.evaluate(x, True) for x in designs]
+    again = [second.evaluate(x, True) for x in designs[::-1]][::-1]
+    assert [s.score for s in again] == [s.score for s in scores]
+    assert np.array_equal([s.gradient for s in again], [s.gradient for s in scores])
+    assert np.array_equal(first.best, second.best)
+
+
 @pytest.mark.parametrize("name", ["dying", "spacing"])
 def test_gradients_count_once_and_are_zero_where_the_wave_stops(scenes, name):
     scene = scenes[name]

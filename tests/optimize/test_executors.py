@@ -7,6 +7,7 @@ import sys
 import time
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,18 @@ def kill_worker_once(marker):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+@dataclass(frozen=True)
+class TaskOfDyingWorker(Task):
+    """A task whose worker dies when it has the result, but has not returned it, once."""
+
+    marker: str = ""
+
+    def run(self):
+        result = super().run()
+        kill_worker_once(self.marker)
+        return result
+
+
 def thread_settings():
     """Return the threads that Numba and OpenMP may use."""
     import numba
@@ -93,9 +106,11 @@ def test_bulk_scoring_gives_the_same_results(bits, scenes, pool, monkeypatch):
 
 
 def test_dask_replaces_a_worker_that_dies(tasks, expected, cluster, tmp_path):
-    killed = cluster.submit(kill_worker_once, str(tmp_path / "killed"))
-    assert results_of(tasks, cluster) == expected
-    assert killed.result() is None
+    study = open_store(tmp_path / "studies.sqlite").begin("one", "sweep", {})
+    repeated = TaskOfDyingWorker(**vars(tasks[0]), marker=str(tmp_path / "killed"))
+    assert results_of([repeated, *tasks[1:]], cluster, study) == expected
+    assert (tmp_path / "killed").exists()
+    assert sorted(map(repeatable, study.results().values())) == sorted(expected)
     assert cluster.submit(thread_settings).result() == (1, "1")
 
 

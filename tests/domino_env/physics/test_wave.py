@@ -329,16 +329,18 @@ def test_wrong_arguments_are_rejected(call, words):
 @pytest.mark.parametrize(
     "duplicate", [copy.deepcopy, lambda wave: pickle.loads(pickle.dumps(wave))]
 )
-@pytest.mark.parametrize("name", ["wave", "batch", "standing"])
-def test_arrays_of_a_copied_wave_are_read_only(name, duplicate):
+@pytest.mark.parametrize("name", ["wave", "batch", "standing", "gradient"])
+def test_arrays_of_a_copied_result_are_read_only(name, duplicate):
     standing = de.simulate_standing(LAYOUT, rtol=0.1) if name == "standing" else None
-    wave = duplicate({"wave": WAVE, "batch": BATCH, "standing": standing}[name])
-    values = list(vars(wave).values())
+    result = {"wave": WAVE, "batch": BATCH, "standing": standing, "gradient": WAVE.gradient()}[name]
+    values = [*vars(result).values(), *vars(duplicate(result)).values()]
+    arrays = 0
     while values:
         value = values.pop()
         values += value if isinstance(value, tuple) else ()
+        arrays += isinstance(value, np.ndarray)
         assert not (isinstance(value, np.ndarray) and value.flags.writeable)
-    assert not wave.arrival_times.flags.writeable
+    assert arrays
 
 
 def test_pieces_of_a_batch_are_complete_when_one_raises(monkeypatch):

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
+from domino_env.core.models import plain
 from domino_env.core.tables import fill_tables
 from domino_env.rigid import known
+from domino_env.scenes import uniform
 from optimize.experiments.best_known import best_known
 
 STORED = known.read_verified()
@@ -43,6 +45,28 @@ def test_a_verification_applies_to_its_own_physics_only():
     assert known.known_verification(layout, scene.physics) == STORED["sprint"]
     assert known.known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
     assert known.known_verification(scene.uniform().layout, scene.physics) is None
+
+
+class LaterPhysics(de.Physics, frozen=True):
+    """Physics with fields that a later version adds."""
+
+    drag: float = 0.0
+    damping: float = 0.0
+
+
+def test_a_new_field_of_the_physics_changes_digests_unless_it_has_its_default(monkeypatch):
+    scene, layout = de.load_scene("sprint"), best_known()["sprint"].layout
+    changes = {}, {"drag": 0.1}, {"damping": 0.1}, {"drag": 0.1, "damping": 0.1}
+    digests = [known.digest(layout, LaterPhysics(**change)) for change in changes]
+    assert digests[0] == known.digest(layout, de.Physics()) == STORED["sprint"].digest
+    assert len(set(digests)) == 4
+    document = scene.document()
+    before = uniform.stamp(document)
+    monkeypatch.setattr(uniform, "Physics", LaterPhysics)
+    tables = [plain(LaterPhysics(**change)) for change in changes]
+    stamps = [uniform.stamp(document | {"physics": table}) for table in tables]
+    assert stamps[0] == before
+    assert len(set(stamps)) == 4
 
 
 def test_a_repeated_verification_agrees_with_the_stored_one(page_script, tmp_path, monkeypatch):

@@ -294,5 +294,9 @@ def test_studies_are_named_and_resumed(folder, output_of, error_of, monkeypatch)
     assert "'sweep-spacing' with 2 results already: " in error_of(*named)
     output_of(*WORDS, "--name", "other", "--resume")
     assert "was begun as sweep with" in error_of(*named, *other_tasks)
-    monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
-    assert "2 of them done before" in output_of(*WORDS, "--resume").splitlines()[-2]
+    with monkeypatch.context() as patch:
+        patch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
+        assert "2 of them done before" in output_of(*WORDS, "--resume").splitlines()[-2]
+    monkeypatch.setattr("optimize.experiments.task.installed_versions", lambda: {"numpy": "1.0"})
+    assert "'numpy': '" in error_of(*named, "--resume")
+    assert "study 'sweep-spacing-4'" in output_of(*WORDS, "--resume")

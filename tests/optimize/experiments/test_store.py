@@ -3,6 +3,8 @@
 import csv
 import json
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from optimize.experiments.store import open_store
+from optimize.experiments.store import TABLES, open_store
 from optimize.experiments.task import Task, TaskResult
 
 
@@ -82,6 +84,51 @@ def test_results_that_are_not_finite_are_rejected(path, result):
 
 
 # faults -----------------------------------------------------------------------------------------
+
+WRITERS = """
+import os, signal, sys, time
+import msgspec
+from optimize.experiments.store import TABLES, open_store
+from optimize.experiments.task import TaskResult
+path, text = sys.argv[1:]
+result = msgspec.json.decode(text, type=TaskResult)
+writers = []
+for i in range(8):
+    read, write = os.pipe()
+    if not (process := os.fork()):
+        study = open_store(path).begin("one", "sweep", {})
+        for number in range(1000):
+            study.add(msgspec.structs.replace(result, key=f"{i}-{number}"))
+            os.write(write, f"{i}-{number}\\n".encode())
+    os.close(write)
+    writers.append((process, read))
+keys = [os.read(read, 1000) for _, read in writers]  # each has stored a result
+for kind in (0, 1):  # half of them, then the others
+    for process, read in writers[kind::2]:
+        os.kill(process, signal.SIGKILL)
+    time.sleep(0.1)
+keys += [open(read, "rb").read() for _, read in writers]
+print(b"".join(keys).decode())
+"""
+
+
+def test_writers_that_are_killed_lose_no_stored_result(path, result):
+    command = [sys.executable, "-c", WRITERS, path, msgspec.json.encode(result).decode()]
+    stored = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    study = open_store(path).study("one")
+    assert study.results().keys() >= set(stored.split())
+    study.add(result)
+    assert result.key in study.results()
+
+
+def test_a_store_has_all_tables_or_none(path, monkeypatch, result):
+    with monkeypatch.context() as patch:
+        patch.setattr("optimize.experiments.store.TABLES", (TABLES[0], "CREATE"))
+        with pytest.raises(ValueError, match="incomplete input"):
+            open_store(path)
+    study = open_store(path).begin("one", "sweep", {})
+    study.add(result)
+    assert study.results() == {result.key: result}
 
 
 @pytest.fixture(scope="module")
