@@ -50,9 +50,9 @@ def llvm_code(folder: str) -> dict[str, str]:
     """Return the LLVM code of each exported function."""
     # machine code of other runs is not unoptimised code
     os.environ |= {"NUMBA_OPT": "0", "NUMBA_CACHE_DIR": folder, "NUMBA_CPU_NAME": "generic"}
-    from domino_env.kernels import jit
+    import domino_env.kernels.jit as compilation
 
-    jit._FAST = None  # the public compilation
+    compilation._FAST = None  # the public compilation
     warnings.simplefilter("ignore")  # what is not cached
     from optimize.studio.wasm.functions import FUNCTIONS
 

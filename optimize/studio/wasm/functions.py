@@ -6,6 +6,7 @@ is not used; without `uneven` the ground is flat, and rise and tilt are not used
 friction, gravity, push and rtol.
 """
 
+from functools import partial
 from typing import Any
 
 import numba
@@ -17,6 +18,7 @@ from domino_env.kernels.adjoint.chain import vjp
 from domino_env.kernels.adjoint.contact import PHYSICS_BAR
 from domino_env.kernels.chain import solve_batch
 from domino_env.kernels.diagnosis import trace_motion
+from domino_env.kernels.jit.plain import compile_plainly
 from domino_env.physics import motion as physics_motion
 from domino_env.rigid import dynamics
 
@@ -27,7 +29,8 @@ EVENTS, ARRIVALS, SUMMARY, SNAPSHOTS = (
 )
 SAMPLES = physics_motion.PIECES + 1  # of each fall
 MANY_STEPS = 1_000_000
-lean_stacks, start_standing = physics_motion._lean_stacks, numba.njit(dynamics.start)
+compiled = partial(compile_plainly, cache=False)
+lean_stacks, start_standing = physics_motion._lean_stacks, compiled(dynamics.start)
 FUNCTIONS: dict[str, Any] = {}  # exported functions by name
 
 
@@ -41,27 +44,27 @@ def export(*parameters):
     return register
 
 
-@numba.njit
+@compiled
 def parts(table, n):
     """Return spacing, thickness, height, density, rise and tilt of a table."""
     rows = carray(table, (6, n))
     return rows[0, : n - 1], rows[1], rows[2], rows[3], rows[4, : n - 1], rows[5]
 
 
-@numba.njit
+@compiled
 def batch(values):
     """Return an array as a batch of one."""
     return values.reshape((1, len(values)))
 
 
-@numba.njit
+@compiled
 def setting_at(setting):
     """Return the setting of the kernels."""
     friction, gravity, push, rtol = carray(setting, (4,))
     return arrays.Setting(friction, gravity, push, rtol)
 
 
-@numba.njit
+@compiled
 def curve_at(curve, knots):
     """Return ground: K knots, K + 1 starts, and K + 1 pieces of 4 coefficients."""
     values = carray(curve, (6 * knots + 5,))
