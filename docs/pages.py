@@ -516,7 +516,8 @@ def numbers() -> dict[str, str]:
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | run_numbers()
     claims = {f"claims.{x['quantity']}": x["value"] for x in read_csv("claims.csv") if not x["gap"]}
-    return MEASURED | times | computed | claims
+    questions = {f"questions.{x['quantity']}": x["value"] for x in read_csv("open-questions.csv")}
+    return MEASURED | times | computed | claims | questions
 
 
 def scene_numbers() -> dict[str, str]:

@@ -13,10 +13,11 @@ from .physics.motion import Motion as Motion
 from .physics.physics import Physics as Physics
 from .physics.steady import SteadyWave as SteadyWave
 from .physics.steady import existence_limit as existence_limit
+from .physics.steady import smallest_gap as smallest_gap
 from .physics.steady import smallest_push as smallest_push
+from .physics.steady import speed_estimate as speed_estimate
 from .physics.steady import steady_pattern as steady_pattern
 from .physics.steady import steady_wave as steady_wave
-from .physics.steady import terminal_speed_estimate as terminal_speed_estimate
 from .physics.wave import Outcome as Outcome
 from .physics.wave import Wave as Wave
 from .physics.wave import WaveBatch as WaveBatch

@@ -133,7 +133,7 @@ def steady(digests: Digests) -> None:
         if thick < 0.9 * pitch:
             digests.add("limits", de.existence_limit(thick, H))
             try:
-                digests.add("limits", de.terminal_speed_estimate(pitch, thick, H))
+                digests.add("limits", de.speed_estimate(pitch, thick, H, physics))
             except ValueError:
                 digests.add("limits", None)
         period = int(rng.integers(2, 9))

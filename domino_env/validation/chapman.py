@@ -37,6 +37,13 @@ def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -
     return steady.steady_wave(pitch, thickness, physics=Physics(friction, GRAVITY))
 
 
+def equation_13(pitch: float, thickness: float) -> float:
+    """Return the steady speed without friction by equation 13 of the article [m/s]."""
+    ratio, width = thickness / pitch, thickness / HEIGHT
+    energy = 1.0 - ratio - width * math.sqrt(1.0 - ratio * ratio)
+    return SPEED_UNIT * math.sqrt(energy / ((1.0 - ratio) ** 2 * (1.0 + width * width)))
+
+
 def angular_velocities() -> list[tuple[float, ...]]:
     """Compute the angular velocities of the leading domino without friction.
 
@@ -222,7 +229,7 @@ def _speeds(ratios: Floats, thickness: float) -> tuple[Floats, Floats, Floats]:
         if thickness < pitch < HEIGHT + thickness:
             layout = Layout.uniform(100, pitch=pitch, thickness=thickness)
             if simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0:
-                estimate = steady.terminal_speed_estimate(pitch, thickness, gravity=GRAVITY)
+                estimate = equation_13(pitch, thickness)
                 speed = _steady(pitch, thickness).speed or math.nan
                 lines.append((thickness / pitch, estimate / SPEED_UNIT, speed / SPEED_UNIT))
     x, estimates, speeds = np.array(lines).reshape(-1, 3).T

@@ -152,9 +152,40 @@ def test_chains_without_a_steady_wave_are_explained():
             de.steady_wave(pitch, 0.0075)
 
 
-def test_the_closed_form_approximates_thin_dominoes():
-    steady = de.steady_wave(0.012, 0.001, physics=de.Physics(0.0))
-    assert de.terminal_speed_estimate(0.012, 0.001) == pytest.approx(steady.speed, rel=0.05)
+def test_the_speed_estimate_has_the_stated_error_in_its_range():
+    rng = np.random.default_rng(63)
+    thickness = np.append(rng.uniform(0.02, 0.3, 40), [0.02, 0.02, 0.3, 0.3])
+    low = np.maximum(0.1, 0.5 * thickness)
+    gap = np.append(rng.uniform(low[:40], 0.7), [0.1, 0.7, 0.15, 0.7])
+    friction = np.append(rng.uniform(0.0, 0.3, 40), [0.3, 0.0, 0.3, 0.3])
+    for d, s, mu in zip(thickness, gap, friction, strict=True):
+        chain = (d + s) * 0.048, d * 0.048, 0.048, de.Physics(mu)
+        steady = de.steady_wave(*chain, rtol=1e-6)
+        assert de.speed_estimate(*chain) == pytest.approx(steady.speed, rel=0.015)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+@pytest.mark.parametrize("push", [5.0, 50.0])
+def test_the_smallest_gap_separates_propagation_from_a_stall(friction, push):
+    physics = de.Physics(friction, push=push)
+    gap = de.smallest_gap(0.01, 0.05, physics, 30)
+    for factor, outcome in ((1.0, "PROPAGATED"), (1.0 - 1e-5, "STALLED")):
+        layout = de.Layout.uniform(30, spacing=factor * gap, thickness=0.01, height=0.05)
+        assert de.simulate(layout, physics).outcome.name == outcome
+
+
+def test_the_smallest_gap_is_near_its_formula_or_infinite():
+    rng = np.random.default_rng(79)
+    for a, mu, p in rng.uniform((0.05, 0.0, 0.0), (0.3, 0.3, 1.0), (20, 3)):
+        tipping = de.smallest_push(de.Layout([], a, 1.0), de.Physics(mu, gravity=1.0))
+        push = 1.5 * 33.0**p
+        physics = de.Physics(mu, gravity=1.0, push=push * tipping)
+        square = a * a + mu * (0.5 * a + 0.75 * a * a)
+        limit = 2.0 * square / (1.0 - square)
+        formula = a * math.hypot(limit, 1.35 / push)
+        assert de.smallest_gap(a, 1.0, physics) == pytest.approx(formula, rel=0.16)
+    weak = physics.replace(push=0.99 * tipping)
+    assert de.smallest_gap(a, 1.0, weak) == math.inf
 
 
 # the smallest push -------------------------------------------------------------------------------
@@ -250,9 +281,12 @@ def test_tolerances_out_of_range_are_rejected(function, rtol):
     (lambda: de.steady_wave(0.02, 0.0075, slope="up"), "slope = 'up' rad: give a finite number"),
     (lambda: de.steady_pattern([], 0.0075), "the sizes have shape (0,): give one chain or more"),
     (lambda: de.existence_limit(7.5), "thickness = 7.5 m: give a finite number, more than 0"),
-    (lambda: de.terminal_speed_estimate(0.0077, 0.0075), "thickness/pitch = 0.974026 is not below "
-     "0.952336: a domino that falls releases no energy"),
-    (lambda: de.terminal_speed_estimate(24.0, 0.0075), "pitch = 24.0 m: give a finite number"),
+    (lambda: de.speed_estimate(0.0077, 0.0075), "pitch = 0.0077 m: give a finite number from 0.01"),
+    (lambda: de.speed_estimate(24.0, 0.0075), "pitch = 24.0 m: give a finite number from 0.0123"),
+    (lambda: de.speed_estimate(0.1, 0.05), "thickness = 0.05 m: give a finite number from 0.00096"),
+    (lambda: de.speed_estimate(0.02, 0.0075, physics=de.Physics(0.5)), "friction = 0.5: give a"),
+    (lambda: de.smallest_gap(0.0075, 0.0), "height = 0.0 m: give a finite number"),
+    (lambda: de.smallest_gap(0.0075, count=1), "count = 1: give a whole number"),
     (lambda: de.simulate_batch(GAPS[0], 0.01),
      "spacing has shape (2,): give (B, N-1), one layout per index b"),
     (lambda: de.simulate_batch([[0.02, np.nan]], 0.01), "spacing[0, 1] = nan m"),
