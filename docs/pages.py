@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
-from agents.benchmark import normalised_score
 from agents.rollout import evaluation_seeds, is_random
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
@@ -231,7 +230,6 @@ def filled_pages() -> dict[Path, str]:
             "chain": class_sections(DominoChain, "Action space", "Observation space", "Rewards"),
             "returns": return_table(),
         },
-        "docs/actions-and-rewards.md": {"matrix": learning_table()},
         "docs/methods.md": {
             "methods": method_sections(),
             "peers": [f"- `{name}` needs {package}" for name, (_, package) in THIRD_PARTY.items()],
@@ -419,38 +417,6 @@ def _returns(act: Any, env: DominoChainVector, seeds: range) -> Floats:
 def _random_actions(rng: np.random.Generator, spread: float, size: int, observations: Any) -> Any:
     """Return uniform random actions (B, A) within ±spread."""
     return spread * rng.uniform(-1.0, 1.0, (len(observations), size))
-
-
-def learning_table() -> list[str]:
-    """Return the table of learning-matrix.csv: medians over seeds, with the lowest and highest."""
-    runs = read_csv("learning-matrix.csv")
-    cases: dict[tuple[str, ...], dict[str, list[float]]] = {}
-    for run in runs:
-        case = run["algorithm"], run["actions"], run["rewards"]
-        scores = cases.setdefault(case, {}).setdefault(run["scene"], [])
-        scores.append(float(run["score"]))
-    scenes = list(dict.fromkeys(run["scene"] for run in runs))
-    lines = [
-        (f"`{algorithm}`", *case, *(_learning_cell(scene, row.get(scene, [])) for scene in scenes))
-        for (algorithm, *case), row in sorted(cases.items())
-    ]
-    return markdown_table(("algorithm", "actions", "rewards", *scenes), lines)
-
-
-def _learning_cell(name: str, scores: list[float]) -> str:
-    """Format scores in a scene, or gains in sampled scenes."""
-    if not scores:
-        return ""
-    values, digits, unit = np.array(scores), 1, "%"
-    if name in ("sprint", "course"):
-        values, digits = 100.0 * normalised_score(values, name), 0
-    elif name == "varied":
-        values, digits = 100.0 * values, 2
-    else:
-        criterion = de.load_scene(name).criterion
-        values, digits, unit = criterion.displayed(values), 4 if criterion.unit else 2, ""
-    middle, low, high = (f"{x:z.{digits}f}" for x in (np.median(values), min(values), max(values)))
-    return f"{middle}{unit} ({low} to {high})"
 
 
 def method_sections() -> list[str]:
