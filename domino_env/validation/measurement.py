@@ -33,7 +33,7 @@ COARSE = 4  # hops between two values of the search
 FIRST_HITS = 48  # hits that the search compares; fits then have twice as many at a time
 STARTS = 10  # results of the search that are refined
 WIDTHS = 0.0025, 0.002, 0.0007  # [s] to which sounds are widened, from search to refinement
-REACHES = 0.006, 0.004, 0.003, 0.003, 0.003, 0.003  # [s] from a predicted hit to its sound
+REACHES = 0.006, 0.004, *(0.003,) * 6  # [s] from a predicted hit to its sound
 LEAST_SCALE, TUKEY = 0.0002, 4.685  # [s] of the residuals; scales beyond which a sound is no hit
 EFFICIENCY = 0.95  # of estimates with Tukey's weights
 ECHO = 0.013  # [s] behind a sound, in which a similar one is not the hit
@@ -42,11 +42,12 @@ UNLIKELY = 0.05  # credence below which a sound is no hit
 STRAY = 0.03  # likelihood of a hit without its sound, relative to one with it
 PUSH_PRIOR = 0.3  # standard deviation of the push's logarithm, where sounds leave it open
 STRETCHES = 2, 3, 4  # Legendre polynomials by which times may differ from those of the model
-REJECTED = 0.001  # level at which the model is rejected
+REJECTED, LEAST_MISFIT = 0.001, 0.0005  # level, and RMS [s], from which the model is rejected
 CLOCK = 1e-4  # relative standard error of the clock of a recorder
 LEAST_HITS, LEAST_HEARD = 8, 0.5  # hits heard, and their fraction
 SILENT = 6  # hits at an end of the chain; if none of them is heard, it stopped or was cut off
-CHANCE = 6.0  # standard deviations by which the hits agree better than the layout at other times
+CHANCE, SECOND_CHANCE = 8.0, 4.5  # standard deviations by which the hits, and those of a second
+# chain beside them, agree better with the sounds than at other times
 
 
 class _Sounds(NamedTuple):
@@ -240,7 +241,11 @@ def _fit(sounds: _Sounds, model: _Model, values: Floats, stretches: int = 0) -> 
     guess = model.physics.push
     values = np.append(values, np.zeros(3 + stretches - len(values)))
     covariance = np.zeros((len(values), len(values)))
+    step = np.zeros(len(values))
     for reach in REACHES:
+        step[2] = np.clip(step[2], -0.3 * values[2], 0.3 * values[2])
+        values = values + step
+        values[1] = max(values[1], 0.0)
         jacobian = model.jacobian(values)
         times = values[0] + model.times(*values[1:3]) + jacobian[:, 3:] @ values[3:]
         residual = sounds.match(times[1:], reach) - times[1:]
@@ -255,9 +260,6 @@ def _fit(sounds: _Sounds, model: _Model, values: Floats, stretches: int = 0) -> 
         system = np.vstack([jacobian[1:] * (np.sqrt(weight) / scale)[:, None], prior])
         aims = np.append(error * np.sqrt(weight), (guess - values[2]) * prior[0, 2])
         step = np.linalg.lstsq(system, aims, rcond=None)[0]
-        step[2] = np.clip(step[2], -0.3 * values[2], 0.3 * values[2])
-        values = values + step
-        values[1] = max(values[1], 0.0)
         covariance = np.linalg.pinv(system.T @ system) / EFFICIENCY
     credence = sounds.credence(times[1:] + residual, times)
     return _Fit(values, covariance, times, jacobian, residual, weight, credence, scale)
@@ -316,8 +318,8 @@ def _best_fit(sounds: _Sounds, model: _Model) -> _Fit:
 
 
 _NO_PATTERN = (
-    "the sound is not that of this layout: no pattern of hits stands out; check the layout, and cut "
-    "the recording to the toppling"
+    "the sound is not that of this layout: no pattern of hits stands out; check the layout, and "
+    "cut the recording to the toppling"
 )
 
 
@@ -344,12 +346,34 @@ def _require_pattern(sounds: _Sounds, model: _Model, fit: _Fit, seconds: float) 
     rest, friction = sounds.without(fit.found), float(fit.values[1])
     for start, _, push in _search(rest.rises, model.head(FIRST_HITS), np.array([friction]))[:1]:
         times = start + model.times(friction, push)
-        second = float(np.isfinite(rest.match(times[1:], 0.0015)).mean())
-        if second > LEAST_HEARD and _contrast(rest, times, 0.001, seconds) > CHANCE:
+        found = fit.found[np.isfinite(fit.found)]
+        lag = times[1:, None] - found
+        is_open = ~((lag > -0.002) & (lag < ECHO)).any(1)  # not beside hits of the first
+        second = float(np.isfinite(rest.match(times[1:], 0.0015))[is_open].mean())
+        apart = abs(times[1] - hits[0])  # not the echoes
+        if (
+            is_open.sum() >= LEAST_HITS
+            and second > LEAST_HEARD
+            and apart > 4.0 * ECHO
+            and _contrast(rest, times, 0.001, seconds) > SECOND_CHANCE
+        ):
             raise ValueError(
-                f"the recording contains two chains: {second:.0%} of the hits are heard again, "
-                f"{abs(times[1] - hits[0]):.2f} s apart; cut the recording to one"
+                f"the recording contains two chains: {second:.0%} of the hits are heard twice, "
+                f"{apart:.2f} s apart; cut the recording to one"
             )
+
+
+def _is_rejected(fit: _Fit, stretched: _Fit) -> bool:
+    """Return True if the hits differ smoothly from the model, by an F test and by 0.5 ms."""
+    heard = np.isfinite(fit.residual) & np.isfinite(stretched.residual)
+    freedom = heard.sum() - len(stretched.values)
+    stretch = stretched.jacobian[:, 3:] @ stretched.values[3:]
+    if not np.isfinite(stretched.scale) or freedom < len(STRETCHES) or stretch.std() < LEAST_MISFIT:
+        return False
+    sums = [float((f.weight * f.residual**2)[heard].sum() / f.weight[heard].sum())
+            for f in (fit, stretched)]  # fmt: skip
+    ratio = max(sums[0] / sums[1] - 1.0, 0.0) * freedom / len(STRETCHES)
+    return bool(special.fdtrc(len(STRETCHES), freedom, ratio) < REJECTED)
 
 
 def _contrast(sounds: _Sounds, times: Floats, scale: float, seconds: float) -> float:
@@ -396,7 +420,8 @@ class Measurement:
     curve
         (N,) smooth times, which follow the hits where the model is rejected, else `predicted`.
     model_rejected
-        True if the hits differ from the model by more than their scatter, at the level 0.001.
+        True if the hits differ smoothly from the model, by 0.5 ms RMS or more, and by more than their
+        scatter at the level 0.001.
     start
         Time of the push in the recording [s].
     rises
@@ -470,8 +495,8 @@ class Measurement:
             f"{self.heard} of {self.layout.count - 1} hits heard: "
             f"{self.mean_speed:.4f} ± {self.mean_speed_error:.4f} m/s, friction "
             f"{self.friction:.4f} ± {self.friction_error:.4f}, push {self.push:.2f} ± "
-            f"{self.push_error:.2f} rad/s; the model {model} (differences {1e3 * self.misfit_rms:.2f} "
-            f"ms RMS, {1e3 * self.misfit_max:.2f} ms at most)"
+            f"{self.push_error:.2f} rad/s; the model {model} (differences "
+            f"{1e3 * self.misfit_rms:.2f} ms RMS, {1e3 * self.misfit_max:.2f} ms at most)"
         )
 
     def plot(self) -> Any:
@@ -541,14 +566,9 @@ def measure(
     fit = _best_fit(sounds, model)
     _require_pattern(sounds, model, fit, len(samples) / rate)
     stretched = _fit(sounds, model, fit.values, len(STRETCHES))
-    heard, freedom = int(np.isfinite(stretched.found).sum()), len(stretched.values)
-    is_rejected = False
-    if np.isfinite(stretched.scale) and heard > 2 * freedom:
-        rest = [float(np.nansum(f.weight * stretched.weight * f.residual**2)) for f in (fit, stretched)]
-        ratio = (rest[0] / rest[1] - 1.0) * (heard - freedom) / len(STRETCHES)
-        is_rejected = bool(special.fdtrc(len(STRETCHES), heard - freedom, max(ratio, 0.0)) < REJECTED)
+    is_rejected = _is_rejected(fit, stretched)
     best = stretched if is_rejected else fit
-    start, friction, push = map(float, best.values[:3])
+    friction, push = map(float, best.values[1:3])
     curve = best.times - best.times[0]
     errors = np.sqrt(np.diag(best.covariance)[:3])
     result = Measurement(
