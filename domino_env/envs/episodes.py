@@ -133,7 +133,11 @@ class EpisodeResults:
         return value(self.score) - np.where(baseline > 0.0, 0.0, value(baseline))
 
     def infos(self) -> dict[str, NDArray[Any]]:
-        """Return the last info of each episode, an array (E,) for each key."""
+        """Return the last info of each episode, an array (E,) for each key.
+
+        "layout" has the dominoes that were placed, as `Scene.score` takes them; "wave" is the wave
+        of `Scene.row` of it, `wave.layout`, which also has the dominoes of a run-out.
+        """
         later = [(self, i) for i in range(len(self._placed))]
         infos: dict[str, NDArray[Any]] = {
             "score": self.score.copy(),

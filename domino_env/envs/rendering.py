@@ -44,15 +44,16 @@ class Snapshot:
     Attributes
     ----------
     layout
-        The dominoes placed so far.
+        The dominoes that stand: those placed so far, and those of the run-out, if the scene has
+        one and all its dominoes are placed. At the end of an episode it is `wave.layout`.
     hit
-        Number of dominoes hit; the leading domino is number hit - 1.
+        Number of these dominoes that were hit; the leading domino is number hit - 1.
     time
         Time of the latest hit [s].
     uniform_speed
         Mean speed of the scene's uniform baseline [m/s].
     wave
-        The wave through these dominoes; None before the end of the episode.
+        The wave through `layout`; None before the end of the episode.
     hand
         Thicknesses of the pieces in hand [m]; empty unless they are drawn in random order.
     """
@@ -111,9 +112,11 @@ class Renderer:
 
         if self._scaled_to is not scene:
             uniform = scene.uniform().layout
+            row = scene.row(uniform)  # with the run-out
             length = scene.length or 1.1 * float(uniform.length)  # for slightly longer layouts
-            tallest = float(uniform.height.max())
-            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
+            length += float(row.length - uniform.length)
+            tallest = float(row.height.max())
+            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(row))
             self._scaled_to = scene
         line = status_line(snapshot)
         image = draw_strip(layout, leans, leader, self._scale, line, ground=scene.ground)
@@ -144,7 +147,7 @@ def status_line(snapshot: Snapshot) -> str:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
         line += f"   {speed:.4f} m/s so far"
         if snapshot.uniform_speed > 0.0:
-            line += f" ({speed / snapshot.uniform_speed - 1.0:+.1%} against uniform)"
+            line += f" ({speed / snapshot.uniform_speed - 1.0:+z.1%} against uniform)"
     if len(snapshot.hand):
         line += "   in hand " + ", ".join(f"{1e3 * d:g}" for d in snapshot.hand) + " mm"
     if snapshot.wave is not None:

@@ -578,8 +578,9 @@ class DominoChainVector(VectorEnv[Singles, Singles, NDArray[Any]]):
         hand = self._scene(env).hand  # its pieces follow those placed in the order of the draw
         kinds = np.sort(batch.order[env, placed : placed + hand])
         time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
+        layout = placed_layout(self._scene(env), placed, *sizes) if wave is None else wave.layout
         return rendering.Snapshot(
-            layout=placed_layout(self._scene(env), placed, *sizes),
+            layout=layout,
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
             uniform_speed=float(self.source.speed[self._batch.scene[env]]),

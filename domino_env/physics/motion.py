@@ -128,7 +128,7 @@ def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     layout
         The layout that topples.
     leader
-        (T,) index of the leading domino.
+        (T,) index of the leading domino, 0 to N - 1.
     angle
         (T,) lean of the leader from the vertical [rad].
 
@@ -137,13 +137,19 @@ def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     ndarray
         Leans from the vertical (T, N) [rad].
 
+    Raises
+    ------
+    ValueError
+        For indices that are not those of dominoes, and arrays of another shape.
+
     References
     ----------
     J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
     Chapman, The physics of toppling dominoes, eq. 1.
     """
+    leader, angle = _leaders(layout, leader, angle)
     leans = np.tile(layout.tilt, (len(leader), 1))
-    _lean_stacks(_contacts(layout), leader, np.asarray(angle, np.float64), leans)
+    _lean_stacks(_contacts(layout), leader, angle, leans)
     return leans
 
 
@@ -157,7 +163,7 @@ def stack_sums(
     layout
         The layout that topples.
     leader
-        (T,) index of the leading domino.
+        (T,) index of the leading domino, 0 to N - 1.
     angle
         (T,) angle of the leader from its pose at rest [rad].
     backward, forward
@@ -170,7 +176,13 @@ def stack_sums(
     inertia : ndarray
         Effective inertia (T,) [kg m²]: twice the kinetic energy over the square of the leader's
         angular velocity.
+
+    Raises
+    ------
+    ValueError
+        For indices that are not those of dominoes, and arrays of another shape.
     """
+    leader, angle = _leaders(layout, leader, angle)
     mass = layout.density * layout.height * layout.thickness * layout.width
     inertias = mass * (layout.height**2 + layout.thickness**2) / 3.0
     bodies = np.stack([layout.height, layout.thickness, layout.tilt, mass, inertias], axis=1)
@@ -178,6 +190,13 @@ def stack_sums(
     lean = angle + layout.tilt[leader]
     _sum_stacks(_contacts(layout), bodies, leader, lean - backward, lean + forward, sums)
     return sums[0], sums[1]
+
+
+def _leaders(layout: Layout, leader: ArrayLike, angle: ArrayLike) -> tuple[Ints, Floats]:
+    """Return leading dominoes (T,) and their angles, which compiled code reads unchecked."""
+    numbers("leader", n := np.asarray(leader), None, ("T",))
+    require("leader", n, 0, layout.count - 1, whole=True, array=True)
+    return n.astype(np.int64, copy=False), numbers("angle", angle, None, n.shape)
 
 
 def _contacts(layout: Layout) -> Floats:

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+import domino_env as de
 from domino_env.envs.rendering import status_line
 from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR
 
@@ -39,6 +40,29 @@ def test_an_image_shows_leader_and_fallen_dominoes(scene):
     line, count = status_line(env.unwrapped.snapshot()), env.unwrapped.scene.count
     assert f"{count} of {count} hit" in line
     assert "against uniform" in line
+
+
+@pytest.mark.parametrize("name", ["DominoChain-v2", "DominoLayout-v2"])
+def test_the_last_frame_shows_the_row_with_its_run_out(name):
+    scene = de.load_scene("relay").replace(count=8, run_out=de.RunOut(5, 0.016))
+    env = gymnasium.make(name, scene=scene, render_mode="rgb_array")
+    envs = gymnasium.make_vec(name, num_envs=2, scene=scene, render_mode="rgb_array")
+    env.reset(seed=0), envs.reset(seed=0)
+    over, count = False, 1
+    while not over:
+        assert env.unwrapped.snapshot().layout.count == env.unwrapped.snapshot().hit == count
+        _, _, over, _, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        infos = envs.step(np.zeros(envs.action_space.shape, np.float32))[4]
+        count += 1
+    assert (info["layout"].count, info["wave"].layout) == (8, scene.row(info["layout"]))
+    snapshot, same = env.unwrapped.snapshot(), envs.unwrapped.snapshot(1)
+    assert snapshot.layout == snapshot.wave.layout == same.layout == infos["wave"][1].layout
+    assert "13 of 13 hit" in status_line(snapshot) == status_line(same)
+    assert f"{info['score']:.4f} m/s so far (+0.0% against uniform)" in status_line(snapshot)
+    frame = env.render()
+    assert np.array_equal(envs.render()[1], frame)
+    shown = np.flatnonzero((np.abs(frame.astype(int) - LEADER_COLOUR).sum(axis=-1) < 12).any(0))
+    assert 600 < shown.min() < shown.max() < 1200  # the last domino of the run-out is in the frame
 
 
 CHECK = """

@@ -6,7 +6,7 @@ import pytest
 from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.physics.motion import outlines
+from domino_env.physics.motion import outlines, stack_leans, stack_sums
 
 LAYOUTS = {
     "flushes": de.Layout(np.random.default_rng(2).uniform(0.002, 0.04, 20), 0.0075),
@@ -81,3 +81,18 @@ def test_a_wave_that_stops_stays_where_it_stopped():
     motion = de.Motion(de.Layout([0.02, 0.06, 0.02], 0.0075), de.Physics())
     assert motion.angles([motion.end])[0, 1] == pytest.approx(1.55)
     assert not motion.angles([motion.end])[0, 2:].any()
+
+
+@pytest.mark.parametrize(("leader", "angle", "words"), [
+    ([0, 21], [0.0, 0.0], r"leader\[1\] = 21: give a whole number from 0 to 20"),
+    ([-1], [0.0], r"leader\[0\] = -1: give a whole number from 0 to 20"),
+    ([1.5], [0.0], r"leader.*give a whole number"),
+    ([3, 4], [0.0], r"angle has shape \(1,\): give \(2,\)"),
+    ([[3]], [[0.0]], r"leader has shape \(1, 1\): give \(T,\)"),
+])  # fmt: skip
+def test_a_leader_that_no_domino_is_rejected(leader, angle, words):
+    layout = LAYOUTS["flushes"]
+    with pytest.raises(ValueError, match=words):
+        stack_leans(layout, leader, angle)
+    with pytest.raises(ValueError, match=words):
+        stack_sums(layout, leader, angle, 1e-5, 1e-5)
