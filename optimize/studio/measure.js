@@ -11,35 +11,19 @@ import { positions, require } from "./kernels.js";
 const linspace = (first, last, count) => Float64Array.from({ length: count }, (_, i) => first + ((last - first) * i) / (count - 1));
 const geomspace = (first, last, count) => linspace(Math.log(first), Math.log(last), count).map(Math.exp);
 
-export const HOP = 0.00025;
-export const HIGH_PASS = 1500;
-export const QUIET = 0.02;
-export const FRICTIONS = linspace(0, 0.6, 121);
-export const PUSHES = geomspace(2, 30, 25);
-export const COARSE = 4;
-export const FIRST_HITS = 48;
-export const STARTS = 10;
-export const WIDTHS = [0.0025, 0.002, 0.0007];
-export const REACHES = [0.006, 0.004, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003];
-export const LEAST_SCALE = 0.0002;
-export const TUKEY = 4.685;
-export const EFFICIENCY = 0.95;
-export const ECHO = 0.013;
-export const FAINT = 0.6;
-export const UNLIKELY = 0.05;
-export const STRAY = 0.03;
-export const PUSH_PRIOR = 0.3;
-export const STRETCHES = [2, 3, 4];
-export const REJECTED = 0.001;
-export const LEAST_MISFIT = 0.0005;
-export const CLOCK = 1e-4;
-export const LEAST_HITS = 8;
-export const LEAST_HEARD = 0.5;
-export const SILENT = 6;
-export const CHANCE = 8;
-export const SECOND_CHANCE = 4.5;
+/** Constants with the names and the order of Python's. */
+export const CONSTANTS = {
+  HOP: 0.00025, HIGH_PASS: 1500, QUIET: 0.02, FRICTIONS: linspace(0, 0.6, 121), PUSHES: geomspace(2, 30, 25), COARSE: 4,
+  FIRST_HITS: 48, STARTS: 10, WIDTHS: [0.0025, 0.002, 0.0007], REACHES: [0.006, 0.004, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003],
+  LEAST_SCALE: 0.0002, TUKEY: 4.685, EFFICIENCY: 0.95, ECHO: 0.013, FAINT: 0.6, UNLIKELY: 0.05, STRAY: 0.03, PUSH_PRIOR: 0.3,
+  STRETCHES: [2, 3, 4], REJECTED: 0.001, LEAST_MISFIT: 0.0005, CLOCK: 1e-4, LEAST_HITS: 8, LEAST_HEARD: 0.5, SILENT: 6,
+  CHANCE: 8, SECOND_CHANCE: 4.5,
+};
+const { HOP, HIGH_PASS, QUIET, FRICTIONS, PUSHES, COARSE, FIRST_HITS, STARTS, WIDTHS, REACHES, LEAST_SCALE, TUKEY, EFFICIENCY, ECHO, FAINT, UNLIKELY } = CONSTANTS;
+const { STRAY, PUSH_PRIOR, STRETCHES, REJECTED, LEAST_MISFIT, CLOCK, LEAST_HITS, LEAST_HEARD, SILENT, CHANCE, SECOND_CHANCE } = CONSTANTS;
+const OTHERS = 100; // times with which those of the hits are compared
 
-export const NO_PATTERN = "the sound is not that of this layout: no pattern of hits stands out; check the layout, and cut the recording to the toppling";
+const NO_PATTERN = "the sound is not that of this layout: no pattern of hits stands out; check the layout, and cut the recording to the toppling";
 const LEGENDRE = [, , (x) => (3 * x * x - 1) / 2, (x) => (5 * x ** 3 - 3 * x) / 2, (x) => (35 * x ** 4 - 30 * x * x + 3) / 8];
 
 const fail = (message) => { throw new RangeError(message); };
@@ -163,6 +147,18 @@ class Model {
   }
 }
 
+// largest sum of the values at the hits, and the place from which the hits then count
+function bestPlace(values, hits) {
+  const end = values.length - hits.at(-1);
+  let most = 0, place = 0;
+  for (let s = 0; s < end; s++) {
+    let agreement = 0;
+    for (let k = 0; k < hits.length; k++) agreement += values[s + hits[k]];
+    if (agreement > most) { most = agreement; place = s; }
+  }
+  return [most, place];
+}
+
 // best start and friction for each push, the one with most agreement first; hits are few, so a sum over them takes the
 // place of Python's Fourier transforms
 function searchGrid(rises, model, frictions) {
@@ -175,11 +171,10 @@ function searchGrid(rises, model, frictions) {
     for (const friction of frictions) {
       const times = model.times(friction, push, 1e-4), last = Math.round(times[count - 1] / hop);
       if (!(last < Infinity)) continue;
-      const agreement = new Float64Array(length + last);
-      for (let k = 1; k < count; k++) {
-        for (let i = 0, s = last - Math.round(times[k] / hop); i < length; i++, s++) agreement[s] += coarse[i];
-      }
-      for (let s = 0; s < agreement.length; s++) if (agreement[s] > most) [most, values] = [agreement[s], [(s - last) * hop, friction, push]];
+      const hits = Int32Array.from(times.subarray(1), (t) => Math.round(t / hop)), padded = new Float64Array(length + 2 * last);
+      padded.set(coarse, last);
+      const [agreement, place] = bestPlace(padded, hits);
+      if (agreement > most) [most, values] = [agreement, [(place - last) * hop, friction, push]];
     }
     if (values) starts.push({ most, values });
   }
@@ -318,7 +313,7 @@ function contrast(sounds, times, scale, seconds) {
     return sum(found.map((t, k) => nearness(t - hits[k], scale) * likely[k]));
   };
   const middle = mean(times), even = (k, by) => (k * by) % 1; // by: those of a plane that is filled evenly
-  const others = Array.from({ length: 100 }, (_, k) => agreement(times.map((t) => seconds * even(k + 1, 0.7548776662466927) + (0.8 + 0.4 * even(k + 1, 0.5698402909980532)) * (t - middle))));
+  const others = Array.from({ length: OTHERS }, (_, k) => agreement(times.map((t) => seconds * even(k + 1, 0.7548776662466927) + (0.8 + 0.4 * even(k + 1, 0.5698402909980532)) * (t - middle))));
   return (agreement(times) - mean(others)) / Math.max(deviation(others), 1);
 }
 
@@ -382,5 +377,5 @@ export function measure(kernels, samples, rate, layout, physics) {
   const verdict = `${known.length} of ${count - 1} hits heard: ${meanSpeed.toFixed(4)} ± ${meanSpeedError.toFixed(4)} m/s, friction ${friction.toFixed(4)} ± ` +
     `${frictionError.toFixed(4)}, push ${push.toFixed(2)} ± ${pushError.toFixed(2)} rad/s; the model ${modelRejected ? "is rejected" : "explains the hits"} ` +
     `(differences ${(1000 * rms).toFixed(2)} ms RMS, ${(1000 * known.reduce((a, b) => Math.max(a, Math.abs(b)), 0)).toFixed(2)} ms at most)`;
-  return { friction, frictionError, push, pushError, meanSpeed, meanSpeedError, arrivalTimes, predicted, curve, misfit, modelRejected, start: times[0], rises: sounds.rises, verdict };
+  return { friction, frictionError, push, pushError, meanSpeed, meanSpeedError, arrivalTimes, predicted, curve, misfit, modelRejected, start: times[0], hop: HOP, rises: sounds.rises, verdict };
 }
