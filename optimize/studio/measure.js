@@ -149,11 +149,11 @@ class Model {
 
 // largest sum of the values at the hits, and the place from which the hits then count
 function bestPlace(values, hits) {
-  const end = values.length - hits.at(-1);
+  const count = hits.length, end = values.length - hits[count - 1];
   let most = 0, place = 0;
   for (let s = 0; s < end; s++) {
     let agreement = 0;
-    for (let k = 0; k < hits.length; k++) agreement += values[s + hits[k]];
+    for (let k = 0; k < count; k++) agreement += values[s + hits[k]];
     if (agreement > most) { most = agreement; place = s; }
   }
   return [most, place];
