@@ -11,7 +11,7 @@ import { printPages, stripSvg } from "./print.js";
 import { createRecordings, isRecording } from "./recordings.js";
 
 const PATIENCE = 2, LEAST_GAIN = 1e-4; // a search ends after this time [s] with less relative gain
-const SECONDS = 20, THOROUGH = 120; // [s] of a search at most
+const SECONDS = 60, THOROUGH = 300; // [s] of a search at most
 const MOST = 5000; // dominoes that are drawn
 const DRAWN = 100; // dominoes in a picture of the gallery
 const UNIFORM = "best equal gaps", BEST = "best known row", KEPT = "kept row";
@@ -337,7 +337,7 @@ function endSearch() {
 }
 
 async function startSearch(thorough) {
-  const { scene } = draft, first = draft, why = scene.whyNotSearched;
+  const { scene } = draft, first = draft, why = scene.whyNotSearched, base = baseline(scene).value;
   if (why) { notify(why); return; }
   const mine = (search = { score: first.score, gained: performance.now(), shown: 0 });
   $("faster").textContent = "Stop";
@@ -354,7 +354,7 @@ async function startSearch(thorough) {
   };
   const limit = setInterval(() => { // the search ends by itself; otherwise when it gains no more
     if (search !== mine) clearInterval(limit);
-    else if (!thorough && performance.now() > mine.gained + 1000 * PATIENCE) finish(`the last ${PATIENCE} s gained less than ${100 * LEAST_GAIN}%`);
+    else if (!thorough && mine.base !== undefined && performance.now() > mine.gained + 1000 * PATIENCE) finish(`the last ${PATIENCE} s gained less than ${100 * LEAST_GAIN}%`);
   }, 100);
   const finish = (reason) => {
     if (search !== mine) return;
@@ -365,7 +365,7 @@ async function startSearch(thorough) {
   };
   mine.began = performance.now();
   try {
-    const done = await searcher.ask({ type: "search", document: scene.document, start: first.layout, seconds: thorough ? THOROUGH : SECONDS, seed: 0 }, show);
+    const done = await searcher.ask({ type: "search", document: scene.document, baseline: base && { layout: base.layout, score: base.score }, start: first.layout, seconds: thorough ? THOROUGH : SECONDS, seed: 0 }, show);
     if (search !== mine) return;
     if (done.score > first.score) draft = new Draft(scene, done.layout, done.score);
     finish(done.reason);

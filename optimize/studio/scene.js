@@ -453,7 +453,7 @@ function withLength(gradient, layout, weight) {
 
 // --- Uniform layouts: as `domino_env.scenes.uniform` -----------------------------------------------
 
-const LINE = 256, PLANE = 48, KEEP = [6, 2], AROUND = 9, SHRINK = 4, FINEST = 1e-7, GRID_RTOL = 1e-8;
+const LINE = 256, PLANE = 48, KEEP = [6, 2], AROUND = 9, SHRINK = 4, FINEST_CELL = 1e-7, GRID_RTOL = 1e-8;
 
 /** Layouts with equal gaps, each given by a point: gap and thickness, or what replaces them. */
 class UniformLayouts {
@@ -519,7 +519,7 @@ class UniformLayouts {
     const scored = (points) => points.map((point) => ({ point, score: this.score(point) }));
     const first = scored(axes[0].flatMap((x) => axes[1].map((y) => [x, y])));
     let cell = axes.map((axis) => (axis.length > 1 ? axis[1] - axis[0] : 0)), entries = first, keep = KEEP[0];
-    while (Math.max(...cell) > FINEST) {
+    while (Math.max(...cell) > FINEST_CELL) {
       const offsets = cell.map((c) => (c > 0 ? spread(-c, c, AROUND) : [0])), known = new Map();
       for (const { point } of separate(entries, cell.map((c) => 2 * c), keep)) {
         for (const x of offsets[0]) {

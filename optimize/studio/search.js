@@ -14,7 +14,7 @@ const CHILD_GRADIENTS = 10, NEAR_GRADIENTS = 60, BEST_GRADIENTS = 240;
 const MARGIN = 3e-4; // relative distance to the best score that counts as near
 const ELITE = 8; // layouts from which children are made
 const ALIKE = 1e-3; // distance below which two designs count as the same
-const PATIENCE = [6, 3e-6], LARGE_PATIENCE = [4, 2e-5]; // generations, each with at most this relative gain
+const IDLE = [6, 3e-6], LARGE_IDLE = [4, 2e-5]; // generations, each with at most this relative gain
 const MANY_PLACES = 64; // places above which starts and patience are smaller
 const AGREEMENT = 5e-5, ENOUGH = 3, MOST_ISLANDS = 8; // independent searches that end the search
 const LONG = 512, SHORT = 160; // dominoes of a row that is stretched from a shorter one
@@ -110,7 +110,7 @@ const norm = (a) => Math.sqrt(dot(a, a));
 
 // --- Local search: as `optimize/methods/gradient/local_search.py` ----------------------------------
 
-const MAX_DENSE = 200, MEMORY = 30, MAX_TRIES = 14, MAX_CHANGE = 0.15, WINDOW = 8, LEAST_GAIN = 1e-7;
+const MAX_DENSE = 200, MEMORY = 30, MAX_TRIES = 14, MAX_CHANGE = 0.15, GAIN_STEPS = 8, LEAST_GAIN = 1e-7;
 
 /** BFGS within the box, with Armijo and weak Wolfe conditions for kinks; advanced by its caller. */
 class LocalSearch {
@@ -158,7 +158,7 @@ class LocalSearch {
       if (product > 1e-12 * norm(step) * norm(change)) curvature.update(step, change, product);
       ({ design: this.design, score: this.score, gradient } = point);
       history.push(this.score);
-      if (history.length > WINDOW && this.score - history.at(-1 - WINDOW) <= LEAST_GAIN * Math.abs(this.score)) return;
+      if (history.length > GAIN_STEPS && this.score - history.at(-1 - GAIN_STEPS) <= LEAST_GAIN * Math.abs(this.score)) return;
     }
   }
 
@@ -377,7 +377,7 @@ class Changes {
 class Race {
   constructor(problem, random) {
     Object.assign(this, { problem, random, changes: new Changes(problem, random), elite: [], migrants: [] });
-    [this.patience, this.leastGain] = problem.pairs > MANY_PLACES ? LARGE_PATIENCE : PATIENCE;
+    [this.patience, this.leastGain] = problem.pairs > MANY_PLACES ? LARGE_IDLE : IDLE;
   }
 
   get score() { return this.elite[0].score; }
@@ -544,7 +544,7 @@ export async function search(scene, { seconds = 5, seed = 0, start, onBetter = (
   let isBetter = false;
   const problem = new Problem(scene, () => { isBetter = true; });
   const result = () => {
-    const layout = problem.layout(problem.best.design);
+    const layout = problem.best.design ? problem.layout(problem.best.design) : start ?? scene.uniform().layout;
     return { layout, score: scene.score(layout).score, seconds: elapsed() };
   };
   const onTime = () => scene.tempo !== null && problem.best.score > 1 / (1 + ON_TIME / scene.tempo.tolerance);

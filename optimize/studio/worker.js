@@ -2,13 +2,14 @@
  * Worker of the page: searches and best equal gaps, so that nothing stalls.
  *
  * The first message is {type: "load", bytes}, with the bytes of chain.wasm. Then, each with an id that
- * its answers have too: {type: "search", document, start, seconds, seed}, answered by {type: "better",
- * layout, score, seconds} and {type: "done", layout, score, seconds, reason}; {type: "uniform",
- * document}, by {type: "uniform", point, layout, score}; {type: "score", document, layout} (of
- * free-standing dominoes, say), by {type: "score", score, text}; {type: "check", document, layout}, by
- * {type: "check", text}; {type: "measure", document, layout, samples, rate}, by {type: "measure", …} with
- * the values of `measure.js`; each of them by {type: "error", message} if something is wrong. {type: "stop"}
- * ends a search, which still answers "done"; so does another search.
+ * its answers have too: {type: "search", document, start, seconds, seed, baseline} (baseline: layout and
+ * score of the best equal gaps, if they are known), answered by {type: "better", layout, score, seconds}
+ * and {type: "done", layout, score, seconds, reason}; {type: "uniform", document}, by {type: "uniform",
+ * point, layout, score}; {type: "score", document, layout} (of free-standing dominoes, say), by {type:
+ * "score", score, text}; {type: "check", document, layout}, by {type: "check", text}; {type: "measure",
+ * document, layout, samples, rate}, by {type: "measure", …} with the values of `measure.js`; each of them
+ * by {type: "error", message} if something is wrong. {type: "stop"} ends a search, which still answers
+ * "done"; so does another search.
  */
 
 import { loadKernels } from "./kernels.js";
@@ -21,10 +22,10 @@ import { measure } from "./measure.js";
 export function serve(port) {
   let loading, searches = 0;
   const answers = {
-    search(kernels, { id, document, ...options }) {
+    search(kernels, { id, document, baseline, ...options }) {
       const number = ++searches, shouldStop = () => number !== searches;
       const onBetter = (better) => port.postMessage({ id, type: "better", ...better });
-      return search(new Scene(kernels, document), { ...options, onBetter, shouldStop });
+      return search(Object.assign(new Scene(kernels, document), { baseline }), { ...options, onBetter, shouldStop });
     },
     uniform(kernels, { document }) {
       const { point, layout, score } = new Scene(kernels, document).uniform();

@@ -52,6 +52,18 @@ def test_the_search_comes_near_the_best_known_score(name, shortfall):
     assert min(answer["rising"]) > -1e-6  # tolerance of the arrival times in the search
 
 
+def test_a_search_that_ends_before_its_first_score_has_the_best_equal_gaps():
+    """A long row begins with the search of a short one."""
+    scene = de.load_scene("sprint").replace(count=520)
+    answer = run_javascript(
+        """const scene = new Scene(kernels, data), { score } = scene.uniform();
+        answer({ expected: score, ...await search(scene, { seconds: 0 }) });""",
+        scene.document(),
+    )
+    assert answer["score"] == answer["expected"] > 0.0
+    assert "stopped after 0 s" in answer["reason"]
+
+
 def test_the_search_begins_with_a_given_layout():
     scene = de.load_scene("sprint")
     answer = run_javascript(
