@@ -16,11 +16,12 @@ export const CONSTANTS = {
   HOP: 0.00025, HIGH_PASS: 1500, QUIET: 0.02, FRICTIONS: linspace(0, 0.6, 121), PUSHES: geomspace(2, 30, 25), COARSE: 4,
   FIRST_HITS: 48, STARTS: 10, WIDTHS: [0.0025, 0.002, 0.0007], REACHES: [0.006, 0.004, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003],
   LEAST_SCALE: 0.0002, TUKEY: 4.685, EFFICIENCY: 0.95, ECHO: 0.013, FAINT: 0.6, UNLIKELY: 0.05, STRAY: 0.03, PUSH_PRIOR: 0.3,
-  STRETCHES: [2, 3, 4], REJECTED: 0.001, LEAST_MISFIT: 0.0005, CLOCK: 1e-4, LEAST_HITS: 8, LEAST_HEARD: 0.5, SILENT: 6,
-  CHANCE: 8, SECOND_CHANCE: 4.5,
+  RELEASED_PRIOR: 1e-5, STRETCHES: [2, 3, 4], REJECTED: 0.001, LEAST_MISFIT: 0.0005, CLOCK: 1e-4, LEAST_HITS: 8, LEAST_HEARD: 0.5, SILENT: 6,
+  SECOND_HEIGHT: 0.7, CHANCE: 8, SECOND_CHANCE: 4.5,
 };
 const { HOP, HIGH_PASS, QUIET, FRICTIONS, PUSHES, COARSE, FIRST_HITS, STARTS, WIDTHS, REACHES, LEAST_SCALE, TUKEY, EFFICIENCY, ECHO, FAINT, UNLIKELY } = CONSTANTS;
-const { STRAY, PUSH_PRIOR, STRETCHES, REJECTED, LEAST_MISFIT, CLOCK, LEAST_HITS, LEAST_HEARD, SILENT, CHANCE, SECOND_CHANCE } = CONSTANTS;
+const { STRAY, PUSH_PRIOR, RELEASED_PRIOR, STRETCHES, REJECTED, LEAST_MISFIT, CLOCK, LEAST_HITS, LEAST_HEARD, SILENT, SECOND_HEIGHT, CHANCE, SECOND_CHANCE } = CONSTANTS;
+const RELEASED = 0.1; // angular velocity at the balance of a released domino, over the smallest push
 const OTHERS = 100; // times with which those of the hits are compared
 
 const NO_PATTERN = "the sound is not that of this layout: no pattern of hits stands out; check the layout, and cut the recording to the toppling";
@@ -106,9 +107,12 @@ function match(sounds, times, reach) {
   });
 }
 
+// median of the heights of sounds; nan without any
+const usualHeight = ({ times, heights }, found) => quantile(found.map((t) => heights[searchSorted(times, t)]), 0.5);
+
 // how likely sounds are hits, 0 to 1: not faint, nor echoes; `times` are those of the hits, with one before the first
-function credence({ times: known, heights }, found, times) {
-  const usual = FAINT * quantile(finite(found).map((t) => heights[searchSorted(known, t)]), 0.5);
+function credence(sounds, found, times) {
+  const { times: known, heights } = sounds, usual = FAINT * usualHeight(sounds, finite(found));
   return found.map((t, k) => {
     if (!Number.isFinite(t)) return 0;
     const j = searchSorted(known, t), before = searchSorted(known, t - Math.min(ECHO, 0.5 * (times[k + 1] - times[k])));
@@ -123,9 +127,18 @@ function without({ rises, times, heights }, found) {
   return { rises: rest, times: times.filter(isLeft), heights: heights.filter((_, k) => isLeft(times[k])) };
 }
 
+// push of a first domino that a slow finger tips past its balance
+function releasedPush({ height: [height], thickness: [thickness], tilt }, gravity) {
+  const angle = Math.atan2(thickness, height) - (tilt?.[0] ?? 0);
+  return Math.hypot(1, RELEASED) * Math.sqrt((6 * gravity) / Math.hypot(height, thickness)) * Math.sin(0.5 * angle);
+}
+
 // times of the hits by friction and push, and their derivatives
 class Model {
-  constructor(kernels, layout, physics) { Object.assign(this, { kernels, layout, physics, count: layout.thickness.length }); }
+  constructor(kernels, layout, physics) {
+    const isReleased = Math.abs(physics.push / releasedPush(layout, physics.gravity) - 1) < 2e-3; // it may be rounded
+    Object.assign(this, { kernels, layout, physics, count: layout.thickness.length, isReleased, prior: isReleased ? RELEASED_PRIOR : PUSH_PRIOR });
+  }
 
   // model of the first hits, which do not depend on later dominoes
   head(hits) {
@@ -159,16 +172,19 @@ function bestPlace(values, hits) {
   return [most, place];
 }
 
-// best start and friction for each push, the one with most agreement first; hits are few, so a sum over them takes the
+// best start and friction for each push (of a released domino, for parts of the frictions), the one with most agreement
+// first; hits are few, so a sum over them takes the
 // place of Python's Fourier transforms
 function searchGrid(rises, model, frictions) {
   const hop = COARSE * HOP, length = Math.floor(rises.length / COARSE), { layout, physics, count } = model;
   const maxima = Float64Array.from({ length }, (_, i) => rises.subarray(COARSE * i, COARSE * i + COARSE).reduce((a, b) => Math.max(a, b)));
   const fast = widen(maxima, WIDTHS[0], hop), slow = widen(fast, 0.05, hop), coarse = fast.map((v, i) => v - slow[i]);
   const scale = Math.sqrt(((physics.gravity / 9.81) * 0.048) / mean(layout.height)), starts = [];
-  for (const push of PUSHES.map((p) => p * scale)) {
+  const parts = Array.from({ length: STARTS }, (_, k) => [k, k + 1].map((end) => Math.ceil((end * frictions.length) / STARTS)));
+  const tries = model.isReleased ? parts.map(([a, b]) => [frictions.slice(a, b), physics.push]) : Array.from(PUSHES, (push) => [frictions, push * scale]);
+  for (const [part, push] of tries) {
     let most = 0, values = null;
-    for (const friction of frictions) {
+    for (const friction of part) {
       const times = model.times(friction, push, 1e-4), last = Math.round(times[count - 1] / hop);
       if (!(last < Infinity)) continue;
       const hits = Int32Array.from(times.subarray(1), (t) => Math.round(t / hop)), padded = new Float64Array(length + 2 * last);
@@ -209,9 +225,10 @@ function refine(wides, model, values) {
   WIDTHS.slice(1).forEach((width, w) => {
     const wide = wides[w], last = wide.length - 1;
     const disagreement = (x) => {
-      if (!(x[1] >= 0 && x[1] <= 1 && x[2] > 0.5 && x[2] < 1000)) return 0;
+      const push = model.isReleased ? model.physics.push : x[2];
+      if (!(x[1] >= 0 && x[1] <= 1 && push > 0.5 && push < 1000)) return 0;
       let total = 0;
-      for (const t of model.times(x[1], x[2], 1e-6).subarray(1)) {
+      for (const t of model.times(x[1], push, 1e-6).subarray(1)) {
         const place = (x[0] + t) / HOP, k = Math.floor(place);
         if (place >= 0 && place <= last) total -= wide[k] + (place - k) * ((wide[k + 1] ?? 0) - wide[k]);
       }
@@ -220,7 +237,7 @@ function refine(wides, model, values) {
     const steps = [width, 0.003, 0.1 * values[2]];
     values = minimize(disagreement, [values, ...steps.map((step, k) => values.map((v, i) => (i === k ? v + step : v)))]);
   });
-  return values;
+  return model.isReleased ? [values[0], values[1], model.physics.push] : values;
 }
 
 // inverse of a positive definite matrix
@@ -252,8 +269,8 @@ function fitHits(sounds, model, first, stretches = 0) {
     weight = residual.map((r) => (Number.isFinite(r) ? Math.max(1 - (r / scale / TUKEY) ** 2, 0) ** 2 : 0));
     const weighted = (by) => weight.reduce((total, w, k) => (w > 0 ? total + (w / scale ** 2) * by(k) : total), 0);
     const matrix = jacobian.map((a) => jacobian.map((b) => weighted((k) => a[k + 1] * b[k + 1]))), aims = jacobian.map((a) => weighted((k) => a[k + 1] * residual[k]));
-    matrix[2][2] += 1 / (PUSH_PRIOR * guess) ** 2;
-    aims[2] += (guess - values[2]) / (PUSH_PRIOR * guess) ** 2;
+    matrix[2][2] += 1 / (model.prior * guess) ** 2;
+    aims[2] += (guess - values[2]) / (model.prior * guess) ** 2;
     const spread = inverse(matrix);
     step = spread.map((row) => sum(row.map((v, k) => v * aims[k])));
     covariance = spread.map((row) => row.map((v) => v / EFFICIENCY));
@@ -265,9 +282,9 @@ function fitHits(sounds, model, first, stretches = 0) {
 const foundOf = (fit) => fit.residual.map((r, k) => (fit.weight[k] > 0 && fit.credence[k] > UNLIKELY ? fit.times[k + 1] + r : NaN));
 const nearness = (lag, scale) => (Number.isFinite(lag) ? Math.exp(-0.5 * (lag / scale) ** 2) : 0);
 
-function logLikelihood(fit, scale, guess) {
+function logLikelihood(fit, scale, { physics, prior }) {
   const near = fit.residual.map((r, k) => Math.log(STRAY + (1 - STRAY) * nearness(r, scale) * fit.credence[k]));
-  return sum(near) - 0.5 * (Math.log(fit.values[2] / guess) / PUSH_PRIOR) ** 2;
+  return sum(near) - 0.5 * (Math.log(fit.values[2] / physics.push) / prior) ** 2;
 }
 
 // starts of fits with other pushes, which agree with the later hits too
@@ -284,11 +301,11 @@ function rivals(sounds, model, { times, residual, values: [, friction, push] }) 
 
 // the most likely fit; its covariance contains the spread of those that are close
 function bestFit(sounds, model) {
-  const head = model.head(FIRST_HITS), guess = model.physics.push, wides = WIDTHS.slice(1).map((width) => widen(sounds.rises, width, HOP));
+  const head = model.head(FIRST_HITS), wides = WIDTHS.slice(1).map((width) => widen(sounds.rises, width, HOP));
   const fitAll = (starts) => starts.map((values) => fitHits(sounds, head, values)).filter((fit) => fit.scale < Infinity);
   const rank = (fits) => {
     const scale = Math.min(...fits.map((fit) => fit.scale));
-    return fits.map((fit) => ({ fit, likelihood: logLikelihood(fit, scale, guess) })).sort((a, b) => b.likelihood - a.likelihood);
+    return fits.map((fit) => ({ fit, likelihood: logLikelihood(fit, scale, head) })).sort((a, b) => b.likelihood - a.likelihood);
   };
   const fits = fitAll(searchGrid(sounds.rises, head, FRICTIONS).slice(0, STARTS).map((values) => refine(wides, head, values)));
   if (!fits.length) fail(NO_PATTERN);
@@ -331,8 +348,8 @@ function requirePattern(sounds, model, fit, seconds) {
   if (!second) return;
   const times = model.times(fit.values[1], second[2]).map((t) => second[0] + t), again = times.subarray(1);
   const open = [...again.keys()].filter((k) => !known.some((t) => again[k] - t > -0.002 && again[k] - t < ECHO)); // not beside hits of the first
-  const both = match(rest, again, 0.0015), twice = open.filter((k) => Number.isFinite(both[k])).length / open.length, apart = Math.abs(times[1] - hits[0]);
-  if (open.length >= LEAST_HITS && twice > LEAST_HEARD && apart > 4 * ECHO && contrast(rest, times, 0.001, seconds) > SECOND_CHANCE) {
+  const others = finite(match(rest, Float64Array.from(open, (k) => again[k]), 0.0015)), twice = others.length / open.length, apart = Math.abs(times[1] - hits[0]);
+  if (open.length >= LEAST_HITS && twice > LEAST_HEARD && apart > 4 * ECHO && usualHeight(rest, others) > SECOND_HEIGHT * usualHeight(sounds, known) && contrast(rest, times, 0.001, seconds) > SECOND_CHANCE) {
     fail(`the recording contains two chains: ${(100 * twice).toFixed(0)}% of the hits are heard twice, ${apart.toFixed(2)} s apart; cut the recording to one`);
   }
 }
