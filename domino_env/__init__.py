@@ -22,9 +22,11 @@ from domino_env.core.results import register as register_drawings
 __version__ = "0.4.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-register_drawings(
-    {"layout": "domino_env.view.figures:plot_layout", "wave": "domino_env.view.figures:plot_wave"}
-)
+register_drawings({
+    "layout": "domino_env.view.figures:plot_layout",
+    "wave": "domino_env.view.figures:plot_wave",
+    "measurement": "domino_env.validation.measurement_figure:plot",
+})  # fmt: skip
 # the `domino` command sets this variable while it imports the package: it uses no registered
 # environments, and starts faster without Gymnasium
 if "DOMINO_COMMAND" not in os.environ:

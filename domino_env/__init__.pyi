@@ -41,8 +41,10 @@ from .scenes.run_out import RunOut as RunOut
 from .scenes.scene import Scene as Scene
 from .scenes.uniform import UniformBaseline as UniformBaseline
 from .validation.measured import fit_friction as fit_friction
-from .view.sound import HitFrequency as HitFrequency
+from .validation.measured_gain import MeasuredGain as MeasuredGain
+from .validation.measured_gain import measured_gain as measured_gain
+from .validation.measurement import Measurement as Measurement
+from .validation.measurement import measure as measure
 from .view.sound import clicks as clicks
-from .view.sound import listen as listen
 
 __version__: str

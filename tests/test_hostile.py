@@ -13,7 +13,7 @@ from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.view.animation import frames
 from domino_env.view.compared import ComparedLayout, read_compared
-from domino_env.view.sound import clicks, listen, read_wav
+from domino_env.view.sound import clicks, read_recording
 from domino_env.view.template import strips
 from optimize.studio.report import write_report
 
@@ -40,7 +40,7 @@ EXPECTED = {
     "scenes/misspelt.toml": "unknown key 'spaceing': did you mean 'spacing'?",
     "scenes/path.toml": "name = '../../x': give a line of text of at most 100 characters",
     "sounds/compressed.wav": "Unknown wave file format: MPEGLAYER3",
-    "sounds/constant.wav": "the recording has no sound that begins or ends",
+    "sounds/constant.wav": "the recording is silent",
     "sounds/head_only.wav": "it ends early or is broken",
     "sounds/torn_frame.wav": "cut off amid a sample",
     "runs/trace_not_finite.csv": "best_score[0] = nan: give a finite number",
@@ -97,9 +97,9 @@ def read_scene(path):
 
 
 def read_sound(path):
-    samples, rate = read_wav(path)
+    samples, rate = read_recording(path)
     try:
-        return listen(samples, rate)
+        return de.measure(samples, rate, de.Layout.uniform(20, pitch=0.024))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -166,7 +166,7 @@ LONG, FAR = de.Layout([0.02] * 5000, 0.0075), de.Layout([3e5], 1e5, height=1e6, 
     (lambda: next(frames([ComparedLayout("long", de.simulate(LONG, de.Physics()))])),
      "long: 5,001 dominoes: give at most"),
     (lambda: clicks(de.simulate(FAR, de.Physics(gravity=1e-3, push=1e-5))), "a wave of .* samples"),
-    (lambda: listen(np.zeros(1000), 44100), "the recording is silent"),
+    (lambda: de.measure(np.zeros(9000), 44100, LONG), "the recording is silent"),
     (lambda: strips(FAR), "a layout of .* m takes .* sheets of paper"),
     (lambda: strips(de.Layout([0.1], 0.1, height=1.0, width=0.5)), "width = 0.5 m: give at most"),
 ])  # fmt: skip

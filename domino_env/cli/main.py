@@ -32,7 +32,7 @@ PURPOSES = {
     "simulate": "simulate",
     "search": "scene optimize compare sweep studies best-known",
     "learn": "train evaluate benchmark dataset",
-    "build and look": "studio render report template click listen",
+    "build and look": "studio render report template click measure",
     "validate": "verify validate accuracy figures",
 }
 """Commands by purpose, in the order of `domino --help`; all others follow."""

@@ -207,5 +207,7 @@ def format_toml(document: dict[str, Any]) -> str:
 def _format_value(value: Any) -> str:
     if isinstance(value, dict):
         return f"{{{', '.join(f'{k} = {_format_value(v)}' for k, v in value.items())}}}"
-    # strings and lists of JSON are valid TOML, except for the character DEL
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_format_value, value))}]"
+    # strings of JSON are valid TOML, except for the character DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

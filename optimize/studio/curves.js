@@ -28,7 +28,8 @@ export function rangeOf(values, least = Infinity) {
  * @param {object} [act] for points that can be dragged: `drag(index, value)`, `commit()`; and `unit` of the values
  * @returns {object} `draw({title, x: [low, high], y: [low, high], series, axis, write})`, `write` having the
  *   functions that write numbers of both axes, a series being
- *   `{x, y, colour, points, dash}` with the name of a colour of page.css; `point(position)` marks a position, null for none
+ *   `{x, y, colour, points, loose, dash}` with the name of a colour of page.css, `loose` for points without a line;
+ *   `point(position)` marks a position, null for none
  */
 export function createCurves(box, label, act) {
   const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
@@ -74,7 +75,7 @@ export function createCurves(box, label, act) {
     pen.beginPath(); points.forEach((p) => pen.lineTo(...p)); pen.stroke();
     pen.fillText(text, x, y);
   }
-  function line({ x, y, colour: name, points, dash = [] }) {
+  function line({ x, y, colour: name, points, loose, dash = [] }) {
     pen.strokeStyle = pen.fillStyle = colour(name);
     pen.lineWidth = 1.5; pen.setLineDash(dash); pen.beginPath();
     for (let i = 0, pen_ = false; i < x.length; i++) { // a value that is not finite leaves a hole
@@ -82,7 +83,8 @@ export function createCurves(box, label, act) {
       if (pen_) pen.lineTo(px(x[i]), py(y[i])); else pen.moveTo(px(x[i]), py(y[i]));
       pen_ = true;
     }
-    pen.stroke(); pen.setLineDash([]);
+    if (!loose) pen.stroke();
+    pen.setLineDash([]);
     const radius = points && x.length < 400 ? 4 : points ? 1.5 : 0;
     if (!radius) return;
     pen.beginPath();

@@ -9,6 +9,7 @@ import { pivotsOf } from "./geometry.js";
 import { documentToml, layoutCsv, layoutJson, makeLayout, makeLink, readFiles, readLink, save, unpack, withName } from "./files.js";
 import { printPages, stripSvg } from "./print.js";
 import { showReport } from "./report.js";
+import { createRecordings, isRecording } from "./recordings.js";
 
 const PATIENCE = 2, LEAST_GAIN = 1e-4; // a search ends after this time [s] with less relative gain
 const SECONDS = 60, THOROUGH = 300; // [s] of a search at most
@@ -38,9 +39,9 @@ const texts = new WeakMap();
 const canonical = (document) => texts.get(document) ?? texts.set(document, JSON.stringify(document, sorted)).get(document);
 const plain = (layout) => ({ ...layout, spacing: [...layout.spacing], thickness: [...layout.thickness], height: [...layout.height] });
 
-// workers: of a search, of best equal gaps, and of what takes seconds and is dropped when the row changes
-const searcher = createWorker(), helper = createWorker(), slow = createWorker();
-let bytes, kernels, row, curves, draft, kept = null, steps = [], position = -1, baselines = new Map(), search = null, ticket = 0;
+// workers: of a search, of best equal gaps, of recordings, and of what takes seconds and is dropped when the row changes
+const searcher = createWorker(), helper = createWorker(), listener = createWorker(), slow = createWorker();
+let bytes, kernels, row, curves, recordings, draft, kept = null, steps = [], position = -1, baselines = new Map(), search = null, ticket = 0;
 
 // workers ------------------------------------------------------------------------------------------
 
@@ -259,6 +260,8 @@ async function made({ document: tables, layout }) {
 const move = (by) => attempt(() => { position = Math.min(Math.max(position + by, 0), steps.length - 1); settle(); });
 
 async function openFiles(list) {
+  const sounds = [...list].filter(isRecording);
+  if (sounds.length) { await recordings.open(sounds); return; }
   endSearch();
   try {
     const names = [...list].map((file) => file.name), contents = new Map();
@@ -298,6 +301,14 @@ function changeControl({ table, key, unit, optional }, value) {
   const scene = new Scene(kernels, { ...tables, ...OWN });
   checkSize(scene);
   commitLater(draft.isUniform ? uniformDraft(scene) : Promise.resolve(draft.withScene(scene)));
+}
+
+// friction and push of a measurement for the row that is shown
+function usePhysics({ friction, push }) {
+  const { document: tables } = draft.scene, rounded = (value) => Number(value.toPrecision(4));
+  const physics = { ...tables.physics, friction: rounded(friction), push: rounded(push) };
+  commit(draft.withScene(new Scene(kernels, { ...tables, physics, ...OWN })));
+  notify(`friction ${physics.friction}, push ${physics.push} rad/s`);
 }
 
 const controls = Object.entries(CONTROLS).flatMap(([title, entries]) => {
@@ -466,6 +477,7 @@ async function start() {
   });
   const drags = (quantity) => ({ drag: (index, value) => preview((d) => d.withSize(quantity, index, value / MM)), commit: () => attempt(commit), unit: "mm" });
   curves = { spacing: createCurves($("spacing"), "Gaps along the row", drags("spacing")), thickness: createCurves($("thickness"), "Thicknesses along the row", drags("thickness")), speed: createCurves($("speed"), "Local speed along the row") };
+  recordings = createRecordings($, (sound) => listener.ask({ type: "measure", document: draft.scene.document, layout: draft.layout, ...sound }), (result) => attempt(() => usePhysics(result)));
   listen();
   const first = { document: data.first.document, layout: data.first.layout && makeLayout(data.first.layout) };
   let next = null, message = "";

@@ -35,8 +35,9 @@ FOLDER = Path(__file__).parent
 LIBRARY = ("kernels.js", "ground.js", "scene.js", "search.js", "check.js")  # of page and worker
 PAGE = (
     "vendor/smol-toml.cjs", "geometry.js", "draft.js", "row.js", "curves.js", "files.js",
-    "print.js", "report.js", "main.js",
+    "print.js", "report.js", "recordings.js", "main.js",
 )  # fmt: skip
+WORKER = ("measure.js", "worker.js")
 USUAL_GAPS = (0.002, 0.040)  # [m] bounds for a layout without a scene, widened to its gaps
 HEIGHT = 1200  # [px] of the page in a notebook
 
@@ -134,7 +135,7 @@ def page_text(
         first["layout"] = layout_document(layout)
     data = {"scenes": _shipped(), "first": first, "rows": list(rows), "headline": headline}
     module = (FOLDER / "chain.wasm").read_bytes()
-    library, worker, page = (_bundle(names) for names in (LIBRARY, ("worker.js",), PAGE))
+    library, worker, page = (_bundle(names) for names in (LIBRARY, WORKER, PAGE))
     parts = {
         "title": f"Domino studio: {escape(str(scene.title))}",
         "styles": _read("page.css"),

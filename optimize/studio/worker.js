@@ -6,8 +6,9 @@
  * score of the best equal gaps, if they are known), answered by {type: "better", layout, score, seconds}
  * and {type: "done", layout, score, seconds, reason}; {type: "uniform", document}, by {type: "uniform",
  * point, layout, score}; {type: "score", document, layout} (of free-standing dominoes, say), by {type:
- * "score", score, text}; {type: "check", document, layout}, by {type: "check", text}; each of them by
- * {type: "error", message} if something is wrong. {type: "stop"} ends a search, which still answers
+ * "score", score, text}; {type: "check", document, layout}, by {type: "check", text}; {type: "measure",
+ * document, layout, samples, rate}, by {type: "measure", …} with the values of `measure.js`; each of them
+ * by {type: "error", message} if something is wrong. {type: "stop"} ends a search, which still answers
  * "done"; so does another search.
  */
 
@@ -15,6 +16,7 @@ import { loadKernels } from "./kernels.js";
 import { Scene } from "./scene.js";
 import { search } from "./search.js";
 import { check } from "./check.js";
+import { measure } from "./measure.js";
 
 /** Answer the messages of a page at the other end of a port. */
 export function serve(port) {
@@ -35,6 +37,10 @@ export function serve(port) {
     },
     check(kernels, { document, layout }) {
       return { text: check(kernels, new Scene(kernels, document), layout) };
+    },
+    measure(kernels, { document, layout, samples, rate }) {
+      const scene = new Scene(kernels, document);
+      return measure(kernels, samples, rate, scene.row(layout), scene.physics);
     },
   };
   port.onmessage = async ({ data }) => {

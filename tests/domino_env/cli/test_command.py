@@ -108,7 +108,11 @@ SCENE = "scene --count 40 --thickness 7.5"
 @pytest.mark.parametrize(("words", "message"), [
     ("simulate nothing.csv", "nothing.csv: there is no such file: name a layout or a run"),
     ("report nix row.csv", "nix: there is no such file: name a layout or a run folder"),
-    ("listen nothing.wav", "nothing.wav: No such file or directory: name another file or folder"),
+    ("measure a.wav --uniform 40,24", "a.wav: No such file or directory: name another file or"),
+    ("measure a.wav --uniform 40", "'40': write COUNT,PITCH [mm], as in 40,24"),
+    ("measure --layout row.csv", "row.csv: no recordings: name at least one"),
+    ("measure a.wav", "no layout: name it by --layout FILE or --uniform COUNT,PITCH"),
+    ("measure a.wav --uniform 9,24 --layout row.csv b.wav", "a.wav: with several layouts, write"),
     ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
     ("studies --store empty.csv", "empty.csv holds no store: give the file of one (--store)"),
     ("studies show x --to x.csv", "--to and --best belong to domino studies export: leave"),

@@ -351,8 +351,8 @@ def test_tolerances_out_of_range_are_rejected(function, rtol):
     (lambda: de.simulate_standing(LAYOUT, stop=3), "stop = 3: give a function"),
     (lambda: de.Motion(LAYOUT, PHYSICS).angles([np.nan]), "times[0] = nan s: give a finite number"),
     (lambda: de.clicks(LAYOUT), "wave = Layout(2 dominoes"),
-    (lambda: de.listen(np.zeros((2, 9)), 44100), "samples has shape (2, 9): give (S,)"),
-    (lambda: de.listen(np.ones(9), 3), "rate = 3 samples per second: give a finite number from"),
+    (lambda: de.measure(np.zeros((2, 9)), 44100, LAYOUT), "samples has shape (2, 9): give (S,)"),
+    (lambda: de.measure(np.ones(9), 3, LAYOUT), "rate = 3 samples per second: give"),
     (lambda: de.Ground(profile=np.full((2, 3), np.longdouble(1))), "profile[0]"),
 ])  # fmt: skip
 def test_wrong_arguments_are_rejected(call, words):

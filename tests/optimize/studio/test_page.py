@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recordings import record
 
 import domino_env as de
 from domino_env.scenes.io.link import layout_document, make_link, read_link
 from domino_env.scenes.io.reading import read_layout
+from domino_env.view.sound import write_wav
 from optimize import studio
 from optimize.experiments.best_known import best_known
 from optimize.studio import page as pages
@@ -536,3 +538,19 @@ def test_the_console_agrees_with_python(tab: Tab) -> None:
     assert found["gain"] > 0.01
     tab.run("return domino.open(arguments[0])", layout_document(de.Layout(spacing, 0.0075)))
     assert tab.layout == de.Layout(spacing, 0.0075)
+
+
+def test_a_recording_of_the_row_gives_its_friction_and_push(tab: Tab, tmp_path: Path) -> None:
+    tab.open("#scene=sprint")
+    wave = de.simulate(FIRST, de.Physics(friction=0.19, push=7.0))
+    write_wav(0.3 * record(wave.arrival_times, 1), tmp_path / "own.wav")
+    (tmp_path / "broken.wav").write_bytes(b"RIFF")
+    files = "\n".join(str(tmp_path / name) for name in ("broken.wav", "own.wav"))
+    tab.window.find_element("id", "recordings").send_keys(files)
+    tab.wait(lambda: "the model explains the hits" in tab.text("measured"))
+    assert "broken.wav: this browser finds no sound in it" in tab.text("measured")
+    tab.run("document.querySelector('#measured button').click()")
+    physics = tab.run("return domino.state.draft.scene.document.physics")
+    assert physics["friction"] == pytest.approx(0.19, abs=0.002)
+    assert physics["push"] == pytest.approx(7.0, abs=1.0)
+    assert tab.layout.spacing == pytest.approx(FIRST.spacing)
