@@ -87,7 +87,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     tables = scene.document()
     tables["physics"]["push"] = arguments.push
-    scene.from_document(tables)  # checks that the first domino can be released
     text = HEADER + "".join(_with_comments(format_toml(tables)))
     if arguments.out is None:
         print(text, end="")

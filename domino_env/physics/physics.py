@@ -61,7 +61,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
         TypeError
             For a layout of another type.
         ValueError
-            For a number out of its range, and a first domino that does not stand on its slope.
+            For a number out of its range.
 
         Examples
         --------
@@ -80,11 +80,6 @@ def released_push(height: float, thickness: float, gravity: float, tilt: float =
     """Return the push of a released domino [rad/s]; sizes in m, gravity in m/s², tilt in rad."""
     # from upright, the centre of mass rises over the front edge
     diagonal, angle = math.hypot(height, thickness), math.atan2(thickness, height) - tilt
-    if angle <= 0.0:
-        raise ValueError(
-            f"the first domino does not stand on a slope of {math.degrees(tilt):.3g}°, so that it "
-            "cannot be released: give a push"
-        )
     smallest = math.sqrt(6.0 * gravity / diagonal) * math.sin(0.5 * angle)
     return math.hypot(1.0, RELEASED) * smallest
 

@@ -139,11 +139,7 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
             thickness, ground, tilt = self.first_thickness(), self.value_at("ground"), 0.0
             if ground is not None:
                 tilt = float(ground.rise_and_tilt([thickness], [thickness] * 2)[1][0])
-            try:
-                push = released_push(self.row.height, thickness, values["gravity"], tilt)
-            except ValueError as error:
-                raise ValueError(f"physics.push = 'released': {error}") from None
-            values["push"] = push
+            values["push"] = released_push(self.row.height, thickness, values["gravity"], tilt)
         return Physics(**values)
 
     def fields(self) -> dict[str, Any]:

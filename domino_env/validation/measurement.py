@@ -287,7 +287,8 @@ def _fit(sounds: _Sounds, model: _Model, values: Floats, stretches: int = 0) -> 
         system = np.vstack([jacobian[1:] * (np.sqrt(weight) / scale)[:, None], prior])
         aims = np.append(error * np.sqrt(weight), (guess - values[2]) * prior[0, 2])
         step = np.linalg.lstsq(system, aims, rcond=None)[0]
-        covariance = np.linalg.pinv(system.T @ system) / EFFICIENCY
+        freedom = max(int(heard.sum()) - len(values), 1)  # the scale is that of residuals of a fit
+        covariance = np.linalg.pinv(system.T @ system) / EFFICIENCY * heard.sum() / freedom
     credence = sounds.credence(times[1:] + residual, times)
     return _Fit(values, covariance, times, jacobian, residual, weight, credence, scale)
 
