@@ -48,7 +48,8 @@ def scene_schema() -> dict[str, Any]:
         schema["description"] = schema["description"].partition("\n\n")[0]
     for name in RANGE_TABLES:
         for key, field in definitions[name]["properties"].items():
-            if field.get("type") in ("number", "integer"):
+            kinds = [kind.get("type") for kind in field.get("anyOf", [field])]
+            if "number" in kinds or "integer" in kinds:
                 definitions[name]["properties"][key] = _number_or_range(field)
     definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
@@ -60,7 +61,7 @@ def _number_or_range(field: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a number, or of the range from which it is sampled."""
     shared = {key: field[key] for key in ("description", "default") if key in field}
     number = {key: value for key, value in field.items() if key not in shared}
-    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | shared
+    return {"anyOf": [*number.get("anyOf", [number]), {"$ref": "#/$defs/Range"}]} | shared
 
 
 def _without_null(schema: Any) -> Any:

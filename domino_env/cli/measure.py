@@ -48,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("thickness", options.SIZE, "MM", 7.5, "thickness of the dominoes of --uniform [mm]"),
         ("height", options.SIZE, "MM", 48.0, "height of the dominoes of --uniform [mm]"),
         ("gravity", options.GRAVITY, "M/S2", None, "gravitational acceleration [m/s²] (9.81)"),
-        ("push", options.PUSH, "RAD/S", None, "expected push [rad/s] (of the scene, or 8)"),
+        ("push", options.push, "RAD/S", None,
+         "expected push [rad/s], or 'released' (of the scene, or 8)"),
         ("scene-out", options.output(".toml"), "FILE", None,
          "write a scene with the measured friction and push, for domino optimize"),
         ("source-out", options.output(".toml"), "FILE", None,
@@ -110,7 +111,7 @@ def _chains(arguments: argparse.Namespace) -> list[_Chain]:
     from domino_env.scenes.io.reading import read_layout, scene_beside
 
     given = {name: getattr(arguments, name) for name in ("gravity", "push")}
-    given = {name: value for name, value in given.items() if value is not None}
+    given = {name: value for name, value in given.items() if value not in (None, options.RELEASED)}
     chains = []
     for name, *recordings in arguments.uniform:
         sizes = {key: 1e-3 * getattr(arguments, key) for key in ("thickness", "height")}
@@ -123,6 +124,8 @@ def _chains(arguments: argparse.Namespace) -> list[_Chain]:
         row = scene.row(layout) if scene else layout
         physics = (scene.physics if scene else Physics()).replace(**given)
         chains.append(_Chain(name, row, physics, scene, [*map(Path, recordings)]))
+    if arguments.push == options.RELEASED:
+        chains = [c._replace(physics=options.released(c.physics, c.layout)) for c in chains]
     if not chains:
         raise ValueError("no layout: name it by --layout FILE or --uniform COUNT,PITCH")
     if arguments.recordings and len(chains) > 1:

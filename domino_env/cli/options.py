@@ -74,12 +74,31 @@ def number(
 SIZE = number("mm", "18 is 0.018 m", low=0.1, high=1e5)
 DEVIATION = number("mm", "0.5 is 0.0005 m", low=0.01, high=1e4)
 GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)
-PUSH = number("rad/s", above=0.0, high=1000.0)
+PUSH_NUMBER = number("rad/s", above=0.0, high=1000.0)
 COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
 POSITIVE_COEFFICIENT = number(hint="a coefficient of friction", above=0.0)
 SECONDS = number("s", above=0.0)
 NATURAL, WHOLE = number(whole=True, low=1), number(whole=True, low=0)
+RELEASED = "released"
 SEED = ("seed", WHOLE, "N", 0, "seed of all randomness")
+
+
+def push(text: str) -> float | str:
+    """Read a push; 'released' is replaced by its number where the first domino is known."""
+    return text if text == RELEASED else PUSH_NUMBER(text)
+
+
+def released(physics: Physics, first: Scene | Layout) -> Physics:
+    """Return physics with the push of a released domino: the first one of a scene or layout."""
+    from domino_env.scenes.scene import Scene
+
+    if isinstance(first, Scene):
+        tables = first.document()
+        tables["physics"] |= {"gravity": physics.gravity, "push": RELEASED}
+        push = first.from_document(tables).physics.push
+    else:
+        push = physics.released(first, gravity=physics.gravity).push
+    return physics.replace(push=push)
 
 
 def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:
@@ -138,13 +157,13 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
     scene = f"physics of a scene, name or .toml file{baseline} (that beside LAYOUT, if any)"
     friction = "coefficient of friction between dominoes (of the scene, or 0.25)"
     gravity = "gravitational acceleration [m/s²] (of the scene, or 9.81)"
-    push = "angular velocity of the first domino [rad/s] (of the scene, or 8)"
+    pushed = "angular velocity of the first domino [rad/s], or 'released' (of the scene, or 8)"
     add_options(
         parser,
         ("scene", str, "SCENE", None, scene),
         ("friction", COEFFICIENT, "MU", None, friction),
         ("gravity", GRAVITY, "M/S2", None, gravity),
-        ("push", PUSH, "RAD/S", None, push),
+        ("push", push, "RAD/S", None, pushed),
     )
 
 
@@ -224,12 +243,16 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
         For a scene that cannot be read, and for layouts beside different scenes.
     """
     from domino_env.physics.physics import Physics
-    from domino_env.scenes.io.reading import common_scene, load_scene
+    from domino_env.scenes.io.reading import common_scene, load_scene, read_layout
 
     scene = load_scene(arguments.scene) if arguments.scene else common_scene(paths)
     given = {name: getattr(arguments, name) for name in ("friction", "gravity", "push")}
     given = {name: value for name, value in given.items() if value is not None}
-    physics = (scene.physics if scene else Physics()).replace(**given)
+    physics = (scene.physics if scene else Physics()).replace(
+        **{name: value for name, value in given.items() if value != RELEASED}
+    )
+    if arguments.push == RELEASED:
+        physics = released(physics, scene or read_layout(paths[0]))
     origin = "defaults"
     if scene is not None:
         origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"

@@ -39,7 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("slope", options.number("degrees", low=-45.0, high=45.0), "DEGREES", None, slope),
         ("friction", options.COEFFICIENT, "MU", 0.25, "coefficient of friction between dominoes"),
         ("floor", options.floor, "FRICTION", None, standing),
-        ("push", options.PUSH, "RAD/S", 8.0, "angular velocity of the first domino [rad/s]"),
+        (
+            "push",
+            options.push,
+            "RAD/S",
+            8.0,
+            "angular velocity of the first domino [rad/s], or 'released'",
+        ),
     )
     gaps = "smallest and largest free gap [mm] (2, and 0.8 times the height)"
     parser.add_argument("--gaps", type=options.SIZE, nargs=2, metavar=("MIN", "MAX"), help=gaps)
@@ -55,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.physics.physics import Physics
     from domino_env.scenes.placement import Placement
     from domino_env.scenes.scene import Scene
+    from domino_env.scenes.tables import format_toml
 
     low, high = arguments.gaps or (MIN_GAP, MAX_GAP * arguments.height)
     require("--thickness", arguments.thickness, below=arguments.height, unit="mm", hint="height")
@@ -74,11 +81,13 @@ def run(arguments: argparse.Namespace) -> int:
         **{name: _metres(getattr(arguments, name)) for name in ("height", "width", "length")},
         spacing=(_metres(low), _metres(high)),
         thickness=(_metres(arguments.thickness), _metres(arguments.thickness)),
-        physics=Physics(arguments.friction, push=arguments.push),
+        physics=Physics(arguments.friction),
         floor_friction=arguments.floor,
         ground=None if arguments.slope is None else Ground(slope=arguments.slope),
     )
-    text = HEADER + "".join(_with_comments(scene.to_toml()))
+    tables = scene.document()
+    tables["physics"]["push"] = arguments.push
+    text = HEADER + "".join(_with_comments(format_toml(tables)))
     if arguments.out is None:
         print(text, end="")
         return 0

@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from domino_env.core.checks import numbers, require_type
 from domino_env.core.models import LARGEST, Size, Table, about, plain
-from domino_env.physics.physics import Physics, require_physics
+from domino_env.physics.physics import Physics, released_push, require_physics
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
 from domino_env.scenes.scene_base import SceneBase
@@ -89,6 +89,11 @@ class GrowthTable(Table, kw_only=True):
 class PhysicsTable(_with_fields(Physics, "floor_friction")):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
+    push: Annotated[
+        Size | Literal["released"],
+        about('angular velocity of domino 0 at t = 0 [rad/s]; "released": tipped past balance'),
+    ] = Physics().push
+
 
 class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call-arg, misc]
     """Design problem: dominoes, allowed values, objective."""
@@ -127,12 +132,22 @@ class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call
         remaining = self.stock.without(self.first_thickness()).dominoes
         return float(remaining.min()), float(remaining.max())
 
+    def _physics(self) -> Physics:
+        """Return the physics, with the push of a released domino as a number."""
+        values = {name: getattr(self.physics, name) for name in Physics.__struct_fields__}
+        if values["push"] == "released":
+            thickness, ground, tilt = self.first_thickness(), self.value_at("ground"), 0.0
+            if ground is not None:
+                tilt = float(ground.rise_and_tilt([thickness], [thickness] * 2)[1][0])
+            values["push"] = released_push(self.row.height, thickness, values["gravity"], tilt)
+        return Physics(**values)
+
     def fields(self) -> dict[str, Any]:
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
         shared = {name: getattr(self, name) for name in TOP + TABLES}
         return msgspec.structs.asdict(self.row) | shared | {
             "title": self.title or self.name,
-            "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
+            "physics": self._physics(),
             "floor_friction": self.physics.floor_friction,
             "first_thickness": self.first_thickness(),
             "spacing": self.spacing.bounds(),

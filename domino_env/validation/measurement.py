@@ -41,11 +41,13 @@ FAINT = 0.6  # of the usual height, below which a sound is hardly a hit
 UNLIKELY = 0.05  # credence below which a sound is no hit
 STRAY = 0.03  # likelihood of a hit without its sound, relative to one with it
 PUSH_PRIOR = 0.3  # standard deviation of the push's logarithm, where sounds leave it open
+RELEASED_PRIOR = 1e-5  # likewise of a released domino, whose fall before the first hit is silent
 STRETCHES = 2, 3, 4  # Legendre polynomials by which times may differ from those of the model
 REJECTED, LEAST_MISFIT = 0.001, 0.0005  # level, and RMS [s], from which the model is rejected
 CLOCK = 1e-4  # relative standard error of the clock of a recorder
 LEAST_HITS, LEAST_HEARD = 8, 0.5  # hits heard, and their fraction
 SILENT = 6  # hits at an end of the chain; if none of them is heard, it stopped or was cut off
+SECOND_HEIGHT = 0.7  # of the rises of a second chain, over those of the first; echoes are fainter
 CHANCE, SECOND_CHANCE = 8.0, 4.5  # standard deviations by which the hits, and those of a second
 # chain beside them, agree better with the sounds than at other times
 
@@ -92,6 +94,11 @@ class _Sounds(NamedTuple):
                 credence[k] = min(self.heights[j] / usual, 1.0) ** 2 * (0.1 if is_echo else 1.0)
         return credence
 
+    def height(self, found: Floats) -> float:
+        """Return the median of the heights of sounds; 0 without any."""
+        at = np.searchsorted(self.times, found[np.isfinite(found)])
+        return float(np.median(self.heights[at])) if len(at) else 0.0
+
     def without(self, found: Floats) -> _Sounds:
         """Return the sounds without some of them and their echoes."""
         found = found[np.isfinite(found)]
@@ -124,10 +131,23 @@ def _widen(values: Floats, width: float, hop: float) -> Floats:
 
 
 class _Model:
-    """Times of the hits by friction and push, and their derivatives."""
+    """Times of the hits by friction and push, and their derivatives.
+
+    Attributes
+    ----------
+    layout, physics
+        The layout, gravity and the expected push.
+    is_released
+        True if that is the push of a released domino.
+    prior
+        Standard deviation of the logarithm of the push before the sound is heard.
+    """
 
     def __init__(self, layout: Layout, physics: Physics) -> None:
         self.layout, self.physics = layout, physics
+        released = Physics.released(layout, gravity=physics.gravity).push
+        self.is_released = abs(physics.push / released - 1.0) < 2e-3  # it may be rounded
+        self.prior = RELEASED_PRIOR if self.is_released else PUSH_PRIOR
 
     def head(self, hits: int) -> _Model:
         """Return the model of the first hits, which do not depend on later dominoes."""
@@ -190,7 +210,10 @@ class _Fit(NamedTuple):
 
 
 def _search(rises: Floats, model: _Model, frictions: Floats) -> list[Floats]:
-    """Return the best start [s] and friction for each push, the one with most agreement first."""
+    """Return the best start [s] and friction for each push, the one with most agreement first.
+
+    A released domino has one push; the frictions are then searched in parts.
+    """
     hop = COARSE * HOP
     coarse = rises[: len(rises) // COARSE * COARSE].reshape(-1, COARSE).max(1)
     coarse = _widen(coarse, WIDTHS[0], hop)
@@ -198,9 +221,12 @@ def _search(rises: Floats, model: _Model, frictions: Floats) -> list[Floats]:
     scale = np.sqrt(model.physics.gravity / 9.81 * 0.048 / float(model.layout.height.mean()))
     spectra: dict[int, Any] = {}
     starts = []
-    for push in PUSHES * scale:
+    candidates = [(frictions, push) for push in PUSHES * scale]
+    if model.is_released:
+        candidates = [(part, model.physics.push) for part in np.array_split(frictions, STARTS)]
+    for part, push in candidates:
         best = (0.0, np.zeros(3))
-        for friction in frictions:
+        for friction in part:
             times = model.times(friction, push, 1e-4)
             if not np.isfinite(times[-1]):
                 continue
@@ -225,15 +251,16 @@ def _refine(sounds: _Sounds, model: _Model, values: Floats) -> Floats:
         wide = _widen(sounds.rises, width, HOP)
 
         def disagreement(x: Floats, wide: Floats = wide) -> float:
-            if not (0.0 <= x[1] <= 1.0 and 0.5 < x[2] < 1000.0):
+            push = model.physics.push if model.is_released else x[2]
+            if not (0.0 <= x[1] <= 1.0 and 0.5 < push < 1000.0):
                 return 0.0
-            times = model.times(x[1], x[2], 1e-6)[1:]
+            times = model.times(x[1], push, 1e-6)[1:]
             return -float(np.interp(x[0] + times[np.isfinite(times)], grid, wide, 0.0, 0.0).sum())
 
         simplex = np.vstack([values, values + np.diag([width, 0.003, 0.1 * values[2]])])
         options = {"initial_simplex": simplex, "maxiter": 120, "xatol": 1e-5, "fatol": 1e-4}
         values = optimize.minimize(disagreement, values, method="Nelder-Mead", options=options).x
-    return np.asarray(values)
+    return np.append(values[:2], model.physics.push) if model.is_released else np.asarray(values)
 
 
 def _fit(sounds: _Sounds, model: _Model, values: Floats, stretches: int = 0) -> _Fit:
@@ -256,21 +283,22 @@ def _fit(sounds: _Sounds, model: _Model, values: Floats, stretches: int = 0) -> 
         scale = max(1.4826 * float(np.median(np.abs(residual[heard]))), LEAST_SCALE)
         error = np.where(heard, residual, 0.0) / scale
         weight = np.where(heard, np.maximum(1.0 - (error / TUKEY) ** 2, 0.0) ** 2, 0.0)
-        prior = np.eye(1, len(values), 2) / (PUSH_PRIOR * guess)
+        prior = np.eye(1, len(values), 2) / (model.prior * guess)
         system = np.vstack([jacobian[1:] * (np.sqrt(weight) / scale)[:, None], prior])
         aims = np.append(error * np.sqrt(weight), (guess - values[2]) * prior[0, 2])
         step = np.linalg.lstsq(system, aims, rcond=None)[0]
-        covariance = np.linalg.pinv(system.T @ system) / EFFICIENCY
+        freedom = max(int(heard.sum()) - len(values), 1)  # the scale is that of residuals of a fit
+        covariance = np.linalg.pinv(system.T @ system) / EFFICIENCY * heard.sum() / freedom
     credence = sounds.credence(times[1:] + residual, times)
     return _Fit(values, covariance, times, jacobian, residual, weight, credence, scale)
 
 
-def _log_likelihood(fit: _Fit, scale: float, guess: float) -> float:
+def _log_likelihood(fit: _Fit, scale: float, model: _Model) -> float:
     """Return the logarithm of the likelihood of a fit, for a scale of the residuals [s]."""
     if not np.isfinite(fit.scale):
         return -np.inf
     near = np.exp(-0.5 * (np.nan_to_num(fit.residual, nan=1.0) / scale) ** 2) * fit.credence
-    prior = 0.5 * (np.log(fit.values[2] / guess) / PUSH_PRIOR) ** 2
+    prior = 0.5 * (np.log(fit.values[2] / model.physics.push) / model.prior) ** 2
     return float(np.log(STRAY + (1.0 - STRAY) * near).sum() - prior)
 
 
@@ -292,17 +320,17 @@ def _rivals(sounds: _Sounds, model: _Model, fit: _Fit) -> list[Floats]:
 
 def _best_fit(sounds: _Sounds, model: _Model) -> _Fit:
     """Return the most likely fit; its covariance contains the spread of those that are close."""
-    head, guess = model.head(FIRST_HITS), model.physics.push
+    head = model.head(FIRST_HITS)
     starts = [_refine(sounds, head, v) for v in _search(sounds.rises, head, FRICTIONS)[:STARTS]]
     fits = [_fit(sounds, head, values) for values in starts]
     fits = [fit for fit in fits if np.isfinite(fit.scale)]
     if not fits:
         raise ValueError(_NO_PATTERN)
     scale = min(fit.scale for fit in fits)
-    best = max(fits, key=lambda fit: _log_likelihood(fit, scale, guess))
+    best = max(fits, key=lambda fit: _log_likelihood(fit, scale, head))
     fits += [_fit(sounds, head, values) for values in _rivals(sounds, head, best)]
     scale = min(fit.scale for fit in fits)
-    ranked = sorted(((_log_likelihood(fit, scale, guess), k) for k, fit in enumerate(fits)))[::-1]
+    ranked = sorted(((_log_likelihood(fit, scale, head), k) for k, fit in enumerate(fits)))[::-1]
     highest, best, spread, pushes = ranked[0][0], fits[ranked[0][1]], np.zeros((3, 3)), []
     for likelihood, k in ranked:
         values = fits[k].values
@@ -349,12 +377,14 @@ def _require_pattern(sounds: _Sounds, model: _Model, fit: _Fit, seconds: float) 
         found = fit.found[np.isfinite(fit.found)]
         lag = times[1:, None] - found
         is_open = ~((lag > -0.002) & (lag < ECHO)).any(1)  # not beside hits of the first
-        second = float(np.isfinite(rest.match(times[1:], 0.0015))[is_open].mean())
+        others = rest.match(times[1:], 0.0015)[is_open]
+        second = float(np.isfinite(others).mean())
         apart = abs(times[1] - hits[0])  # not the echoes
         if (
             is_open.sum() >= LEAST_HITS
             and second > LEAST_HEARD
             and apart > 4.0 * ECHO
+            and rest.height(others) > SECOND_HEIGHT * sounds.height(found)
             and _contrast(rest, times, 0.001, seconds) > SECOND_CHANCE
         ):
             raise ValueError(
@@ -420,8 +450,8 @@ class Measurement:
     curve
         (N,) smooth times, which follow the hits where the model is rejected, else `predicted`.
     model_rejected
-        True if the hits differ smoothly from the model, by 0.5 ms RMS or more, and by more than their
-        scatter at the level 0.001.
+        True if the hits differ smoothly from the model, by 0.5 ms RMS or more, and by more than
+        their scatter at the level 0.001.
     start
         Time of the push in the recording [s].
     rises
@@ -528,7 +558,9 @@ def measure(
         The layout that was built, of at least nine dominoes.
     physics
         Gravity, and the expected push [rad/s]. A push other than that is less likely (standard
-        deviation of its logarithm 0.3), which counts where the sound leaves the push open.
+        deviation of its logarithm 0.3), which counts where the sound leaves the push open. The push
+        of a released domino (`Physics.released`) is not fitted, because a slower finger delays the
+        whole sound.
 
     Returns
     -------

@@ -25,8 +25,23 @@ def test_options_in_millimetres_and_degrees_define_a_scene(output_of, tmp_path):
     assert noisy.placement == de.Placement(0.001, 256, 0.05)
     assert noisy.spacing == (0.005, 0.03)
     assert noisy.physics == de.Physics(0.2, push=9.0)
+    released = scene_of(f"{words} --push released")
+    expected = de.Physics.released(de.Ground(slope=1.0).layout([0.01], [0.008] * 2, 0.043))
+    assert released.physics == expected
+    shown = output_of("simulate", "--scene", tmp_path / "mine.toml", "--push", "released",
+                      _row_of(scene, tmp_path))  # fmt: skip
+    assert f"push {expected.push:g} rad/s (of scene 'mine', but for --push)" in shown
     floor = scene_of("--count 9 --thickness 8 --floor 0.4 --deviation 1")
     assert (floor.floor_friction, floor.placement.draws) == (0.4, 8)
+
+
+def _row_of(scene, folder):
+    """Write equal gaps of a scene to a file, and return its path."""
+    gap = scene.length / (scene.count - 1) - 0.008
+    scene.ground.layout([gap] * (scene.count - 1), [0.008] * scene.count, 0.043).to_csv(
+        folder / "row.csv"
+    )
+    return folder / "row.csv"
 
 
 def test_placement_noise_spreads_the_arrival_time(output_of, tmp_path):

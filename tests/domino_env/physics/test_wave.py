@@ -217,6 +217,24 @@ def test_the_smallest_push_of_one_domino_and_of_a_gap_out_of_reach():
     assert de.smallest_push(de.Layout([0.02, 0.05], 0.0075), de.Physics()) == math.inf
 
 
+@pytest.mark.parametrize("slope", [-5.0, 0.0, 4.0])
+def test_a_released_domino_passes_its_balance_at_a_tenth_of_the_smallest_push(slope):
+    alone = de.Ground(slope=slope).layout([], [0.008], 0.043)
+    released = de.Physics.released(alone, friction=0.1, gravity=3.7)
+    least = de.smallest_push(alone, released)
+    assert (released.friction, released.gravity) == (0.1, 3.7)
+    assert released.push == pytest.approx(np.hypot(least, 0.1 * least))
+    row = de.load_scene("course").uniform().layout
+    waves = [
+        de.simulate(row, de.Physics(push=de.Physics.released(row).push * factor))
+        for factor in (1.0, np.hypot(1.0, 0.02) / np.hypot(1.0, 0.1))
+    ]
+    # a finger of a fifth of the speed delays all hits by the same time
+    delay = waves[1].arrival_times[1:] - waves[0].arrival_times[1:]
+    assert delay == pytest.approx(np.full(59, delay[0]), abs=0.0012)
+    assert delay[0] > 0.1
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_the_error_estimate_holds_just_above_a_stall(friction):
     """One unit in the last place of the push moves the time by far more than rtol."""

@@ -10,6 +10,7 @@ from domino_env.validation.measured_gain import source_document
 from domino_env.validation.measurement import Measurement
 from domino_env.validation.source import read_source
 from domino_env.view.sound import write_wav
+from optimize.experiments.best_known import best_known
 
 SCENE = de.load_scene("sprint")
 UNIFORM = SCENE.uniform().layout
@@ -43,6 +44,26 @@ def test_friction_and_speed_are_those_of_the_recorded_chain(layout, seed):
     wave, rate = simulated(layout, seed), RATES[seed]
     loudness = list(LOUDNESS)[seed]
     check(record(wave.arrival_times, seed, rate=rate, loudness=loudness, hum=0.3), rate, wave)
+
+
+def test_a_released_domino_has_no_push_to_fit():
+    base = de.Physics.released(UNEQUAL, friction=0.2)
+    # a slower finger: half the angular velocity at the balance
+    wave = de.simulate(UNEQUAL, base.replace(push=base.push * np.sqrt(1.0025 / 1.01)))
+    result = de.measure(record(wave.arrival_times, 2), 44100, UNEQUAL, base)
+    assert result.push == pytest.approx(base.push, rel=1e-4)
+    assert result.friction == pytest.approx(0.2, abs=0.002)
+    expected = de.simulate(UNEQUAL, base).mean_speed
+    assert result.mean_speed == pytest.approx(expected, rel=0.002)
+    assert result.mean_speed != pytest.approx(wave.mean_speed, rel=0.02)
+
+
+def test_silence_around_a_chain_reveals_no_second_one():
+    silence = np.random.default_rng(0).normal(0.0, 0.002, 300_000)
+    layout = best_known()["sprint"].layout
+    wave = de.simulate(layout, de.Physics(friction=0.2, push=8.75))
+    sound = np.concatenate([silence, record(wave.arrival_times, 4), silence])
+    check(sound, 44100, wave)
 
 
 def chains_apart(times, seconds):
