@@ -8,6 +8,7 @@
  */
 
 export const STANDARD = { height: 0.048, width: 0.024, thickness: 0.0075, density: 1040 };
+const RELEASED = 0.1; // angular velocity at the balance of a released domino, over the smallest push
 const PIECES = 32; // samples of a fall, less one
 const MAX_STEP = 0.999; // largest ratio of the next pivot's rise to the height that a tip strikes
 const OUTCOMES = ["PROPAGATED", "STALLED", "OUT_OF_REACH", "JAMMED", "NO_RIGID_ANSWER"];
@@ -130,6 +131,12 @@ export function positions(layout) {
   const places = new Float64Array(layout.thickness.length);
   pitch(layout).forEach((distance, i) => { places[i + 1] = places[i] + distance; });
   return places;
+}
+
+/** Push of a released first domino of a layout [rad/s], as `released_push` of domino_env/physics/physics.py. */
+export function releasedPush({ height: [height], thickness: [thickness], tilt }, gravity) {
+  const angle = Math.atan2(thickness, height) - (tilt ? tilt[0] : 0);
+  return Math.hypot(1, RELEASED) * Math.sqrt((6 * gravity) / Math.hypot(height, thickness)) * Math.sin(0.5 * angle);
 }
 
 /** Return the coordinates [x, z] of the pivots, x forward and z up [m], the first at 0. */

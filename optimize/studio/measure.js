@@ -6,7 +6,7 @@
  * Python's `_Fit`, its Jacobian by columns.
  */
 
-import { positions, require } from "./kernels.js";
+import { positions, releasedPush, require } from "./kernels.js";
 
 const linspace = (first, last, count) => Float64Array.from({ length: count }, (_, i) => first + ((last - first) * i) / (count - 1));
 const geomspace = (first, last, count) => linspace(Math.log(first), Math.log(last), count).map(Math.exp);
@@ -21,7 +21,6 @@ export const CONSTANTS = {
 };
 const { HOP, HIGH_PASS, QUIET, FRICTIONS, PUSHES, COARSE, FIRST_HITS, STARTS, WIDTHS, REACHES, LEAST_SCALE, TUKEY, EFFICIENCY, ECHO, FAINT, UNLIKELY } = CONSTANTS;
 const { STRAY, PUSH_PRIOR, RELEASED_PRIOR, STRETCHES, REJECTED, LEAST_MISFIT, CLOCK, LEAST_HITS, LEAST_HEARD, SILENT, SECOND_HEIGHT, CHANCE, SECOND_CHANCE } = CONSTANTS;
-const RELEASED = 0.1; // angular velocity at the balance of a released domino, over the smallest push
 const OTHERS = 100; // times with which those of the hits are compared
 
 const NO_PATTERN = "the sound is not that of this layout: no pattern of hits stands out; check the layout, and cut the recording to the toppling";
@@ -125,12 +124,6 @@ function without({ rises, times, heights }, found) {
   const rest = rises.slice(), isLeft = (t) => found.every((f) => t < f - 0.002 || t > f + ECHO);
   for (const t of found) rest.fill(0, Math.max(Math.trunc((t - 0.002) / HOP), 0), Math.trunc((t + ECHO) / HOP));
   return { rises: rest, times: times.filter(isLeft), heights: heights.filter((_, k) => isLeft(times[k])) };
-}
-
-// push of a first domino that a slow finger tips past its balance
-function releasedPush({ height: [height], thickness: [thickness], tilt }, gravity) {
-  const angle = Math.atan2(thickness, height) - (tilt?.[0] ?? 0);
-  return Math.hypot(1, RELEASED) * Math.sqrt((6 * gravity) / Math.hypot(height, thickness)) * Math.sin(0.5 * angle);
 }
 
 // times of the hits by friction and push, and their derivatives
@@ -273,7 +266,8 @@ function fitHits(sounds, model, first, stretches = 0) {
     aims[2] += (guess - values[2]) / (model.prior * guess) ** 2;
     const spread = inverse(matrix);
     step = spread.map((row) => sum(row.map((v, k) => v * aims[k])));
-    covariance = spread.map((row) => row.map((v) => v / EFFICIENCY));
+    const freedom = Math.max(heard.length - size, 1); // the scale is that of residuals of a fit
+    covariance = spread.map((row) => row.map((v) => ((v / EFFICIENCY) * heard.length) / freedom));
   }
   return { values, covariance, times, jacobian, residual, weight, credence: credence(sounds, residual.map((r, k) => times[k + 1] + r), times), scale };
 }

@@ -6,7 +6,7 @@
  */
 
 import { Ground } from "./ground.js";
-import { STANDARD, didYouMean, full, general, pitch, positions, repr, require } from "./kernels.js";
+import { STANDARD, didYouMean, full, general, pitch, positions, releasedPush, repr, require } from "./kernels.js";
 
 const LENGTH_TOLERANCE = 1e-9; // [m]
 const SCORE_RTOL = 1e-10;
@@ -125,7 +125,8 @@ function checkDocument(document) {
 export class Scene {
   /** document: tables and keys of a scene file. */
   constructor(kernels, document) {
-    checkDocument(document);
+    const isReleased = document.physics?.push === "released";
+    checkDocument(isReleased ? { ...document, physics: { ...document.physics, push: 1 } } : document);
     const { row, spacing, thickness, physics = {}, growth, run_out: runOut, objective = "mean_speed" } = document;
     const unit = spacing.of ? row.height ?? STANDARD.height : 1;
     const bounds = ({ fixed, min, max }) => [(fixed ?? min) * unit, (fixed ?? max) * unit];
@@ -145,6 +146,10 @@ export class Scene {
     this.placement = document.placement ?? null;
     this.firstThickness = row.first_thickness ?? thickness.fixed * unit;
     this.ground = document.ground ? new Ground(kernels, document.ground) : null;
+    if (isReleased) {
+      const d = this.firstThickness, ground = this.ground?.riseAndTilt({ spacing: [d], thickness: [d, d] });
+      this.physics.push = releasedPush({ ...ground, height: [this.height], thickness: [d] }, gravity);
+    }
     this.tempo = document.tempo ? { tolerance: 1e-3, ...document.tempo, schedule: this.#schedule(document.tempo) } : null;
     this.stock = document.stock ?? null;
     const pieces = this.stock ? this.#pieces() : [];

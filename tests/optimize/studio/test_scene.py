@@ -73,6 +73,17 @@ def test_the_best_equal_gaps_of_shipped_scenes_are_those_of_python(scenes):
     assert uniform_scores(list(scenes.values())) == pytest.approx(expected, rel=1e-5)
 
 
+def test_a_released_domino_has_the_push_of_python():
+    scenes = [de.load_scene("course-released")]
+    scenes += [scenes[0].replace(ground=de.Ground(slope=3.0), length=None)]
+    documents = [scene.document() for scene in scenes]
+    for document in documents:
+        document["physics"]["push"] = "released"
+    pushes = [de.Scene.from_document(document).physics.push for document in documents]
+    script = "answer(data.map((document) => new Scene(kernels, document).physics.push));"
+    assert run_javascript(script, documents) == pytest.approx(pushes, rel=1e-12)
+
+
 def test_the_best_equal_gaps_of_sampled_scenes_are_those_of_python():
     sampled = load_test_set("varied")[:100]
     expected = [scene.uniform().score for scene in sampled]
