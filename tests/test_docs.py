@@ -246,7 +246,7 @@ FILLED = re.compile(r"<!-- \w+ -->\n.*?<!-- end -->", re.DOTALL)  # by `docs/pag
 
 def test_hand_written_pages_are_short_and_name_the_next_page():
     written = {p: FILLED.sub("", text) for p, text in PAGES.items() if p not in GENERATED}
-    assert sum(len(text.split()) for text in written.values()) <= 25_100
+    assert sum(len(text.split()) for text in written.values()) <= 26_900
     assert PAGES["README.md"].count("\n") <= 110
     for page, text in written.items():
         assert text.count("\n") <= 150, page

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from domino_env.cli import options
 
@@ -80,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
             groups.append((chain, measured))
     results = []
     for chain, measured in groups:
-        result = {"layout": chain.name, "recordings": [document(m, FIELDS) for m in measured]}
+        documents = [document(m, FIELDS) for m in measured]
+        result: dict[str, Any] = {"layout": chain.name, "recordings": documents}
         if measured is not groups[0][1]:
             gain = measured_gain(groups[0][1], measured)
             result["gain"] = document(gain, "gain interval predicted further")

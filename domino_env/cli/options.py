@@ -252,7 +252,7 @@ def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenP
         **{name: value for name, value in given.items() if value != RELEASED}
     )
     if arguments.push == RELEASED:
-        physics = released(physics, scene or read_layout(paths[0]))
+        physics = released(physics, scene or read_layout(paths[0], None))
     origin = "defaults"
     if scene is not None:
         origin = f"of scene '{scene.name}'{'' if arguments.scene else ' beside the layout'}"

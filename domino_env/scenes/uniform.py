@@ -288,7 +288,10 @@ def best_uniform_on(scene: SceneBase, baseline: Layout, floor: float | None) -> 
 
 def stamp(document: dict[str, Any]) -> str:
     """Return a digest of the tables on which the baseline depends: all but name and title."""
-    physics = Physics(**document["physics"]).distinctive
+    values = document["physics"]
+    fields = {key: values[key] for key in values.keys() & set(Physics.__struct_fields__)}
+    others = {key: values[key] for key in values.keys() - fields.keys()}  # the floor
+    physics = Physics(**fields).distinctive | others
     tables = document | {"name": None, "title": None, "physics": physics}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 

@@ -22,9 +22,10 @@ from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import simulate
-from domino_env.view.sound import MAX_RATE, MIN_RATE
+from domino_env.view.sound import MAX_RATE
 
 HOP = 0.00025  # [s] between two values of the loudness
+LEAST_RATE = 8000  # [1/s] samples per second, for several samples per hop
 HIGH_PASS = 1500.0  # [Hz], above thuds on the table and hum; lower at low rates
 QUIET = 0.02  # of the loudest moments: what is quieter does not count
 FRICTIONS = np.linspace(0.0, 0.6, 121)  # of the search
@@ -331,7 +332,8 @@ def _best_fit(sounds: _Sounds, model: _Model) -> _Fit:
     fits += [_fit(sounds, head, values) for values in _rivals(sounds, head, best)]
     scale = min(fit.scale for fit in fits)
     ranked = sorted(((_log_likelihood(fit, scale, head), k) for k, fit in enumerate(fits)))[::-1]
-    highest, best, spread, pushes = ranked[0][0], fits[ranked[0][1]], np.zeros((3, 3)), []
+    highest, best, spread = ranked[0][0], fits[ranked[0][1]], np.zeros((3, 3))
+    pushes: list[float] = []
     for likelihood, k in ranked:
         values = fits[k].values
         if all(abs(values[2] / push - 1.0) > 0.02 for push in pushes):
@@ -553,7 +555,7 @@ def measure(
     samples
         Samples (S,) of any scale.
     rate
-        Samples per second, from 1000 to 1 000 000.
+        Samples per second, from 8000 to 1 000 000.
     layout
         The layout that was built, of at least nine dominoes.
     physics
@@ -586,7 +588,7 @@ def measure(
     0.2
     """
     require_arguments(layout, physics)
-    require("rate", rate, MIN_RATE, MAX_RATE, "samples per second")
+    require("rate", rate, LEAST_RATE, MAX_RATE, "samples per second")
     samples = numbers("samples", samples, None, ("S",), finite=True)
     if layout.count <= LEAST_HITS:
         raise ValueError(

@@ -13,13 +13,13 @@ const geomspace = (first, last, count) => linspace(Math.log(first), Math.log(las
 
 /** Constants with the names and the order of Python's. */
 export const CONSTANTS = {
-  HOP: 0.00025, HIGH_PASS: 1500, QUIET: 0.02, FRICTIONS: linspace(0, 0.6, 121), PUSHES: geomspace(2, 30, 25), COARSE: 4,
+  HOP: 0.00025, LEAST_RATE: 8000, HIGH_PASS: 1500, QUIET: 0.02, FRICTIONS: linspace(0, 0.6, 121), PUSHES: geomspace(2, 30, 25), COARSE: 4,
   FIRST_HITS: 48, STARTS: 10, WIDTHS: [0.0025, 0.002, 0.0007], REACHES: [0.006, 0.004, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003],
   LEAST_SCALE: 0.0002, TUKEY: 4.685, EFFICIENCY: 0.95, ECHO: 0.013, FAINT: 0.6, UNLIKELY: 0.05, STRAY: 0.03, PUSH_PRIOR: 0.3,
   RELEASED_PRIOR: 1e-5, STRETCHES: [2, 3, 4], REJECTED: 0.001, LEAST_MISFIT: 0.0005, CLOCK: 1e-4, LEAST_HITS: 8, LEAST_HEARD: 0.5, SILENT: 6,
   SECOND_HEIGHT: 0.7, CHANCE: 8, SECOND_CHANCE: 4.5,
 };
-const { HOP, HIGH_PASS, QUIET, FRICTIONS, PUSHES, COARSE, FIRST_HITS, STARTS, WIDTHS, REACHES, LEAST_SCALE, TUKEY, EFFICIENCY, ECHO, FAINT, UNLIKELY } = CONSTANTS;
+const { HOP, LEAST_RATE, HIGH_PASS, QUIET, FRICTIONS, PUSHES, COARSE, FIRST_HITS, STARTS, WIDTHS, REACHES, LEAST_SCALE, TUKEY, EFFICIENCY, ECHO, FAINT, UNLIKELY } = CONSTANTS;
 const { STRAY, PUSH_PRIOR, RELEASED_PRIOR, STRETCHES, REJECTED, LEAST_MISFIT, CLOCK, LEAST_HITS, LEAST_HEARD, SILENT, SECOND_HEIGHT, CHANCE, SECOND_CHANCE } = CONSTANTS;
 const OTHERS = 100; // times with which those of the hits are compared
 
@@ -372,7 +372,7 @@ function isRejected(fit, stretched) {
  * @param {object} physics gravity, and the expected push
  */
 export function measure(kernels, samples, rate, layout, physics) {
-  require("rate", rate, { low: 1000, high: 1e6 }, { unit: "samples per second" });
+  require("rate", rate, { low: LEAST_RATE, high: 1e6 }, { unit: "samples per second" });
   const model = new Model(kernels, layout, physics), { count } = model, seconds = samples.length / rate;
   if (count <= LEAST_HITS) fail(`the layout has ${count} dominoes: measure one of at least ${LEAST_HITS + 1}`);
   if (samples.length < rate * HOP * 100 || samples.every((v) => v === samples[0])) fail("the recording is silent: record it again");
