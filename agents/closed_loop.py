@@ -108,7 +108,7 @@ class Episodes:
         assert gradient is not None
         uniform = self.scene.uniform()
         gaps = _sizes(actions, self.scene.spacing, uniform.layout.spacing[0])
-        score = (torch.from_numpy(gradient.spacing) * gaps).sum(dim=1)
+        score = (torch.tensor(gradient.spacing) * gaps).sum(dim=1)
         error = (mean[..., 1:] - self.preferences) ** 2
         return -100.0 / uniform.score * score.mean() + PREFERENCE_WEIGHT * error.mean()
 
@@ -117,7 +117,7 @@ class Episodes:
         scene, tempo = self.scene, self.scene.tempo
         assert tempo is not None
         uniform_layout = scene.uniform().layout
-        times, by_gap, by_thickness = map(torch.from_numpy, self._derivatives())
+        times, by_gap, by_thickness = map(torch.tensor, self._derivatives())
         schedule = torch.from_numpy(tempo.schedule(scene.count))
         # changes of gap and thickness of the dominoes so far (B, n, 2) [m]; their values are 0, and
         # only their gradients are used

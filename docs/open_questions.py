@@ -18,7 +18,14 @@ from scipy.optimize import least_squares
 
 import domino_env as de
 from domino_env.core.colours import COLOURS, INK
-from domino_env.core.plot_style import LEGEND, label_plainly, new_figure, style, write_png
+from domino_env.core.plot_style import (
+    LEGEND,
+    label_plainly,
+    new_figure,
+    own_style,
+    style,
+    write_png,
+)
 from domino_env.core.tables import fill_tables, markdown_table, write_csv
 from domino_env.core.types import Floats
 from domino_env.validation import chapman
@@ -67,6 +74,7 @@ def rms(errors: Floats) -> str:
     return f"{100.0 * np.sqrt(np.mean(errors**2)):.2f}"
 
 
+@own_style()
 def new_panels(*headings: str, height: float = 3.6) -> tuple[Any, list[Any]]:
     """Return a figure with panels side by side."""
     figure = new_figure(7.5, height)
@@ -200,6 +208,7 @@ def friction_table() -> list[str]:
     return markdown_table(names, cells)
 
 
+@own_style()
 def draw_friction() -> Any:
     """Draw the errors of the theory over the gap, and speeds of standard dominoes."""
     figure, (left, right) = new_panels("Largest error of ω₊ [%]", "Standard dominoes")
@@ -254,6 +263,7 @@ def mean_errors() -> tuple[Floats, dict[str, Floats]]:
     return known, {name: f(release, middle, impact) / true - 1.0 for name, f in MEANS.items()}
 
 
+@own_style()
 def draw_means() -> Any:
     """Draw the largest error of the means over the gap."""
     figure, (axes,) = new_panels("Largest error of means of ω over an interval [%]", height=3.4)
@@ -309,6 +319,7 @@ def gap_errors() -> tuple[Floats, Floats]:
     return np.array(limits), np.array(gaps)
 
 
+@own_style()
 def draw_gaps() -> Any:
     """Draw the smallest gap over the push."""
     figure, (axes,) = new_panels("Smallest gap of a hundred standard dominoes", height=3.7)
@@ -369,6 +380,7 @@ def placed(name: str, best: bool) -> dict[str, Floats]:
     return dict(zip(QUANTITIES, 100.0 * np.array(lines).T, strict=True))
 
 
+@own_style()
 def draw_placing() -> Any:
     """Draw loss, scatter and probability of a stop over the deviation of the gaps."""
     figure, panels = new_panels("Loss of mean speed [%]", "Scatter [%]", "Stops [%]", height=3.2)
@@ -491,6 +503,7 @@ def causes_table() -> list[str]:
     return markdown_table(("cause", *(f"for {x}" for x in ROWS), "best for all", "χ²"), lines)
 
 
+@own_style()
 def draw_causes() -> Any:
     """Draw the rest that single causes and the best pair leave, in uncertainties."""
     title = "Model minus measurement, in standard uncertainties"

@@ -6,10 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from domino_env.core.colours import PALE, RESULT, SOFT
-from domino_env.core.plot_style import LEGEND, new_figure, style
+from domino_env.core.plot_style import LEGEND, new_figure, own_style, style
 from domino_env.validation.measurement import HOP, Measurement
 
 
+@own_style()
 def plot(measurement: Measurement) -> Figure:
     """Draw the sound with the hits found and predicted, and the differences of both."""
     m, figure = measurement, new_figure(10.0, 5.6)

@@ -90,6 +90,7 @@ def postpone_compilation(dispatcher: Any) -> None:
             return compile_for(*arguments)
         finally:
             _spent[dispatcher] = spent + time.thread_time() - start
+            _thread.deadline = math.inf
         return lambda *_: result
 
     dispatcher._compile_for_args = first_call

@@ -23,6 +23,7 @@ from optimize.studio import page as pages
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 FIRST = SPRINT.uniform().layout
 BEST = best_known()["sprint"].layout
+SCENES = len(de.scene_names())
 LONGEST = 60.0  # [s] that a slow machine may take
 SIZES = {"desk": (1440, 900), "phone": (390, 844)}
 PLACES = {
@@ -495,7 +496,7 @@ def test_links_of_python_and_of_the_gallery_open(tab: Tab, size: str) -> None:
     tab.wait(lambda: "Yes. Placed to ±0.5 mm, 100% of 256 rows fall" in tab.text("message"))
     assert "20 of 20 dominoes fall" in tab.text("message")
     tab.run("document.getElementById('scenes').open = true")
-    tab.wait(lambda: tab.run("return document.querySelectorAll('.gallery path').length") == 17)
+    tab.wait(lambda: tab.run("return document.querySelectorAll('.gallery path').length") == SCENES)
     tab.run("document.querySelector('a[href=\"#scene=hills\"]').click()")
     tab.wait(lambda: tab.text("title") == de.load_scene("hills").title)
     hills = de.load_scene("hills").uniform().layout
