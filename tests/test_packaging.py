@@ -153,7 +153,8 @@ def test_every_requirement_is_pinned_to_the_version_under_test():
         del extras[name]
     core = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
     groups = {**PROJECT["dependency-groups"]}
-    extras["compat"] = groups.pop("compat")  # installed by `make compat`
+    for name in ("compat", "wasm"):  # installed by `make compat` and `make wasm`
+        extras[name] = groups.pop(name)
     entries = [entry for group in groups.values() for entry in group]
     tools = [Requirement(entry) for entry in entries if isinstance(entry, str)]
     more = [Requirement(text) for texts in extras.values() for text in texts]
