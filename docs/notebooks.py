@@ -29,6 +29,7 @@ WIDTH = 760  # [px] of a figure
 def run(path: Path) -> tuple[dict[str, Any], dict[str, object]]:
     """Run a notebook in an empty folder; return it with its outputs, and its names."""
     plt.switch_backend("agg")
+    plt.close("all")  # those of the calling process
     notebook, names = json.loads(path.read_text("utf-8")), dict[str, object]()
     code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     folder = Path.cwd()
