@@ -9,11 +9,26 @@ from typing import Any
 
 import numpy as np
 import wasmtime
+from wasmtime import _bindings as bindings
 
 import domino_env as de
 from domino_env.kernels import arrays
 from domino_env.physics.motion import PIECES
 from optimize.studio.wasm.build import MATHS, MODULE
+
+
+NO_FINALIZER = ctypes.CFUNCTYPE(None, ctypes.c_void_p)()
+
+
+def unchecked(name: str) -> Any:
+    """Return a function of `math` for the module, ten times as fast as one with checked types."""
+    function, count = getattr(math, name), 2 if name == "atan2" else 1
+
+    def call(_data: int, _caller: Any, values: Any, _length: int) -> int:
+        values[0].f64 = function(*(values[k].f64 for k in range(count)))
+        return 0  # no error
+
+    return bindings.wasmtime_func_unchecked_callback_t(call)
 
 
 class Chain:
@@ -23,9 +38,13 @@ class Chain:
         engine = wasmtime.Engine()
         self.store, linker = wasmtime.Store(engine), wasmtime.Linker(engine)
         number = wasmtime.ValType.f64()
-        for name in MATHS:
+        self.maths = [unchecked(name) for name in MATHS]  # kept alive
+        for name, function in zip(MATHS, self.maths, strict=True):
             kind = wasmtime.FuncType([number] * (2 if name == "atan2" else 1), [number])
-            linker.define_func("env", name, kind, getattr(math, name))
+            names = b"env", 3, name.encode(), len(name)
+            bindings.wasmtime_linker_define_func_unchecked(
+                linker.ptr(), *names, kind.ptr(), function, None, NO_FINALIZER
+            )
         module = wasmtime.Module(engine, MODULE.read_bytes())
         self.exports = linker.instantiate(self.store, module).exports(self.store)
 
