@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from domino_env.core.checks import require_choice
 from domino_env.core.models import read_model
 from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
@@ -56,6 +57,7 @@ def check_document(document: dict[str, Any]) -> SceneFile:
         contradict each other.
     """
     tables = read_model(SceneFile, document)
+    require_choice("objective", tables.objective, OBJECTIVES)
     for sentence in _violations(tables):
         raise ValueError(sentence)
     return tables
@@ -138,8 +140,8 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
                 f"{tables.objective!r}: give both [{name}] and objective = {name!r}, or neither"
             )
     objective = OBJECTIVES[tables.objective]
-    if tables.physics.floor_friction is not None and not objective.rewards_speed:
-        speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.rewards_speed)
+    if tables.physics.floor_friction is not None and not objective.is_mean_speed:
+        speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.is_mean_speed)
         yield (
             f"physics.floor_friction and objective = {tables.objective!r}: free-standing layouts "
             f"are scored by their speed; choose objective = {speeds}, or leave the floor out"
