@@ -14,7 +14,7 @@ from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds
-from domino_env.scenes.tables import RangeTable, SceneFile
+from domino_env.scenes.tables import DEFAULTS, RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
 
@@ -56,8 +56,8 @@ def check_document(document: dict[str, Any]) -> SceneFile:
         For the first violation; the message has key, value and accepted range, or the tables that
         contradict each other.
     """
+    require_choice("objective", document.get("objective", DEFAULTS["objective"]), OBJECTIVES)
     tables = read_model(SceneFile, document)
-    require_choice("objective", tables.objective, OBJECTIVES)
     for sentence in _violations(tables):
         raise ValueError(sentence)
     return tables
