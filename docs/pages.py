@@ -327,14 +327,14 @@ def score_cell(scene: de.Scene, score: float | None, layout: de.Layout | None) -
         return "–"
     if score <= 0.0:
         return "stops"
-    return (
-        f"{score:.4f}" if scene.unit == "m/s" else scene.format_score(score, scene.simulate(layout))
-    )
+    if scene.criterion.is_mean_speed:
+        return f"{score:.4f}"
+    return scene.format_score(score, scene.simulate(layout))
 
 
 def gain_cell(scene: de.Scene, score: float, reference: float | None) -> str:
     """Format by how much the best known layout is faster than another."""
-    if reference is None or reference <= 0.0 or scene.unit != "m/s":
+    if reference is None or reference <= 0.0 or not scene.criterion.is_mean_speed:
         return "–"
     return f"{score / reference - 1.0:+.1%}"
 
@@ -494,7 +494,7 @@ def scene_numbers() -> dict[str, str]:
         scene = de.load_scene(name)
         baseline = scene.uniform()
         verified = known_verification(record.layout, scene.physics)
-        if scene.unit != "m/s":
+        if not scene.criterion.is_mean_speed:
             for check in verified.floors if verified else ():
                 if check.error is not None:
                     values[f"error.{check.floor}.{name}"] = f"{check.error:.1f}"

@@ -20,6 +20,7 @@ from domino_env.scenes import scene_base, tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Range
 from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
+from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import DIGITS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
@@ -53,6 +54,7 @@ def scene_schema() -> dict[str, Any]:
                 definitions[name]["properties"][key] = _number_or_range(field)
     definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
+    scene["properties"]["objective"]["enum"] = [*OBJECTIVES]
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return head | scene | {"$defs": definitions}
 

@@ -161,7 +161,7 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
     for k, rigid in enumerate(waves):
         wave = simulate(rigid.layout, scene.physics)
         last, uncertainty = last_difference(wave, rigid), rigid.error_estimate
-        in_speed, error = scene.unit == "m/s", None
+        in_speed, error = scene.criterion.is_mean_speed, None
         if not rigid.mean_speed:
             score = f"stops after {rigid.hit} dominoes"
         elif in_speed:  # also if the score is a mean over placement errors

@@ -147,7 +147,7 @@ def draw_scores(
     ends = displayed(np.array([next(iter(curves.values()))[-1], *lines.values()]))
     low, high = ends.min(), ends.max(initial=ends.min(), where=np.isfinite(ends))
     # show the final scores, with room for the legend, not the bad ones at the beginning
-    if not criterion.unit:  # errors, of which the lowest are the best
+    if criterion.shows_errors:
         if not set_wide_axis(axes, ends):
             room = 0.1 * (high - low) + 0.01 * low
             axes.set_ylim(max(low - room, 0.0), high + 9.0 * room)

@@ -79,7 +79,7 @@ def require_kind(scene: Scene) -> None:
     reasons = {
         "its dominoes stand on a floor": scene.simulator.is_slow,
         "a run-out follows its dominoes": scene.run_out is not None,
-        f"its objective is {scene.objective}": not scene.criterion.rewards_speed,
+        f"its objective is {scene.objective}": not scene.criterion.is_mean_speed,
         "its scores are those of draws of placement noise": scene.scoring.placement is not None,
         "its gaps are not free": not scene.free_spacing,
         "its ground is not flat": scene.ground is not None,

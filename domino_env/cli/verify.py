@@ -89,7 +89,7 @@ def _gains_on_floors(scene: Scene, layout: Layout, result: Verification) -> Iter
     from domino_env.scenes.uniform import best_uniform_on
 
     baseline, physics = scene.uniform().layout, result.wave.physics
-    if scene.unit != "m/s" or scene.violations(layout) or physics != scene.physics:
+    if not scene.criterion.is_mean_speed or scene.violations(layout) or physics != scene.physics:
         return
     for rigid in result.reference:
         friction = rigid.floor_friction

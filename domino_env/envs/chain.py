@@ -286,8 +286,8 @@ class DominoChain(DominoEnv):
       of the uniform baseline. The unit is the decibel.
     - If pieces are drawn in random order, T_k and v are means over the orders of seeds 0 to 63.
       Rewards and return of the baseline in one order therefore differ from 0.
-    - With the objective "magnify", Φ = 0: all rewards but the last are 0. If S is 0 or less, the
-      return is 10 (S - 1) - 100, less than that of every success.
+    - With an objective that does not reward steps, as "magnify", Φ = 0: all rewards but the last
+      are 0. If S is 0 or less, the return is 10 (S - 1) - 100, less than that of every success.
 
     The gain compares the score with that of the uniform baseline:
 

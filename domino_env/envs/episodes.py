@@ -81,8 +81,7 @@ class EpisodeResults:
         self.gain = self._gain(baseline, source.rules["score_unit"][scenes])
         sums, first = episodes["reward_sum"], source.first
         # without an expected gain, a failure returns less than every success
-        has_expected_gain = first.criterion.rewards_speed or first.tempo is not None
-        expected = np.minimum(sums, 0.0) if has_expected_gain else -100.0
+        expected = np.minimum(sums, 0.0) if first.criterion.rewards_steps else -100.0
         failure = expected - LEAST_LOSS * (1.0 - self.score)
         has_failed = (self.score <= 0.0) & (baseline > 0.0)
         self.last_rewards = np.where(has_failed, failure, 100.0 * self.gain) - sums

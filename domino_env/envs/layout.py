@@ -43,10 +43,11 @@ class DominoLayout(DominoEnv):
 
     ## Rewards
     The return of `DominoChain-v2` with an expected gain of 0: 100 times the gain for a score S of
-    more than 0, otherwise 10 (S - 1), with the objective "magnify" 10 (S - 1) - 100. If the score
-    of the uniform baseline is not more than 0, it is 100 times the gain. On a floor
-    (`floor_friction`) the layout is simulated free-standing, which takes some 0.2 s of one core in
-    `table`, with forty dominoes, and several seconds for some layouts of random actions.
+    more than 0, otherwise 10 (S - 1), with an objective that does not reward steps, as "magnify",
+    10 (S - 1) - 100. If the score of the uniform baseline is not more than 0, it is 100 times the
+    gain. On a floor (`floor_friction`) the layout is simulated free-standing, which takes some
+    0.2 s of one core in `table`, with forty dominoes, and several seconds for some layouts of
+    random actions.
 
     ## Starting state
     Only the first domino is placed.

@@ -19,6 +19,7 @@ from domino_env.kernels.step.batch import BEGINNING, EPISODE, RULES, RUNNING, UN
 from domino_env.physics.wave import MAX_RTOL, MIN_RTOL, Outcome
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.io.ranges import COUNT
+from domino_env.scenes.objectives.speed import typical_speed
 from domino_env.scenes.objectives.tempo import LEAST_SCORE
 from domino_env.scenes.placement import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
@@ -208,7 +209,7 @@ class SceneSource:
             speed = baseline.score if scene.scoring.is_mean_speed else speed
         positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
-            times = positions / typical_speed(scene)
+            times = positions / typical_speed(scene.height, scene.physics)
         self._store_sizes(i, scene, features, layout.spacing, layout.thickness[1:], layout.height)
         uniform = self.uniform[i, : scene.count]
         uniform["length_left"] = positions[-1] - positions[: scene.count]
@@ -292,9 +293,9 @@ class SceneSource:
         Times beyond the number of dominoes of the scene are not used.
         """
         scene, rules = self.scenes[i], self.rules[i]
-        typical, count = typical_speed(scene), scene.count
-        unit = {"m/s": typical, "m": scene.height}.get(scene.unit, 1.0)
-        rules["uniform_speed"] = speed if speed > 0.0 else typical
+        count, sizes = scene.count, (scene.height, scene.physics)
+        unit = scene.criterion.typical(*sizes)
+        rules["uniform_speed"] = speed if speed > 0.0 else typical_speed(*sizes)
         rules["score_unit"] = max(score, rules["least_score"]) if score > 0.0 else unit
         self.uniform["time_left"][i, :count] = times[count - 1 + self.run_out] - times[:count]
         self.score[i], self.speed[i] = score, speed
@@ -385,11 +386,6 @@ def _sampled_indices(size: int, num_scenes: int | None, first_scene: int) -> ran
     return range(size)[first_scene:][:num_scenes]
 
 
-def typical_speed(scene: Scene) -> float:
-    """Return √(g h), in place of the speed of a uniform baseline that stops [m/s]."""
-    return float(np.sqrt(scene.physics.gravity * scene.height))
-
-
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
     growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
@@ -410,7 +406,7 @@ def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
         "unit": scene.height,
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
-        "rewards_steps": scene.criterion.rewards_speed,
+        "rewards_steps": scene.criterion.rewards_steps,
         "tolerance": 0.0 if tempo is None else tempo.tolerance,
         "score_unit": 0.0,
         "least_score": 0.0 if tempo is None else LEAST_SCORE,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from domino_env.core.checks import require_choice
 from domino_env.core.models import read_model
 from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
@@ -13,7 +14,7 @@ from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds
-from domino_env.scenes.tables import RangeTable, SceneFile
+from domino_env.scenes.tables import DEFAULTS, RangeTable, SceneFile
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
 
@@ -55,6 +56,7 @@ def check_document(document: dict[str, Any]) -> SceneFile:
         For the first violation; the message has key, value and accepted range, or the tables that
         contradict each other.
     """
+    require_choice("objective", document.get("objective", DEFAULTS["objective"]), OBJECTIVES)
     tables = read_model(SceneFile, document)
     for sentence in _violations(tables):
         raise ValueError(sentence)
@@ -138,8 +140,8 @@ def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
                 f"{tables.objective!r}: give both [{name}] and objective = {name!r}, or neither"
             )
     objective = OBJECTIVES[tables.objective]
-    if tables.physics.floor_friction is not None and not objective.rewards_speed:
-        speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.rewards_speed)
+    if tables.physics.floor_friction is not None and not objective.is_mean_speed:
+        speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.is_mean_speed)
         yield (
             f"physics.floor_friction and objective = {tables.objective!r}: free-standing layouts "
             f"are scored by their speed; choose objective = {speeds}, or leave the floor out"

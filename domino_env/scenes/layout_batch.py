@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -93,6 +93,7 @@ class LayoutBatch:
     def simulate(self, *, record: bool = False, gradient: bool = False) -> WaveBatch:
         """Simulate all layouts; the arguments are those of `domino_env.simulate_batch`.
 
+        With both, fields per domino are kept, and layouts are simulated twice.
         On uneven ground, placement noise may make a gap so narrow that dominoes lean against each
         other. Such a gap is replaced by one that is out of reach, so that the wave stops there.
         """
@@ -103,10 +104,14 @@ class LayoutBatch:
                 arrays = gaps, self.thickness, self.height, self.rise, self.tilt
                 # a gap of two heights is out of reach
                 gaps = np.where(footing.impassable(*arrays), 2.0 * self.height[:, :-1], gaps)
-        return simulate_batch(
+        waves = simulate_batch(
             gaps, self.thickness, self.physics, height=self.height, density=self.density,
-            rtol=self.rtol, record=record, gradient=gradient, **ground,
+            rtol=self.rtol, record=record, gradient=gradient and not record, **ground,
         )  # fmt: skip
+        if not (record and gradient):
+            return waves
+        last = np.broadcast_to(np.eye(1, self.count, self.count - 1), self.thickness.shape)
+        return replace(waves, gradient=waves.pullback(last))
 
     def along_ground(self, gradient: Gradient) -> Gradient:
         """Convert a gradient as `Ground.along_ground` does; on flat ground it is unchanged."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from msgspec import Meta
@@ -41,10 +41,6 @@ LINE_PATTERN = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 
 Name = Annotated[str, Meta(pattern=NAME_PATTERN, max_length=100)]
 Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
-if TYPE_CHECKING:
-    ObjectiveName = str
-else:
-    ObjectiveName = Literal[tuple(OBJECTIVES)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +59,7 @@ class SceneBase:
         ),
     ] = "own"  # fmt: skip
     title: Annotated[Title, about("subject of the scene in one line")] = DERIVED
-    objective: Annotated[ObjectiveName, about("rule by which layouts are scored")] = "mean_speed"
+    objective: Annotated[str, about("rule by which layouts are scored")] = "mean_speed"
     physics: Physics = Physics()  # noqa: RUF009 - frozen
     count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
     height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT

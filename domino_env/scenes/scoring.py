@@ -53,7 +53,7 @@ class Scoring:
     @property
     def is_mean_speed(self) -> bool:
         """True if a success scores the mean speed of the layout itself with fixed pivots."""
-        return self.objective.rewards_speed and self.follows_wave
+        return self.objective.is_mean_speed and self.follows_wave
 
     @property
     def cost(self) -> int:
@@ -76,17 +76,21 @@ class Scoring:
     def _evaluate(self, layouts: LayoutBatch, gradient: bool, stop: Stop = None) -> Scores:
         """Evaluate layouts as placed."""
         objective, pairs = self.objective, layouts.count - 1
+        by_time = gradient and objective.needs_time_gradient
         if self.run_out is not None:
             layouts = self.run_out.append_to(layouts)
         waves = self.simulator.simulate(
-            layouts, record=objective.needs_arrivals or self.limits is not None,
-            gradient=gradient and objective.rewards_speed, stop=stop,
-        )  # fmt: skip
+            layouts,
+            record=objective.needs_arrivals or (self.limits is not None and not by_time),
+            gradient=by_time,
+            stop=stop,
+        )
         scores = self.score(waves)
         if not gradient:
             return scores
         if not self.simulator.is_slow:
-            derivatives = objective.derivatives(waves, layouts)
+            with np.errstate(all="ignore"):  # of waves that stop, whose numbers are not used
+                derivatives = objective.derivatives(waves, layouts)
             if self.run_out is not None:
                 derivatives = derivatives.first(pairs)
             return scores.with_gradient(derivatives)

@@ -277,8 +277,8 @@ def best_uniform_on(scene: SceneBase, baseline: Layout, floor: float | None) -> 
         random order, and if the baseline is the first dominoes of a layout with a given length.
     """
     is_whole = baseline.count == scene.count
-    keeps_baseline = scene.hand or scene.criterion.unit != "m/s" or (scene.length and not is_whole)
-    if keeps_baseline or (floor is None and is_whole):
+    keeps_baseline = scene.hand or not scene.criterion.is_mean_speed
+    if keeps_baseline or (scene.length and not is_whole) or (floor is None and is_whole):
         return baseline
     return uniform_baseline(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,

@@ -99,7 +99,8 @@ def _best_known(result: SearchResult) -> str:
     shortfall = (best.score - accurate_score(scene, result.layout)) / abs(best.score)
     if shortfall < -MIN_GAIN:
         return f"{score}: this search is better"
-    difference = f"shortfall {shortfall:.4%}" if scene.unit else "not reached"
+    is_relative = not scene.criterion.shows_errors
+    difference = f"shortfall {shortfall:.4%}" if is_relative else "not reached"
     difference = "reached" if shortfall < EQUAL_SCORE else difference
     return f"{score}, by {best.method}: {difference}"
 
@@ -107,11 +108,11 @@ def _best_known(result: SearchResult) -> str:
 def _best(result: SearchResult) -> str:
     """Return the score of the best layout of a search, and its effort, as a text."""
     wave, score = result.wave, result.scene.format_score(result.score, result.wave)
-    # the ratio of scores without a unit has no meaning
-    gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"
+    gain, is_relative = result.gain, not result.scene.criterion.shows_errors
+    gain_text = f", {gain:+z.2%}" if gain is not None and is_relative else ""
     prefix = "interrupted after " if result.interrupted else ""
     text = (
-        f"{score}{gain} ({_kind(result.scene, wave)}; {result.method}, seed {result.seed}, "
+        f"{score}{gain_text} ({_kind(result.scene, wave)}; {result.method}, seed {result.seed}, "
         f"{prefix}{amount(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

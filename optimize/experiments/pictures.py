@@ -114,7 +114,7 @@ def draw_over_time(experiment: Experiment, path: Path) -> None:
             median, low, high = _median_and_range(shortfalls)
             ends.setdefault(method, []).append(median[-1])
             criterion = runs[0].criterion
-            if not criterion.unit:
+            if criterion.shows_errors:
                 errors[problem] = criterion.quantity()
                 scores = [experiment.best_scores(r, times) for r in runs]
                 median, low, high = _median_and_range(criterion.displayed(scores))
@@ -147,12 +147,12 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
     """Draw gains or RMS errors in a panel for each setting, over all values of the other settings.
 
     Of two settings with few values and one method, there is a curve for each value of the other. If
-    the scores of the first scene have no unit, `displayed` numbers are drawn.
+    the numbers displayed of the first scene are errors, these are drawn.
     """
     first = experiment.results[0]
     keys, criterion = experiment.keys, first.criterion
-    unit = criterion.unit
-    quantity = "gain over uniform" if unit else criterion.quantity()
+    shows_errors, unit = criterion.shows_errors, "" if criterion.shows_errors else " %"
+    quantity = criterion.quantity() if shows_errors else "gain over uniform"
     labels = {key: list(dict.fromkeys(r.labels[key] for r in experiment.results)) for key in keys}
     words = {key for key in keys if any(isinstance(label, str) for label in labels[key])}
     groups, methods = experiment.describe_seeds(MEDIANS), experiment.methods
@@ -171,7 +171,7 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
         text = f"{value:.6g}" if isinstance(value, float) else value
         curve = f"{other} = {text}" if split else r.method
         heights = points.setdefault((key, curve), {}).setdefault(r.labels[key], [])
-        if not unit:
+        if shows_errors:
             heights.append(float(r.criterion.displayed(r.score)))
         elif r.gain is not None:
             heights.append(100.0 * r.gain)
@@ -187,8 +187,8 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
         places = np.array([] if key in words else labels[key])
         if len(places) and min(places) > 0.0 and np.median(places) < 0.2 * max(places):
             axes.set_xscale("log")  # most values are far below the largest
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
-        if not unit:
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{unit}"))
+        if shows_errors:
             plot_style.set_wide_axis(axes, _ends(panels[key]))
 
     curves = list(dict.fromkeys(curve for _, curve in points)) if split else methods

@@ -84,7 +84,7 @@ def page(experiment: Experiment, title: str, picture: str) -> str:
         title=title, picture=picture, runs=amount(len(experiment.results), "search"),
         limit=experiment.tasks[0].limit, over=experiment.describe_seeds("medians over"),
         clock="seconds" if experiment.clock == "seconds" else "layouts simulated",
-        note=SCHEDULE * any(not r.criterion.unit for r in experiment.results),
+        note=SCHEDULE * any(r.criterion.shows_errors for r in experiment.results),
         sections="\n".join(sections),
     )  # fmt: skip
 
@@ -93,7 +93,8 @@ def table(experiment: Experiment, problems: Sequence[str]) -> list[str]:
     """Return a Markdown table: a line for each problem and method, the best method first."""
     criteria = {r.problem: r.criterion for r in experiment.results if r.problem in problems}
     quantity = ", ".join(dict.fromkeys(criterion.quantity() for criterion in criteria.values()))
-    relative = ["gain", "shortfall"] * any(c.unit for c in criteria.values())  # in per cent
+    is_relative = any(not criterion.shows_errors for criterion in criteria.values())
+    relative = ["gain", "shortfall"] * is_relative  # in per cent
     names = (
         *experiment.keys, "method", quantity, "worst", "uniform", *relative, "to 1 %", "to 0.1 %",
         "layouts simulated",
@@ -153,7 +154,7 @@ def summarise(study: Study) -> list[str]:
         gain, quantity = "" if best.gain is None else f"{best.gain:+z.2%}", "gain"
         if best.uniform_score:  # it is 0 if scenes are sampled, whose scores are gains
             quantity, scores = best.criterion.quantity(), best.criterion.displayed(scores)
-            gain *= bool(best.criterion.unit)
+            gain *= not best.criterion.shows_errors
         lines.append((*group, str(len(runs)), quantity, *map("{:.6g}".format, scores), gain))
     table = ["", *text_table(names, lines, right=names[2:])] if lines else []
     return [*map(one_line, filter(None, text)), *table]

@@ -201,7 +201,7 @@ export class Draft {
     const number = rounded(scene.text(this.score, wave));
     if (!uniform) return [number, "computing the best equal gaps …"];
     const gain = this.score / uniform.score - 1;
-    if (scene.unit !== "m/s" || !(Math.min(this.score, uniform.score) > 0)) return [number, `best equal gaps: ${rounded(scene.text(uniform.score, uniform.wave))}`];
+    if (!scene.isMeanSpeed || !(Math.min(this.score, uniform.score) > 0)) return [number, `best equal gaps: ${rounded(scene.text(uniform.score, uniform.wave))}`];
     if (Math.abs(gain) < SAME_GAIN) return [number, "as fast as the best equal gaps"];
     return [number, `${(100 * Math.abs(gain)).toFixed(2)}% ${gain > 0 ? "faster" : "slower"} than the best equal gaps`];
   }
@@ -213,7 +213,7 @@ export class Draft {
     if (this.stop >= 0) return words + wave.explanation.split(" (smallest_push")[0];
     const last = wave.arrivalTimes[count - 1];
     words += `last hit after ${last.toFixed(4)} s (computed to ${(wave.errorEstimate * last).toExponential(0)} s)`;
-    if (best && uniform && this.score !== undefined && this.scene.unit === "m/s") {
+    if (best && uniform && this.score !== undefined && this.scene.isMeanSpeed) {
       const share = (this.score - uniform.score) / (best.score - uniform.score);
       if (share > 0.005) words += `; ${(100 * share).toFixed(0)}% of the gain of the best known row`;
     }

@@ -12,6 +12,7 @@ import json
 import re
 import webbrowser
 from collections.abc import Sequence
+from functools import cache
 from html import escape
 from pathlib import Path
 from tempfile import mkdtemp
@@ -130,6 +131,8 @@ def page_text(
         The page.
     """
     scene = scene or load_scene("course")
+    for document in (scene.document(), *(row["document"] for row in rows)):
+        _require_known(document)
     first: dict[str, Any] = {"document": scene.document()}
     if layout is not None:
         first["layout"] = layout_document(layout)
@@ -242,8 +245,10 @@ def studio(source: str | Path | Scene | Layout = "course") -> Studio:
 def _shipped() -> dict[str, dict[str, Any]]:
     """Return documents, best equal gaps and best known layouts of the shipped scenes."""
     scenes, known = {}, best_known()
-    for name in scene_names():
-        scene = load_scene(name)
+    for scene in map(load_scene, scene_names()):
+        if scene.objective not in _objectives():
+            continue
+        name = scene.name
         document, entry = scene.document(), {}
         if (point := stored_point(document)) is not None:
             entry["uniform"] = _sizes(scene, UniformLayouts(scene).layout(np.array(point)))
@@ -251,6 +256,24 @@ def _shipped() -> dict[str, dict[str, Any]]:
             entry["best"] = _sizes(scene, known[name].layout)
         scenes[name] = {"document": document} | entry
     return scenes
+
+
+@cache
+def _objectives() -> tuple[str, ...]:
+    """Return the names of the objectives that scene.js has."""
+    (names,) = re.findall(r"OBJECTIVES = \[(.+)\];", _read("scene.js"))
+    return tuple(re.findall(r"\w+", names))
+
+
+def _require_known(document: dict[str, Any]) -> None:
+    """Raise ValueError for the document of a scene with an objective that scene.js has not."""
+    name, objective = document["name"], document["objective"]
+    if objective not in _objectives():
+        raise ValueError(
+            f"scene '{name}' has objective = '{objective}', and the page computes "
+            f"{', '.join(_objectives())} only: search it with `domino optimize {name}`, and see "
+            "its layouts with `domino render`"
+        )
 
 
 def _sizes(scene: Scene, layout: Layout) -> list[Any]:

@@ -160,7 +160,7 @@ export class Scene {
   get freeSpacing() { return this.spacing[0] < this.spacing[1]; }
   get freeThickness() { return this.thickness[0] < this.thickness[1]; }
   get freeHeight() { return this.growth !== null && this.growth[0] < this.growth[1]; }
-  get unit() { return { mean_speed: "m/s", magnify: "m", tempo: "" }[this.objective]; }
+  get isMeanSpeed() { return this.objective === "mean_speed"; }
 
   /** Sentence with the command that searches a scene which this page does not search, or "". */
   get whyNotSearched() {
@@ -332,7 +332,7 @@ export class Scene {
   }
 
   #success(wave) {
-    if (this.objective === "mean_speed") return wave.meanSpeed;
+    if (this.isMeanSpeed) return wave.meanSpeed;
     if (this.objective === "magnify") return wave.layout.height.at(-1);
     return 1 / (1 + this.rmsError(wave) / this.tempo.tolerance);
   }
@@ -352,7 +352,7 @@ export class Scene {
     const byTimes = (wave) => {
       if (!(this.scoreOf(wave) > 0)) return null;
       const bar = new Float64Array(wave.arrivalTimes.length), last = bar.length - 1;
-      if (this.objective === "mean_speed") bar[last] = -wave.meanSpeed / wave.totalTime;
+      if (this.isMeanSpeed) bar[last] = -wave.meanSpeed / wave.totalTime;
       if (this.objective === "tempo") {
         const rms = Math.max(this.rmsError(wave), 1e-300), { schedule, tolerance } = this.tempo, score = 1 / (1 + rms / tolerance);
         schedule.forEach((t, i) => { bar[i + 1] = ((-(score ** 2) / tolerance) * (wave.arrivalTimes[i + 1] - t)) / (pairs * rms); });
@@ -362,7 +362,7 @@ export class Scene {
     let gradient = this.kernels.gradient(row, this.physics, byTimes, { rtol });
     const { wave } = gradient, score = this.scoreOf(wave);
     if (!gradient.spacing) return { score, wave, spacing: null, thickness: null, height: null };
-    if (this.objective === "mean_speed") gradient = withLength(gradient, row, 1 / wave.totalTime);
+    if (this.isMeanSpeed) gradient = withLength(gradient, row, 1 / wave.totalTime);
     if (this.ground) gradient = { ...gradient, ...this.ground.along(gradient, row) };
     if (this.objective === "magnify") gradient.height[pairs] += 1;
     const [spacing, thickness, height] = [gradient.spacing.slice(0, pairs), gradient.thickness, gradient.height];

@@ -18,6 +18,7 @@ from domino_env.core.models import Value
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import Gradient
+from domino_env.physics.physics import Physics
 from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 
@@ -78,7 +79,10 @@ class Scores:
 
     def with_gradient(self, gradient: ScoreGradient) -> Scores:
         """Return the scores with derivatives, which are set to 0 for scores of 0 or less."""
-        return replace(self, gradient=gradient.scale(self.score > 0.0))
+        succeeds = (self.score > 0.0)[:, None]
+        return replace(
+            self, gradient=ScoreGradient(*(np.where(succeeds, part, 0.0) for part in gradient))
+        )
 
     def squeeze(self) -> Scores:
         """Drop the first axis of a batch of one."""
@@ -103,15 +107,21 @@ class Objective(ABC):
     name: ClassVar[str]
     """Value of the key `objective` in scene files."""
     unit: ClassVar[str] = ""
-    """Unit of the score of a success; without a unit, gains are not shown in per cent."""
+    """Unit of the score of a success; empty for none."""
     table: ClassVar[type[Value] | None] = None
     """Type of `settings`; None if the objective has no table."""
     failure: ClassVar[str] = "no success"
     """Text in place of the score of a wave that stops."""
-    rewards_speed: ClassVar[bool] = False
-    """True if a faster wave scores more; `derivatives` then needs the gradient of total times."""
+    is_mean_speed: ClassVar[bool] = False
+    """True if the score of a wave that completes is its mean speed [m/s]."""
+    rewards_steps: ClassVar[bool] = False
+    """True if a faster wave scores more, so that environments reward steps by the expected gain."""
     needs_arrivals: ClassVar[bool] = False
-    """True if scores depend on the arrival time of each domino."""
+    """True if scores depend on more than summaries of waves, such as the time of each hit."""
+    needs_time_gradient: ClassVar[bool] = False
+    """True if `derivatives` uses the gradients of the total times, `WaveBatch.gradient`."""
+    shows_errors: ClassVar[bool] = False
+    """True if `displayed` numbers are errors, of which the lowest is the best."""
 
     @abstractmethod
     def success(self, waves: WaveBatch) -> Floats:
@@ -121,12 +131,17 @@ class Objective(ABC):
         """Score waves."""
         score = waves.reach - 1.0
         if waves.propagated.any():
-            score = np.where(waves.propagated, self.success(waves), score)
+            with np.errstate(all="ignore"):  # of waves that stop, whose numbers are not used
+                score = np.where(waves.propagated, self.success(waves), score)
         return Scores(score, waves.reach, waves.falls)
 
     @abstractmethod
     def derivatives(self, waves: WaveBatch, layouts: LayoutBatch) -> ScoreGradient:
         """Return the derivatives of the scores of waves; those of scores up to 0 are not used."""
+
+    def typical(self, height: float, physics: Physics) -> float:
+        """Return the divisor of scores in gains of a scene whose uniform baseline is no success."""
+        return 1.0
 
     def gain(self, score: Floats, reference: Floats) -> Floats:
         """Return the gains of scores of 0 or more over references of more than 0."""
@@ -138,11 +153,11 @@ class Objective(ABC):
 
     def quantity(self) -> str:
         """Return the name of the `displayed` numbers, with their unit."""
-        return f"score [{self.unit}]"
+        return f"score [{self.unit}]" if self.unit else "score"
 
     def label(self, score: float, digits: int = 6) -> str:
         """Format a score as "score 0.828550 m/s"; one of 0 or less, a failure, has no unit."""
-        return f"score {score:.{digits}f}" + f" {self.unit}" * (score > 0.0)
+        return f"score {score:.{digits}f} {self.unit if score > 0.0 else ''}".rstrip()
 
     def compare(
         self, score: float, reference: float, name: str, digits: int = 2, detailed: bool = False

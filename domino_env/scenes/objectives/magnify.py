@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from domino_env.core.types import Floats
+from domino_env.physics.physics import Physics
 from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
@@ -32,6 +33,10 @@ class Magnify(Objective):
         by_height = zeros.copy()
         by_height[:, -1] = 1.0
         return ScoreGradient(zeros, zeros, by_height)
+
+    def typical(self, height: float, physics: Physics) -> float:
+        """Return the height of the first domino."""
+        return height
 
     def format_score(self, score: float, digits: int = 6) -> str:
         """Format the height of the last domino."""

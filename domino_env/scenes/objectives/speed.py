@@ -9,9 +9,15 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.gradient import with_length_gradient
+from domino_env.physics.physics import Physics
 from domino_env.physics.wave import WaveBatch
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
+
+
+def typical_speed(height: float, physics: Physics) -> float:
+    """Return √(g h), in place of the speed of a uniform baseline that stops [m/s]."""
+    return float(np.sqrt(physics.gravity * height))
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,9 @@ class MeanSpeed(Objective):
     name: ClassVar[str] = "mean_speed"
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
-    rewards_speed: ClassVar[bool] = True
+    is_mean_speed: ClassVar[bool] = True
+    rewards_steps: ClassVar[bool] = True
+    needs_time_gradient: ClassVar[bool] = True
 
     def success(self, waves: WaveBatch) -> Floats:
         """Return the mean speeds (B,) [m/s]."""
@@ -43,6 +51,10 @@ class MeanSpeed(Objective):
             (1.0 - speed * time_gradient.thickness[:, 1:]) / time,
             -speed * time_gradient.height[:, 1:] / time,
         )
+
+    def typical(self, height: float, physics: Physics) -> float:
+        """Return `typical_speed`."""
+        return typical_speed(height, physics)
 
     def format_score(self, score: float, digits: int = 6) -> str:
         """Format the speed."""

@@ -156,7 +156,9 @@ class InTempo(Objective):
 
     name: ClassVar[str] = "tempo"
     table: ClassVar[type[Value] | None] = Tempo
+    rewards_steps: ClassVar[bool] = True
     needs_arrivals: ClassVar[bool] = True
+    shows_errors: ClassVar[bool] = True
 
     def success(self, waves: WaveBatch) -> Floats:
         """Return the scores (B,) of the arrival times."""

@@ -42,11 +42,11 @@ END_PLACES, DISTANCE_RATIO = 60, 1.5
 def is_long(scene: Scene) -> bool:
     """Return True if a scene has many dominoes and its layouts resemble shorter ones.
 
-    They do if the score rewards speed and the rules are the same for every domino and any count: no
-    stock, no growing heights, no uneven ground.
+    They do if a faster wave scores more, and the rules are the same for every domino and any count:
+    no stock, no growing heights, no uneven ground.
     """
-    rewards_speed = scene.criterion.rewards_speed
-    return scene.count >= LONG_COUNT and rewards_speed and scene.is_homogeneous
+    is_long = scene.count >= LONG_COUNT and scene.is_homogeneous
+    return is_long and not scene.criterion.needs_arrivals and scene.criterion.rewards_steps
 
 
 def search_stretched(
