@@ -56,7 +56,8 @@ def check_document(document: dict[str, Any]) -> SceneFile:
         For the first violation; the message has key, value and accepted range, or the tables that
         contradict each other.
     """
-    require_choice("objective", document.get("objective", DEFAULTS["objective"]), OBJECTIVES)
+    if isinstance(document, dict):  # otherwise the model's error
+        require_choice("objective", document.get("objective", DEFAULTS["objective"]), OBJECTIVES)
     tables = read_model(SceneFile, document)
     for sentence in _violations(tables):
         raise ValueError(sentence)

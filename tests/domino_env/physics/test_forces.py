@@ -30,8 +30,7 @@ def reactions(chain, n, lead, speed):
     return normals, upright / (mass * GRAVITY), needed
 
 
-@pytest.mark.parametrize("uneven", [False, True])
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize(("friction", "uneven"), [(0.0, False), (0.3, True)])
 def test_forces_and_impulses_agree_with_the_oracle(friction, uneven):
     """At 17 angles of each interval between hits, and in the hits."""
     rng = np.random.default_rng(0)
