@@ -16,7 +16,6 @@ from domino_env.kernels import arrays
 from domino_env.physics.motion import PIECES
 from optimize.studio.wasm.build import MATHS, MODULE
 
-
 NO_FINALIZER = ctypes.CFUNCTYPE(None, ctypes.c_void_p)()
 
 
