@@ -7,7 +7,7 @@
 
 Trained policies build layouts in the environment DominoChain-v2. All are evaluated by the score of
 the scene, as searches are. Importing this package does not import torch; training needs the extra
-"rl": pip install "domino-chains[rl]".
+"rl": `pip install -e ".[rl]"` in the folder of the project.
 """
 
 import lazy_loader

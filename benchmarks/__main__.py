@@ -8,6 +8,7 @@ machines differ, and so does their other work.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -260,10 +261,26 @@ def compilation_table() -> Iterator[str]:
         )
 
 
-@de.compiled()
 def main() -> None:
-    """Print the tables; an argument names a table of this process alone."""
-    if sys.argv[1:] == ["first-calls"]:
+    """Print the tables, or the one that an argument names."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Measure run times of simulations and environments: five minutes.",
+    )
+    parts = {
+        "first-calls": "processor times of the first calls of this process, as JSON",
+        "compilation": "what these calls compile",
+        "page": "the page in Chromium",
+    }
+    text = "; ".join(f"{name}: {meaning}" for name, meaning in parts.items())
+    parser.add_argument("part", nargs="?", choices=parts, help=f"one table instead of all. {text}")
+    print_tables(parser.parse_args().part)
+
+
+@de.compiled()
+def print_tables(part: str | None) -> None:
+    """Print a table of this process, or all tables."""
+    if part == "first-calls":
         seconds = {}
         for name, call in first_calls().items():
             start = time.process_time()
@@ -271,10 +288,10 @@ def main() -> None:
             seconds[name] = time.process_time() - start
         print(json.dumps(seconds))
         return
-    if sys.argv[1:] == ["compilation"]:
+    if part == "compilation":
         print(*compilation_table(), sep="\n")
         return
-    if sys.argv[1:] == ["page"]:
+    if part == "page":
         print(*starmap(format_line, time_page()), sep="\n")
         return
     print(f"{'':68}{'µs per unit':>14}   remark")

@@ -1,17 +1,16 @@
 """Fill the pages with tables and numbers from docstrings, stored results and short simulations.
 
-``python docs/pages.py`` writes README.md and the pages in docs/: tables, between the comments
-``<!-- name -->`` and ``<!-- end -->``, and numbers that several pages quote. A number is marked by
-an HTML comment with its name directly behind it: 3.2 and ``<!--gain.sprint-->``. MkDocs calls
-`on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every scene, with
-pictures, and pages of the public names, and list them in the navigation.
+``python docs/pages.py`` writes README.md, the pages in docs/ and scenes.csv: tables, between the
+comments ``<!-- name -->`` and ``<!-- end -->``, and numbers that several pages quote. A number is
+marked by an HTML comment with its name directly behind it: 3.2 and ``<!--gain.sprint-->``. MkDocs
+calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks), which add a page for every
+scene, with pictures, and pages of the public names, and list them in the navigation.
 """
 
 from __future__ import annotations
 
 import ast
 import csv
-import inspect
 import re
 from functools import cache, partial
 from importlib.resources import files as package_files
@@ -26,16 +25,18 @@ import domino_env as de
 from agents.rollout import evaluation_seeds, is_random
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector
+from domino_env.core.checks import CODE_ADDRESS
 from domino_env.core.colours import UNIFORM
 from domino_env.core.plot_style import png
-from domino_env.core.tables import fill_tables, markdown_table
+from domino_env.core.tables import csv_table, fill_tables, markdown_table
 from domino_env.core.types import Floats
 from domino_env.rigid.known import known_verification, not_toppled, read_verified
-from domino_env.scenes.io.reading import schema_fields
+from domino_env.scenes.io.reading import read_layout, schema_fields
 from domino_env.validation.source import shipped_sources
 from domino_env.view.animation import poses
 from domino_env.view.compared import ComparedLayout
 from domino_env.view.figures import DrawnLayout, draw_layouts, draw_with_uniform
+from optimize import search
 from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, THIRD_PARTY
 from optimize.studio.page import page_text
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
 
 STANDARD = 0.0075  # thickness of a standard domino [m]
-README_COLUMNS = ("scene", "problem", "result, over equal gaps", "floor 0.5")
+SUMMARY_COLUMNS = ("scene", "problem", "result, over equal gaps", "floor 0.5")
 REACTING = {"draw": "rule", "tempo-noise": "controller"}  # policies that see what is random
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -78,8 +79,8 @@ domino report runs/best.csv --scene {name}      # race it against the baseline
 {source}```
 """
 BEST = """\
-The best known layout was found by `{method}` (seed {seed}). Its [verification](../verified.md), on
-fixed pivots and on floors."""
+The best known layout was found by `{method}` (seed {seed}). [Verification](../verification.md)
+compares it with rigid bodies, on fixed pivots and on floors."""
 DRAWN = """\
 Below, one random order of the pieces: equal gaps, and the layout of the policy `rule`, which sees
 the pieces in hand. Means over 200 orders, with the best known layout for each order as hindsight:
@@ -109,6 +110,11 @@ SITE_LINKS = {  # links to files of the repository, and to pages of the site
     r"\(\.\./\.\./domino_env/scenes/shipped/([\w-]+)\.toml\)": r"(\1.md)",
     r"\[`(\w+)`\]\(\.\./(\w+)/([\w/]+)\.py\)": r"[`\1`][\2.\1]",
 }
+
+
+def on_config(config: Any) -> None:
+    """Set the address of the code, from which the site links to it."""
+    config.repo_url = CODE_ADDRESS or None
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -218,17 +224,14 @@ def _equation(equation: re.Match[str]) -> str:
 
 
 def filled_pages() -> dict[Path, str]:
-    """Return README and the pages with their present tables and numbers."""
+    """Return README, the pages and the table of scenes with their present content."""
     columns = scene_columns()
     tables: dict[str, dict[str, list[str]]] = {
-        "README.md": {"scenes": scene_table("domino_env", readme_columns(), README_COLUMNS)},
+        "README.md": {"code": code_lines(), "citation": citation()},
+        "docs/index.md": {"code": code_lines()},
         "docs/scenes/index.md": {
-            "scenes": scene_table("../../domino_env", columns, tuple(columns)),
+            "scenes": scene_table("../../domino_env", summary_columns(), SUMMARY_COLUMNS),
             "keys": key_table(),
-        },
-        "docs/environments.md": {
-            "chain": class_sections(DominoChain, "Action space", "Observation space", "Rewards"),
-            "returns": return_table(),
         },
         "docs/methods.md": {
             "methods": method_sections(),
@@ -240,7 +243,32 @@ def filled_pages() -> dict[Path, str]:
     for path in (ROOT / "README.md", DOCS / "scenes" / "index.md", *sorted(DOCS.glob("*.md"))):
         text = fill_tables(_text(path), tables.get(path.relative_to(ROOT).as_posix(), {}))
         pages[path] = with_numbers(text, values)
+    columns = columns | return_columns()
+    pages[DOCS / "scenes.csv"] = csv_table(columns, zip(*columns.values(), strict=True))
     return pages
+
+
+def code_lines() -> list[str]:
+    """Return the line that says where the commands are entered."""
+    if CODE_ADDRESS:
+        return [f"`git clone {CODE_ADDRESS}`, then, in its folder:"]
+    return ["In the folder of the project:"]
+
+
+def citation() -> list[str]:
+    """Return the BibTeX entry of CITATION.cff."""
+    text = _text(ROOT / "CITATION.cff").partition("references:")[0]
+    fields = dict(re.findall(r"^ *(?:- )?([a-z-]+): (.+)$", text, re.MULTILINE))
+    abstract = re.findall(r"abstract: >-\n +(.+)\.\n", text)[0]
+    entry = {
+        "author": f"{{{fields['name']}}}",
+        "title": f"{{{fields['title']}}}: {abstract[0].lower()}{abstract[1:]}",
+        "version": fields["version"],
+        "year": fields.get("date-released", "").strip("'\"")[:4],
+        "url": CODE_ADDRESS,
+    }
+    lines = [f"  {key} = {{{value}}}," for key, value in entry.items() if value]
+    return ["```bibtex", "@software{domino_chains,", *lines, "}", "```"]
 
 
 @cache
@@ -266,12 +294,12 @@ def scene_columns() -> dict[str, list[str]]:
     return dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))
 
 
-def readme_columns() -> dict[str, list[str]]:
-    """Return the columns of README's table: what the titled task allows, and on one floor.
+def summary_columns() -> dict[str, list[str]]:
+    """Return the columns of the page of scenes: what the titled task allows, and on one floor.
 
     A score that is no speed is an error; in scenes with random events it is that of a policy.
     """
-    columns = scene_columns() | {README_COLUMNS[2]: []}
+    columns = scene_columns() | {SUMMARY_COLUMNS[2]: []}
     floors = columns["floor 0.5"] = columns["floor 0.5"].copy()
     for i, name in enumerate(columns["scene"]):
         gain, by = columns["over equal gaps"][i], ""
@@ -284,7 +312,7 @@ def readme_columns() -> dict[str, list[str]]:
             errors = (scene.criterion.label(s, 2) for s in (reached, scene.uniform().score))
             error, even = (text.removeprefix("RMS error ") for text in errors)
             gain = f"error {error}, not {even}{by}"
-        columns[README_COLUMNS[2]].append(gain)
+        columns[SUMMARY_COLUMNS[2]].append(gain)
     return columns
 
 
@@ -364,20 +392,13 @@ def key_table() -> list[str]:
     return markdown_table(("table", "key", "meaning", "default"), lines)
 
 
-def class_sections(kind: type, *titles: str) -> list[str]:
-    """Return some sections of the docstring of an environment."""
-    _, *sections = (inspect.getdoc(kind) or "").split("## ")
-    chosen = [f"### {text}".rstrip() for text in sections if text.partition("\n")[0] in titles]
-    return "\n\n".join(chosen).splitlines()
-
-
-def return_table() -> list[str]:
-    """Return the table of observations, actions and returns in all scenes.
+def return_columns() -> dict[str, list[object]]:
+    """Return columns of observations, actions and returns in all scenes.
 
     Returns are means over episodes [%]. References react to what is random in the scene, or are
     planned for it.
     """
-    lines = []
+    lines: list[tuple[object, ...]] = []
     for name, record in best_known().items():
         scene = de.load_scene(name)
         env, rng = DominoChain(scene), np.random.default_rng(0)
@@ -398,9 +419,10 @@ def return_table() -> list[str]:
         known = ", ".join(f"{key} {100.0 * value:.1f}" for key, value in others.items())
         digits = 0 if scene.simulator.is_slow else 1  # floors differ between processors
         numbers = (f"{value:z.{digits}f}" for value in means)
-        lines.append((f"`{name}`", entries, size, scene.count - 1, *numbers, known))
-    names = "scene", "O", "A", "steps", "random", "zeros", "best known, or references"
-    return markdown_table(names, lines)
+        lines.append((entries, size, scene.count - 1, *numbers, known))
+    names = ("entries of an observation", "entries of an action", "steps of an episode")
+    names += ("return of random actions", "return of actions of 0", "returns of references")
+    return dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))
 
 
 def _returns(act: Any, env: DominoChainVector, seeds: range) -> Floats:
@@ -428,7 +450,8 @@ def method_sections() -> list[str]:
     for module, names in modules.items():
         source = ROOT / "optimize" / "methods" / f"{module.replace('.', '/')}.py"
         text = ast.get_docstring(ast.parse(source.read_text("utf-8"))) or ""
-        lines += [f"## {', '.join(names)}", "", UNDERLINED.sub(r"**\1**", text), ""]
+        text = UNDERLINED.split(text)[0].rstrip()  # without references
+        lines += [f"## {', '.join(names)}", "", text, ""]
     return lines[:-1]
 
 
@@ -481,6 +504,7 @@ def numbers() -> dict[str, str]:
         for name, layout in layouts.items()
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | run_numbers()
+    computed |= race_numbers() | free_end_numbers()
     claims = {f"claims.{x['quantity']}": x["value"] for x in read_csv("claims.csv") if not x["gap"]}
     questions = {f"questions.{x['quantity']}": x["value"] for x in read_csv("open-questions.csv")}
     return MEASURED | times | computed | claims | questions
@@ -519,6 +543,37 @@ def scene_numbers() -> dict[str, str]:
     return values
 
 
+def race_numbers() -> dict[str, str]:
+    """Return the lengths [mm], times [s] and gain [%] of race.gif."""
+    scene = de.load_scene(DOCS / "race.scene.toml")
+    best, uniform = scene.simulate(read_layout(DOCS / "race.csv", scene)), scene.uniform()
+    return {
+        "race.designed": f"{1e3 * uniform.layout.length:.0f}",
+        "race.length": f"{1e3 * best.layout.length:.0f}",
+        "race.gain": f"{100.0 * (scene.score(best) / uniform.score - 1.0):.1f}",
+        "race.seconds.best": f"{best.arrival_times[-1]:.3f}",
+        "race.seconds.uniform": f"{uniform.wave.arrival_times[-1]:.3f}",
+    }
+
+
+def free_end_numbers() -> dict[str, str]:
+    """Return what the free end of `course` buys, if sixty dominoes follow at the equal gap [%].
+
+    These are losses in mean speed of the best known layout at some dominoes, and the gain of a
+    layout that was designed for the longer row.
+    """
+    course = de.load_scene("course")
+    uniform, best = course.uniform().layout, best_known()["course"].layout
+    longer = course.replace(run_out=de.RunOut(60, float(uniform.spacing[0])))
+    speeds = []
+    for layout in (uniform, best):
+        wave = longer.simulate(layout)
+        speeds.append(wave.layout.positions[1:] / wave.arrival_times[1:])
+    loss = 100.0 * (1.0 - speeds[1] / speeds[0])
+    values = {f"free_end.{n}": f"{loss[n - 1]:.1f}" for n in (62, 65, 119)}
+    return values | {"free_end.designed": f"{100.0 * search(longer, budget=500, seed=0).gain:.1f}"}
+
+
 def run_numbers() -> dict[str, str]:
     """Return results of benchmark.csv: counts on sprint, means in scenes with random events.
 
@@ -547,15 +602,14 @@ def verification_numbers() -> dict[str, str]:
     verified = read_verified().values()
     agreeing = [entry for entry in verified if entry.verdict.startswith("AGREES")]
     largest = max(entry.checks[0].largest for entry in agreeing)
-    verdicts = re.findall(
-        r"^\| `[\w-]+`, random .*\| (\w+)[^|]*\|$", _text(DOCS / "verified.md"), re.M
-    )
+    verdicts = [line["verdict"] for line in read_csv("verified-random.csv")]
     return {
         "known.agree": str(len(agreeing)),
         "known.all": str(len(verified)),
         "known.largest": f"{100.0 * largest:.3f}",
         "random.all": str(len(verdicts)),
-        "random.differ": str(len(verdicts) - verdicts.count("agrees")),
+        "random.differ": str(verdicts.count("differs")),
+        "random.close": str(verdicts.count("close")),
     }
 
 

@@ -1,8 +1,8 @@
-"""Write the tables of verified.md: ``python docs/verified.py``.
+"""Write verified.csv and verified-random.csv: ``python docs/verified.py``.
 
-Verifies twenty-four random layouts on fixed pivots and writes them into the page, beside the stored
-verifications of the best known layouts. ``--stored`` leaves the table of the random layouts as it
-is. ``--best`` verifies the best known layouts anew, those of some scenes or of all, and stores the
+Verifies twenty-four random layouts on fixed pivots and writes them into a table, beside that of the
+stored verifications of the best known layouts. ``--stored`` leaves the random layouts as they are.
+``--best`` verifies the best known layouts anew, those of some scenes or of all, and stores the
 results in the package; ``--engine`` adds the third-party engine (extra 'verify', minutes for each
 layout).
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.core.files import write_text
-from domino_env.core.tables import fill_tables, markdown_table
+from domino_env.core.tables import csv_table, write_csv
 from domino_env.core.threads import allowed_threads
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, simulate
@@ -42,13 +42,18 @@ from optimize.experiments.best_known import best_known
 SEED, LAYOUTS = 18, 6
 SCENES = ("sprint", "ideal", "gentle", "sprint-thickness")
 RANDOM_RTOL = 1e-4  # relative tolerance of the arrival times
-PAGE = Path(__file__).with_suffix(".md")
+KNOWN = Path(__file__).with_suffix(".csv")
+RANDOM = KNOWN.with_name("verified-random.csv")
+RANDOM_COLUMNS = (
+    "scene", "number", "last hit over model", "largest of any hit", "uncertainty", "verdict",
+    "reason",
+)  # fmt: skip
 LONG_COUNT = 200  # dominoes of a row from which on only the first ones are simulated
 FIRST_COUNT = 100  # their number
 RTOL = 2e-4  # relative tolerance of the arrival times
 COLUMNS = (
-    "scene", "on", "best known", "uniform baseline", "gain", "last hit over model", "uncertainty",
-    "engine over reference",
+    "scene", "dominoes simulated", "of", "on", "best known", "uniform baseline", "gain",
+    "last hit over model", "uncertainty", "engine over reference",
 )  # fmt: skip
 
 
@@ -63,7 +68,7 @@ def random_layouts(scene: Scene, rng: np.random.Generator) -> Iterator[Layout]:
             yield layout
 
 
-def random_verifications() -> dict[str, Verification]:
+def random_verifications() -> dict[tuple[str, int], Verification]:
     """Verify random layouts of `SCENES`, `LAYOUTS` of each, on fixed pivots and all cores."""
     with ThreadPoolExecutor(allowed_threads()) as pool:
         jobs = {}
@@ -71,23 +76,21 @@ def random_verifications() -> dict[str, Verification]:
             layouts = random_layouts(scene, np.random.default_rng(SEED))
             for k in range(LAYOUTS):
                 job = pool.submit(verify, next(layouts), scene.physics, floors=(), rtol=RANDOM_RTOL)
-                jobs[f"`{scene.name}`, random {k + 1}"] = job
+                jobs[scene.name, k + 1] = job
         return {name: job.result() for name, job in jobs.items()}
 
 
-def random_table(verifications: dict[str, Verification]) -> list[str]:
-    """Return a table of differences from the model and their reasons."""
-    names = ("layout", "last hit over model", "largest of any hit", "uncertainty", "verdict")
-    lines = []
-    for name, verification in verifications.items():
+def random_lines(verifications: dict[tuple[str, int], Verification]) -> list[tuple[object, ...]]:
+    """Return the lines of `RANDOM_COLUMNS`: differences from the model and their reasons."""
+    lines: list[tuple[object, ...]] = []
+    for layout, verification in verifications.items():
         word, _, rest = verification.verdict.partition(":")
         reason = rest.partition("Why: ")[2].rstrip(".")
         lines.append((
-            name, percent(verification.difference), percent(verification.largest_difference),
-            percent(verification.fixed.error_estimate, sign=""),
-            f"{word.lower()}: {reason}" if reason else word.lower(),
+            *layout, percent(verification.difference), percent(verification.largest_difference),
+            percent(verification.fixed.error_estimate, sign=""), word.lower(), reason,
         ))  # fmt: skip
-    return markdown_table(names, lines)
+    return lines
 
 
 def verify_best_known(names: list[str], engine: bool = False) -> dict[str, StoredVerification]:
@@ -188,22 +191,21 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
     return checks
 
 
-def known_table(verified_by_scene: dict[str, StoredVerification]) -> list[str]:
-    """Return the lines of a Markdown table of best known layouts and baselines on every floor."""
+def known_table(verified_by_scene: dict[str, StoredVerification]) -> str:
+    """Return a table of best known layouts and baselines on every floor as CSV."""
     lines = []
     for name, verified in verified_by_scene.items():
-        count, first = verified.count, verified.first
-        scene = f"`{name}`" if first == count else f"`{name}` (first {first} of {count})"
         for best in verified.floors:
             on_floor = [check for check in verified.checks if check.floor == best.floor]
             uniform = next(check for check in on_floor if check.layout == "uniform")
             engine = next((check for check in on_floor if check.simulator != best.simulator), None)
             lines.append((
-                scene, floor_name(best.floor), _score(best), _score(uniform),
-                "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
+                name, verified.first, verified.count, floor_name(best.floor), _score(best),
+                _score(uniform), "" if best.gain is None else f"{best.gain:+.2%}",
+                percent(best.last),
                 percent(best.uncertainty, sign=""), _difference(best, engine),
             ))  # fmt: skip
-    return markdown_table(COLUMNS, lines)
+    return csv_table(COLUMNS, lines)
 
 
 def _score(check: Check) -> str:
@@ -234,7 +236,7 @@ def store(verifications: dict[str, StoredVerification]) -> None:
 
 
 def main() -> None:
-    """Simulate the layouts and write the tables into the page."""
+    """Simulate the layouts and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--stored", action="store_true", help="write the stored verifications only")
     scenes = "verify the best known layouts of these scenes (all) and store the results"
@@ -245,10 +247,9 @@ def main() -> None:
         if arguments.engine:
             engine_name()  # raises at once if the engine is not installed
         store(verify_best_known(arguments.best or list(best_known()), arguments.engine))
-    tables = {"known": known_table(known.read_verified())}
+    write_text(KNOWN, known_table(known.read_verified()))
     if not arguments.stored and arguments.best is None:
-        tables["random"] = random_table(random_verifications())
-    write_text(PAGE, fill_tables(PAGE.read_text("utf-8"), tables))
+        write_csv(RANDOM, RANDOM_COLUMNS, random_lines(random_verifications()))
 
 
 if __name__ == "__main__":

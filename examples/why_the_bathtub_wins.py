@@ -316,17 +316,18 @@ def draw_relay():
 @own_style()
 def draw_gaps(budget=BUDGET):
     """Draw the best gaps along the chain for several frictions."""
-    x = "number of the gap from the pushed domino; dotted: the best equal gap"
+    x = "number of the gap from the pushed domino; dashed: the best equal gap"
     title = "The fastest layouts of forty dominoes, push 8 rad/s"
     labels = {"xlabel": x, "ylabel": "gap [mm]", "ylim": (0.0, 42.0)}
     figure, axes = new_axes(7.5, 3.6, title, **labels)
-    for friction, colour in zip(FRICTIONS, COLOURS, strict=False):
+    for k, (friction, colour) in enumerate(zip(FRICTIONS, COLOURS, strict=False)):
         scene = SPRINT.replace(physics=de.Physics(friction=friction, push=SPRINT.physics.push))
         spacing = BEST if scene == SPRINT else search(scene, budget=budget, seed=0).layout.spacing
         equal = 1e3 * scene.uniform().layout.spacing[0]
         number = np.arange(1, len(spacing) + 1)
         axes.plot(number, 1e3 * spacing, ".-", color=colour, label=f"friction {friction:g}")
-        axes.axhline(equal, color=colour, linewidth=0.8, linestyle=":")
+        dashes = (6 * k, (6, 6 * len(FRICTIONS) - 6))  # lines at the same height take turns
+        axes.axhline(equal, color=colour, linewidth=1.5, linestyle=dashes)
     axes.legend(**LEGEND, ncols=2, loc="upper center")
     return figure
 

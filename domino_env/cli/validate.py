@@ -33,24 +33,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare the sources with the model, print the results and write a page if requested."""
+    """Compare the sources with the model, print the results, write page and tables on request."""
     from domino_env.core.files import write_text
     from domino_env.core.tables import fill_tables
+    from domino_env.validation import measured_page as pages
     from domino_env.validation.measured import validate
-    from domino_env.validation.measured_page import PAGE, PLOT, draw, markdown, text
 
     validations = [validate(source) for source in _sources(arguments)]
-    print("\n\n".join("\n".join(text(v)) for v in validations))
+    print("\n\n".join("\n".join(pages.text(v)) for v in validations))
     explained = sum(v.explained for v in validations)
     if len(validations) > 1:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
-        page, plot = arguments.out / PAGE, arguments.out / PLOT
+        page, plot = arguments.out / pages.PAGE, arguments.out / pages.PLOT
         # of an existing page only the part between these marks is replaced
         old = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
-        draw(validations, plot)
-        write_text(page, fill_tables(old, {"sources": markdown(validations)}))
-        print(f"{page}, {plot}")
+        pages.draw(validations, plot)
+        write_text(page, fill_tables(old, {"sources": pages.markdown(validations)}))
+        write_text(arguments.out / pages.CHAINS, pages.chain_table(validations))
+        write_text(arguments.out / pages.READINGS, pages.reading_table(validations))
+        print(f"{page}, {plot}, {pages.CHAINS}, {pages.READINGS}")
     return 0
 
 

@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Verify each layout; return 1 if a verdict is DIFFERS, else 0."""
     from importlib.util import find_spec
 
+    from domino_env.core.checks import install_command
     from domino_env.core.files import one_line
     from domino_env.rigid import verification
     from domino_env.rigid.engine import engine_name
@@ -75,8 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         if chosen.scene is not None:
             print("\n".join(_gains_on_floors(chosen.scene, layout, result)), flush=True)
     if not engine and arguments.engine is None and not arguments.json:
-        hint = "to verify with a third-party engine too: pip install 'domino-chains[verify]'"
-        print(f"({hint})")
+        print(f"(to verify with a third-party engine too: {install_command('verify')})")
     return 1 if differs else 0
 
 

@@ -16,6 +16,7 @@ from domino_env.core.files import as_text, one_line
 from domino_env.core.types import Floats
 
 INF = math.inf
+CODE_ADDRESS = ""  # of the repository; empty: its folder. Also in [project.urls] of pyproject.toml
 
 
 def require(
@@ -189,10 +190,13 @@ def require_extra(purpose: str, extra: str, *packages: str) -> None:
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
-        raise ImportError(
-            f'{purpose} needs {", ".join(missing)}: pip install "domino-chains[{extra}]" '
-            f"(in a copy of the repository: pip install -c constraints.txt -e .[{extra}])"
-        )
+        raise ImportError(f"{purpose} needs {', '.join(missing)}: {install_command(extra)}")
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra, and the folder in which to enter it."""
+    place = f"a copy of {CODE_ADDRESS}" if CODE_ADDRESS else "the folder of the project"
+    return f'pip install -e ".[{extra}]" in {place}'
 
 
 def format_range(

@@ -39,16 +39,20 @@ class DominoEnv(WritableSpec, gymnasium.Env[Singles, Singles]):
     ------
     ValueError
         For another render mode.
+    ImportError
+        For "human" without pygame.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
-        "render_modes": list(rendering.OFFERED_MODES),
+        "render_modes": list(rendering.MODES),
         "render_fps": rendering.FRAMES_PER_SECOND,
     }
 
     def __init__(self, vector: DominoChainVector, render_mode: str | None) -> None:
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.MODES)
+        modes = list(rendering.CHECKED_MODES)  # make reads those of the class, the checker these
+        self.metadata = self.metadata | {"render_modes": modes}  # type: ignore[misc]
         self._vector = vector
         self.longest_episode = vector.longest_episode
         self._all = np.ones(1, np.bool_)

@@ -34,7 +34,7 @@ def _window_works() -> bool:
 
 VECTOR_MODES = ("rgb_array",)
 MODES = (*VECTOR_MODES, "human")
-OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries each of them
+CHECKED_MODES = MODES if _window_works() else VECTOR_MODES  # Gymnasium's checker tries each of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Snapshot:
     time
         Time of the latest hit [s].
     uniform_speed
-        Mean speed of the scene's uniform baseline [m/s].
+        Mean speed of the scene's uniform baseline up to this domino [m/s]; 0 if not known.
     wave
         The wave through `layout`; None before the end of the episode.
     hand
@@ -80,11 +80,15 @@ class Renderer:
     ------
     ValueError
         For a mode that is not allowed.
+    ImportError
+        If a window needs pygame-ce; the message has the command that installs it.
     """
 
     def __init__(self, mode: str | None, allowed: tuple[str, ...]) -> None:
         if mode is not None and mode not in allowed:
             raise ValueError(f"render_mode = {mode!r}: choose None or one of {', '.join(allowed)}")
+        if mode == "human":
+            require_extra("a window", "render", "pygame")
         self.mode = mode
         self._window: _Window | None = None
         self._scale: Any = None
@@ -99,11 +103,6 @@ class Renderer:
             The chain.
         scene
             Its scene, which sets the scale.
-
-        Raises
-        ------
-        ImportError
-            If a window needs pygame-ce; the message has the command that installs it.
         """
         layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
         leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
@@ -147,7 +146,7 @@ def status_line(snapshot: Snapshot) -> str:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
         line += f"   {speed:.4f} m/s so far"
         if snapshot.uniform_speed > 0.0:
-            line += f" ({speed / snapshot.uniform_speed - 1.0:+z.1%} against uniform)"
+            line += f" ({speed / snapshot.uniform_speed - 1.0:+z.1%} against uniform here)"
     if len(snapshot.hand):
         line += "   in hand " + ", ".join(f"{1e3 * d:g}" for d in snapshot.hand) + " mm"
     if snapshot.wave is not None:
@@ -159,7 +158,6 @@ class _Window:
     """A pygame window for images of a size (width, height) [px]."""
 
     def __init__(self, size: tuple[int, int]) -> None:
-        require_extra("a window", "render", "pygame")
         import pygame
 
         pygame.display.init()  # not pygame.init: its mixer prints errors if there is no sound

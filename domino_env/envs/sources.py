@@ -300,6 +300,20 @@ class SceneSource:
         self.uniform["time_left"][i, :count] = times[count - 1 + self.run_out] - times[:count]
         self.score[i], self.speed[i] = score, speed
 
+    def uniform_speed(self, i: int, hit: int) -> float:
+        """Return the mean speed of the uniform baseline of scene i up to its domino hit - 1 [m/s].
+
+        It is 0 if the baseline stops, for the first domino, and within the run-out.
+        """
+        count = int(self.rules["count"][i])
+        if hit == count + self.run_out or not self.speed[i] > 0.0:
+            return float(self.speed[i])
+        if not 1 < hit <= count:
+            return 0.0
+        start, reached = self.uniform[i, 0], self.uniform[i, hit - 1]
+        distance = start["length_left"] - reached["length_left"]
+        return float(distance / (start["time_left"] - reached["time_left"]))
+
     def begin_layouts(self, batch: Batch, envs: Ints) -> None:
         """Write the first domino and the run-out of some environments into a batch."""
         scenes = batch.scene[envs]

@@ -638,7 +638,9 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             layout=layout,
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
-            uniform_speed=float(self.source.speed[self._batch.scene[env]]),
+            uniform_speed=self.source.uniform_speed(
+                int(batch.scene[env]), placed + 1 if wave is None else wave.hit
+            ),
             wave=wave,
             hand=batch.kinds[0, kinds],
         )

@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 
 from domino_env.core.colours import AMBER, BLUE, INK, PALE, RED
 from domino_env.core.plot_style import LEGEND, escape_dollars, new_panels, own_style, write_png
-from domino_env.core.tables import markdown_table, text_table
+from domino_env.core.tables import csv_table, markdown_table, text_table
 from domino_env.core.types import Floats
 from domino_env.validation.measured import Comparison, Validation, model_value
 from domino_env.validation.source import UNITS
 
 PLOT, PAGE = "measured.png", "measured-sources.md"
+CHAINS, READINGS = "measured-chains.csv", "measured-readings.csv"
 CHAIN_HEAD = "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted"
 READING_HEAD = "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained"
 POINTS = 60  # of a curve
@@ -39,7 +40,7 @@ def text(validation: Validation) -> list[str]:
 
 
 def markdown(validations: Sequence[Validation]) -> list[str]:
-    """Return the lines of the page: all sources in a table, then a section for each."""
+    """Return the lines of the page: all sources in a table, then a paragraph for each."""
     explained = [f"`{v.source.name}`" for v in validations if v.explained]
     columns = ("source", "chains", "friction", "largest deviation", "explained", "reasons")
     counts = f"{len(explained)} of {len(validations)} sources are explained."
@@ -61,11 +62,22 @@ def markdown(validations: Sequence[Validation]) -> list[str]:
             "", f"## {source.name}", "",
             f"**{source.title}.** {source.reference}. Read: {source.read}.", "",
             f"How: {source.method}. Uncertainties: {source.errors}.", "",
-            f"Not known: {'; '.join(source.unknown)}.", "",
-            *markdown_table(CHAIN_HEAD, _chain_lines(v.main)), "",
-            *markdown_table(READING_HEAD, map(_reading_line, (v.main, *v.readings, *v.effects))),
+            f"Not known: {'; '.join(source.unknown)}.",
         ]  # fmt: skip
     return lines
+
+
+def chain_table(validations: Sequence[Validation]) -> str:
+    """Return all chains as CSV: what was measured, and the model at the fitted friction."""
+    lines = [(v.source.name, *cells) for v in validations for cells in _chain_lines(v.main)]
+    return csv_table(("source", *CHAIN_HEAD), lines)
+
+
+def reading_table(validations: Sequence[Validation]) -> str:
+    """Return all readings of the sources, and effects that the model neglects, as CSV."""
+    readings = [(v, one) for v in validations for one in (v.main, *v.readings, *v.effects)]
+    lines = [(v.source.name, *_reading_line(reading)) for v, reading in readings]
+    return csv_table(("source", *READING_HEAD), lines)
 
 
 def _chain_lines(comparison: Comparison) -> list[tuple[str, ...]]:

@@ -245,6 +245,7 @@ def _strips(
         strips.append(drawing.draw_strip(
             motion.layout, motion.angles([t])[0], leader, scale, _status_line(entry, t), max_place,
             camera=camera, finish=float(motion.layout.pivots[-1, 0]), result=result,
+            fallen=entry.colour,
         ))  # fmt: skip
     return strips
 

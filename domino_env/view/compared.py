@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from domino_env.core import colours
 from domino_env.core.files import one_line
 from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
@@ -37,6 +38,8 @@ class ComparedLayout:
         Score in the scene; None without a scene, and under other physics than its own.
     folder
         Run folder of the layout; None without one.
+    colour
+        Colour of its fallen dominoes.
     """
 
     name: str
@@ -45,6 +48,7 @@ class ComparedLayout:
     scene: Scene | None = None
     score: float | None = None
     folder: Path | None = None
+    colour: str = colours.RESULT
 
 
 def read_compared(
@@ -101,7 +105,8 @@ def read_compared(
         baseline, name = scene.uniform(), "uniform baseline"
         wave = baseline.wave if has_scores else simulate(scene.row(baseline.layout), physics)
         score = baseline.score if has_scores else None
-        compared.append(ComparedLayout(name, wave, baseline.layout, scene, score))
+        grey = colours.UNIFORM
+        compared.append(ComparedLayout(name, wave, baseline.layout, scene, score, colour=grey))
     return compared
 
 

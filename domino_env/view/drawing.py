@@ -91,6 +91,7 @@ def draw_strip(
     camera: float | None = None,
     finish: float | None = None,
     result: str = "",
+    fallen: str = colours.RESULT,
 ) -> Image.Image:
     """Draw a chain at one instant.
 
@@ -116,6 +117,8 @@ def draw_strip(
         Position of a finish line [m]; None for none.
     result
         Text at the finish line.
+    fallen
+        Colour of the fallen dominoes.
 
     Returns
     -------
@@ -146,7 +149,7 @@ def draw_strip(
     corners = outlines(layout, leans)
     across, down = left + corners[..., 0] * k, base - corners[..., 1] * k
     for i in np.flatnonzero((across.max(axis=1) > 0.0) & (across.min(axis=1) < w)):
-        colour = LEADER_COLOUR if i == leader else FALLEN_COLOUR if i < leader else STANDING_COLOUR
+        colour = LEADER_COLOUR if i == leader else fallen if i < leader else STANDING_COLOUR
         draw.polygon(list(zip(across[i], down[i], strict=True)), fill=colour, outline=BACKGROUND)
     # a triangle under the leader's pivot points at it
     x, top, r = left + leader_x * k, base - leader_z * k, 5 * ZOOM
@@ -239,10 +242,11 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 def palette() -> Image.Image:
     """Return an image whose palette has the colours of a strip and blends with the background.
 
-    Each of five colours has eight blends, which are enough for smoothed edges.
+    Each of six colours has eight blends, which are enough for smoothed edges.
     """
     shades = []
-    for colour in (INK, PALE, STANDING_COLOUR, FALLEN_COLOUR, LEADER_COLOUR):
+    uniform = ImageColor.getrgb(colours.UNIFORM)
+    for colour in (INK, PALE, STANDING_COLOUR, FALLEN_COLOUR, uniform, LEADER_COLOUR):
         for opacity in np.linspace(1.0, 0.0, 9)[:-1]:
             mixed = opacity * np.array(colour) + (1.0 - opacity) * np.array(BACKGROUND)
             shades += [round(x) for x in mixed]

@@ -234,8 +234,8 @@ def _advice(
         steps.append(
             f"With a push of {physics.push:.3g} rad/s ({top:.2f} m/s at the top edge) and a "
             f"friction of {physics.friction:g} between the dominoes, the last domino is hit after "
-            f"{wave.arrival_times[-1]:.3f} s in the model; published measurements differ from it "
-            "by some 10 %."
+            f"{wave.arrival_times[-1]:.3f} s in the model; most published rows differ from it by "
+            "less than 20 %, one that was timed by hand by 85 %."
             if wave.mean_speed > 0.0
             else f"In the model the wave stops: {wave.explanation}"
         )

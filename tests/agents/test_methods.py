@@ -43,4 +43,4 @@ def test_the_error_of_a_missing_extra_names_the_command_that_installs_it(monkeyp
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
     load("agent:sprint")
     error = error_of("benchmark", "sprint", "--out", "runs/no")  # before any task
-    assert 'pip install "domino-chains[rl]"' in error
+    assert 'pip install -e ".[rl]"' in error

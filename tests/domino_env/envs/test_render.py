@@ -42,6 +42,16 @@ def test_an_image_shows_leader_and_fallen_dominoes(scene):
     assert "against uniform" in line
 
 
+@pytest.mark.parametrize("scene", ["sprint", "course", "relay", "gentle", "varied", "hills"])
+def test_the_uniform_baseline_equals_itself_at_every_domino(scene):
+    env = gymnasium.make("DominoChain-v2", scene=scene)
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, _, over, _, _ = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert "m/s so far (+0.0% against uniform here)" in status_line(env.unwrapped.snapshot())
+
+
 @pytest.mark.parametrize("name", ["DominoChain-v2", "DominoLayout-v2"])
 def test_the_last_frame_shows_the_row_with_its_run_out(name):
     scene = de.load_scene("relay").replace(count=8, run_out=de.RunOut(5, 0.016))
@@ -58,11 +68,17 @@ def test_the_last_frame_shows_the_row_with_its_run_out(name):
     snapshot, same = env.unwrapped.snapshot(), envs.unwrapped.snapshot(1)
     assert snapshot.layout == snapshot.wave.layout == same.layout == infos["wave"][1].layout
     assert "13 of 13 hit" in status_line(snapshot) == status_line(same)
-    assert f"{info['score']:.4f} m/s so far (+0.0% against uniform)" in status_line(snapshot)
+    assert f"{info['score']:.4f} m/s so far (+0.0% against uniform here)" in status_line(snapshot)
     frame = env.render()
     assert np.array_equal(envs.render()[1], frame)
     shown = np.flatnonzero((np.abs(frame.astype(int) - LEADER_COLOUR).sum(axis=-1) < 12).any(0))
     assert 600 < shown.min() < shown.max() < 1200  # the last domino of the run-out is in the frame
+
+
+def test_a_window_without_pygame_names_the_extra(monkeypatch):
+    monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r'a window needs pygame: pip install -e "\.\[render\]"'):
+        gymnasium.make("DominoChain-v2", render_mode="human")
 
 
 CHECK = """

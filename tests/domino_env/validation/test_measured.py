@@ -10,7 +10,13 @@ import pytest
 
 import domino_env as de
 from domino_env.validation import measured
-from domino_env.validation.measured_page import markdown
+from domino_env.validation.measured_page import (
+    CHAINS,
+    READINGS,
+    chain_table,
+    markdown,
+    reading_table,
+)
 from domino_env.validation.source import MeasuredChain, Source, read_source, shipped_sources
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -112,8 +118,14 @@ def test_effects_have_the_simulated_size():
 
 def test_the_page_shows_the_results_of_the_command():
     text = (ROOT / "docs" / "measured-sources.md").read_text("utf-8")
-    lines = markdown([measured.validate(SOURCES["walker"])])
+    validations = [measured.validate(SOURCES["walker"])]
+    lines = markdown(validations)
     assert "\n".join(lines[lines.index("## walker") :]) in text
+    for name, table in ((CHAINS, chain_table), (READINGS, reading_table)):
+        head, *rows = table(validations).splitlines()
+        stored = (ROOT / "docs" / name).read_text("utf-8").splitlines()
+        assert stored[0] == head
+        assert set(rows) <= set(stored)
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 
 
