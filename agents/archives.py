@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
 from agents.network import Policy, UnsupportedPolicyError, build_actor
-from agents.policy import ScenePolicy, policy_of, require_observations
+from agents.policy import ScenePolicy, find_environment, policy_of
 from domino_env.core.types import Floats, Singles
 from domino_env.scenes.distribution import SceneDistribution
 
@@ -97,7 +97,7 @@ def load_archive(
             f"statistics are missing: save them as {path.parent / STATISTICS[0]}"
         )
     if distribution is not None:
-        require_observations(distribution, bounds, policy)
+        find_environment(distribution, bounds, policy)
     return ScenePolicy(path, policy, bounds, distribution)
 
 

@@ -12,6 +12,7 @@ layout.csv/json the layout that it builds
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -24,12 +25,13 @@ from numpy.typing import NDArray
 from agents.algorithms import ALGORITHMS, Hyperparameters
 from agents.network import Policy, UnsupportedPolicyError, build_actor, read_network
 from agents.rollout import Rollout, build
-from domino_env import DominoChain, Scene, SceneDistribution
+from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice, require_type
 from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import Document, read_document
 from domino_env.core.progress import notice
 from domino_env.core.types import Floats, Singles
+from domino_env.envs import CHAIN, ENVIRONMENTS, Environment
 from domino_env.envs.spaces import ObservationLayout, action_entries
 from domino_env.envs.vector import WINDOW
 from domino_env.scenes.distribution import load_any
@@ -153,7 +155,7 @@ class ScenePolicy:
         """
         if same_observations(self.bounds, observation_bounds(distribution.first)):
             return self
-        require_observations(distribution, self.bounds, self.policy)
+        find_environment(distribution, self.bounds, self.policy)
         return replace(self, scene=distribution)
 
     def build(self, scene: Scene | None = None) -> Rollout:
@@ -180,8 +182,8 @@ class ScenePolicy:
             raise ValueError(f"policy '{self.source}' has no scene of its own: give one (--scene)")
         if isinstance(self.scene, SceneDistribution):
             return build(self.policy, target, distribution=self.scene)
-        require_observations(target, self.bounds, self.policy)
-        return build(self.policy, target)
+        environment = find_environment(target, self.bounds, self.policy)
+        return build(self.policy, target, environment=environment)
 
 
 def policy_of(model: Any, size: int) -> Policy:
@@ -214,9 +216,11 @@ def policy_of(model: Any, size: int) -> Policy:
     return act
 
 
-def observation_bounds(target: Scene | SceneDistribution) -> Floats:
+def observation_bounds(
+    target: Scene | SceneDistribution, environment: Environment = CHAIN
+) -> Floats:
     """Return the smallest and largest values (2, O) of observations of one or many scenes."""
-    space: Any = DominoChain(target).observation_space
+    space: Any = environment.make(target).observation_space
     return np.array([space.low, space.high], dtype=np.float64)
 
 
@@ -227,10 +231,10 @@ def same_observations(bounds: Floats, others: Floats) -> bool:
     return bool(np.all(np.isclose(bounds, others, rtol=1e-6) | np.isnan(bounds)))
 
 
-def require_observations(target: Scene | SceneDistribution, bounds: Floats, policy: Policy) -> None:
-    """Raise ValueError unless observations of a scene or of sampled scenes have the bounds (2, O).
-
-    The message has the arguments of an environment that explain the difference, if there are any.
+def find_environment(
+    target: Scene | SceneDistribution, bounds: Floats, policy: Policy
+) -> Environment:
+    """Return the environment whose observations of one or many scenes have the bounds (2, O).
 
     Parameters
     ----------
@@ -240,10 +244,18 @@ def require_observations(target: Scene | SceneDistribution, bounds: Floats, poli
         See `ScenePolicy`.
     policy
         The policy, whose actions show whether the same variables are free.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message has the arguments of an environment that explain the
+        difference, if there are any.
     """
+    for environment in ENVIRONMENTS.values():
+        with suppress(ValueError):  # it rejects such scenes
+            if same_observations(bounds, observation_bounds(target, environment)):
+                return environment
     expected = observation_bounds(target)
-    if same_observations(bounds, expected):
-        return
     first = target if isinstance(target, Scene) else target.first
     total = 0 if isinstance(target, Scene) else len(target.features)
     same_variables = policy(np.zeros(bounds.shape[1], np.float32)).shape == (action_entries(first),)

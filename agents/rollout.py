@@ -10,8 +10,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from agents.network import Policy
-from domino_env import DominoChain, DominoChainVector, Layout, Scene, SceneDistribution
+from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.types import Floats
+from domino_env.envs import CHAIN, Environment
 from domino_env.envs.spaces import check_actions
 from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.notebook import SceneResult
@@ -70,8 +71,9 @@ def build(
     *,
     distribution: SceneDistribution | None = None,
     seeds: range | None = None,
+    environment: Environment = CHAIN,
 ) -> Rollout:
-    """Build a layout with a policy, domino by domino.
+    """Build a layout with a policy.
 
     A layout whose wave stops is completed with copies of the domino placed last; its score is that
     of the wave that stops.
@@ -87,6 +89,8 @@ def build(
         a policy that was trained on a single scene.
     seeds
         Seeds of the episodes over which the score is the mean; None for `evaluation_seeds`.
+    environment
+        Environment of the policy.
 
     Returns
     -------
@@ -95,7 +99,7 @@ def build(
     """
     seeds = seeds or evaluation_seeds(scene)
     scene.uniform()  # not timed
-    env = DominoChain(distribution or scene)
+    env = environment.make(distribution or scene)
     options = None if distribution is None else {"scene": scene}
     start = time.perf_counter()
     observation, _ = env.reset(seed=seeds[0], options=options)
@@ -104,7 +108,9 @@ def build(
         observation, _, terminated, _, info = env.step(policy(observation))
     layout = complete_layout(info["layout"], scene)
     seconds = time.perf_counter() - start
-    scores = episode_scores(policy, scene, seeds, distribution) if len(seeds) > 1 else None
+    scores = None
+    if len(seeds) > 1:
+        scores = episode_scores(policy, scene, seeds, distribution, environment)
     return make_rollout(scene, layout, seconds, scores=scores, seeds=seeds)
 
 
@@ -148,6 +154,7 @@ def episode_scores(
     scene: Scene,
     seeds: Sequence[int],
     distribution: SceneDistribution | None = None,
+    environment: Environment = CHAIN,
 ) -> Floats:
     """Return the scores of a policy in the episodes of given seeds, run as one batch.
 
@@ -159,7 +166,7 @@ def episode_scores(
         The scene.
     seeds
         Seeds of the S episodes.
-    distribution
+    distribution, environment
         See `build`.
 
     Returns
@@ -167,7 +174,7 @@ def episode_scores(
     ndarray
         (S,) scores in the unit of the scene.
     """
-    env = DominoChainVector(len(seeds), distribution or scene)
+    env = environment.make_vec(len(seeds), distribution or scene)
     options = None if distribution is None else {"scene": scene}
     return np.array(last_infos(policy, env, "score", seed=list(seeds), options=options))
 

@@ -13,7 +13,8 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from domino_env import DominoChainVector, Scene, SceneDistribution
-from domino_env.core.checks import require_type
+from domino_env.core.checks import require_choice, require_type
+from domino_env.envs import CHAIN, ENVIRONMENTS
 
 # attributes of single environments that the native one has under another name
 NATIVE = {
@@ -42,18 +43,20 @@ class DominoVecEnv(VecEnv):
         samples one, such as "varied".
     num_envs
         B, the number of environments.
+    environment
+        Name of the environment.
     options
-        Other keyword arguments of `domino_env.DominoChainVector`, such as `rtol` and `window`.
+        Other keyword arguments of its vector version, such as `rtol` and `window`.
 
     Raises
     ------
     ValueError
-        For an `autoreset_mode`, and as for `DominoChainVector`.
+        For an `autoreset_mode`, an unknown environment, and as for `DominoChainVector`.
 
     Attributes
     ----------
     vector
-        The `domino_env.DominoChainVector`, the native environment.
+        The native environment, such as a `domino_env.DominoChainVector`.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class DominoVecEnv(VecEnv):
         self,
         scene: str | Path | Scene | SceneDistribution,
         num_envs: int = 1,
+        environment: str = CHAIN.id,
         **options: Any,
     ) -> None:
         if "autoreset_mode" in options:
@@ -74,8 +78,10 @@ class DominoVecEnv(VecEnv):
                 f"autoreset_mode = {options['autoreset_mode']!r}: Stable-Baselines3 begins an "
                 "episode on the last step of the one before; leave it out"
             )
-        self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep", **options)
-        vector = self.vector
+        require_choice("environment", environment, ENVIRONMENTS)
+        make = ENVIRONMENTS[environment].make_vec
+        vector: DominoChainVector = make(num_envs, scene, autoreset_mode="SameStep", **options)
+        self.vector = vector
         super().__init__(num_envs, vector.single_observation_space, vector.single_action_space)
         self._actions: NDArray[Any] = np.zeros((num_envs, 1))
         self._returns = np.zeros(num_envs)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
-from domino_env.envs.sources import SceneSource
+from domino_env.envs.baselines import Baselines
 from domino_env.kernels.step.batch import RUNNING, Batch
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
@@ -34,7 +34,7 @@ class EpisodeResults:
 
     Parameters
     ----------
-    source
+    baselines
         Scenes of the episodes.
     batch
         Arrays of the environments; those of these episodes are copied.
@@ -57,10 +57,11 @@ class EpisodeResults:
         expected if the score is 0 or less and that of the baseline is more; see `DominoChain`.
     """
 
-    def __init__(self, source: SceneSource, batch: Batch, envs: NDArray[np.intp]) -> None:
+    def __init__(self, baselines: Baselines, batch: Batch, envs: NDArray[np.intp]) -> None:
         episodes, scenes = batch.episodes[envs], batch.scene[envs]
-        self._scenes, self._rtol = source.scenes[scenes], source.rtol
-        self._are_sampled = source.distribution is not None
+        rules, uniform = batch.rules[scenes], baselines.results[scenes]
+        self._scenes, self._rtol = baselines.scenes[scenes], float(rules["rtol"][0])
+        self._are_sampled = len(batch.rules) > 1
         # entries beyond the placed dominoes are not used
         self._placed: list[int] = episodes["placed"].tolist()
         self._spacing, self._thickness = batch.spacing[envs], batch.thickness[envs]
@@ -72,16 +73,16 @@ class EpisodeResults:
         is_cut = episodes["phase"] == RUNNING  # the dominoes placed so far have all been hit
         is_uniform = episodes["as_uniform"] & ~is_cut
         hits = episodes["placed"] + 1
-        self.reach[is_cut] = (hits / (source.rules["count"][scenes] + source.run_out))[is_cut]
+        self.reach[is_cut] = (hits / (rules["count"] + rules["run_out"]))[is_cut]
         self._simulate(np.flatnonzero(episodes["uncertain"] & ~is_uniform).tolist())
         if is_uniform.any():
-            for name in ("score", "outcome", "reach"):
-                getattr(self, name)[is_uniform] = getattr(source, name)[scenes[is_uniform]]
-        baseline = source.score[scenes]
-        self.gain = self._gain(baseline, source.rules["score_unit"][scenes])
-        sums, first = episodes["reward_sum"], source.first
+            self.score[is_uniform] = uniform["score"][is_uniform]
+            self.outcome[is_uniform] = uniform["outcome"][is_uniform]
+            self.reach[is_uniform] = uniform["reach"][is_uniform]
+        baseline, sums = uniform["score"], episodes["reward_sum"]
+        self.gain = self._gain(baseline, rules["score_unit"])
         # without an expected gain, a failure returns less than every success
-        expected = np.minimum(sums, 0.0) if first.criterion.rewards_steps else -100.0
+        expected = np.where(rules["rewards_steps"], np.minimum(sums, 0.0), -100.0)
         failure = expected - LEAST_LOSS * (1.0 - self.score)
         has_failed = (self.score <= 0.0) & (baseline > 0.0)
         self.last_rewards = np.where(has_failed, failure, 100.0 * self.gain) - sums

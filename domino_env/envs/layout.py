@@ -12,8 +12,8 @@ from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.arguments import SceneLike
+from domino_env.envs.catalogue import Generators
 from domino_env.envs.chain import DominoEnv
-from domino_env.envs.sources import Generators
 from domino_env.envs.vector import RTOL, DominoChainVector, Infos
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.kernels.step.environment import place_batch
@@ -162,7 +162,7 @@ class DominoLayoutVector(DominoChainVector):
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place all dominoes and simulate them; see `DominoChainVector.advance`."""
-        observations, scene = np.ones(self._observations.shape, np.float32), self.source.first
+        observations, scene = np.ones(self._observations.shape, np.float32), self.catalogue.first
         phase, rewards = self._episodes["phase"], np.zeros(self.num_envs)
         begins, ended = phase == BEGINNING, phase == RUNNING
         phase[begins], observations[begins] = RUNNING, 0.0

@@ -19,8 +19,10 @@ from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.arguments import SceneLike, WritableSpec
+from domino_env.envs.baselines import Baselines
+from domino_env.envs.batch import SceneTables
+from domino_env.envs.catalogue import Catalogue, Generators
 from domino_env.envs.episodes import EpisodeResults, placed_layout
-from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import action_entries, check_actions
 from domino_env.kernels.step import environment as kernels
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
@@ -83,8 +85,10 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
 
     Attributes
     ----------
-    source
+    catalogue
         Scenes of the episodes.
+    baselines
+        Their uniform baselines.
     observation_layout
         Slice of each part of an observation, by name.
 
@@ -120,8 +124,9 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         require_choice("info", info, INFOS)
         limit = None if max_episode_steps == -1 else max_episode_steps  # -1 as in gymnasium.make
         require("max_episode_steps", limit, 1, whole=True, optional=True)
-        source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
-        self.num_envs = int(num_envs)
+        self.catalogue = Catalogue(scene, num_envs, num_scenes, first_scene, hide)
+        self._tables = SceneTables(self.catalogue, rtol, window)
+        self.num_envs, first = self.catalogue.num_envs, self.catalogue.first
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.VECTOR_MODES)
         modes = [mode.value for mode in AutoresetMode]
@@ -132,19 +137,19 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             "render_fps": rendering.FRAMES_PER_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.source = source
         self.info, self.max_episode_steps = info, limit
-        self.longest_episode = source.longest_episode
-        self.observation_layout = source.observation_layout
-        self._batch = source.new_batch(self.num_envs)
+        self.baselines = Baselines(self.catalogue, self._tables)
+        self.longest_episode = self.catalogue.longest_episode
+        self.observation_layout = self._tables.layout
+        self._batch = self._tables.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
-        self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
+        self._pieces = self._remaining_kinds(np.array([first.first_thickness]))
         if self._batch.order.shape[1]:
             self._batch.order[:] = self._pieces
         # before the first reset, all environments have one scene of those that are sampled
-        self._batch.scene[:] = source.sample(np.random.default_rng(0))
-        source.load(self._batch.scene[:1])
-        source.begin_layouts(self._batch, np.arange(self.num_envs))
+        self._batch.scene[:] = self.catalogue.sample(np.random.default_rng(0))
+        self.baselines.load(self._batch.scene[:1])
+        self._tables.begin_layouts(self._batch, np.arange(self.num_envs))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
         self._begun = np.zeros(self.num_envs, np.bool_)  # environments that have been reset
@@ -152,7 +157,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._nothing: list[Any] = [None] * self.num_envs  # value of an option that is not given
-        self._set_spaces(action_entries(source.first), source.observation_layout.space)
+        self._set_spaces(action_entries(first), self.observation_layout.space)
 
     def _set_spaces(self, action_size: int, observation: Box) -> None:
         """Set the spaces; actions have `action_size` entries."""
@@ -165,15 +170,15 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
     @property
     def scenes(self) -> tuple[Scene, ...]:
         """Scene of each environment."""
-        return tuple(self.source.scenes[self._batch.scene])
+        return tuple(self.baselines.scenes[self._batch.scene])
 
     @property
     def distribution(self) -> SceneDistribution | None:
         """Distribution that scenes are sampled from; None if the scene is fixed."""
-        return self.source.distribution
+        return self.catalogue.distribution
 
     def _scene(self, env: int) -> Scene:
-        return cast("Scene", self.source.scenes[self._batch.scene[env]])
+        return cast("Scene", self.baselines.scenes[self._batch.scene[env]])
 
     # reset ----------------------------------------------------------------------------------------
 
@@ -256,20 +261,21 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
 
     def _prepare(self, mask: Bools, generators: Generators, **options: Any) -> Infos:
         """Prepare episodes, which the next call of the kernel begins; as `begin` otherwise."""
-        envs, indices, source = np.flatnonzero(mask), self._batch.scene.copy(), self.source
+        envs, indices = np.flatnonzero(mask), self._batch.scene.copy()
+        baselines, sample = self.baselines, self.catalogue.sample
         layouts = self._value_per_env("layout", options.get("layout"), Layout)
         if self.distribution is not None:
             scenes = self._value_per_env("scene", options.get("scene"), Scene)
             indices[envs] = [
-                source.add(b, scenes[b], indices[b]) if scenes[b] else source.sample(generators(b))
+                baselines.add(b, scenes[b], indices[b]) if scenes[b] else sample(generators(b))
                 for b in envs.tolist()
             ]
-            source.load(indices[envs])
+            baselines.load(indices[envs])
         starts = {b: layouts[b] for b in envs.tolist() if layouts[b] is not None}
         for b, start in starts.items():
-            _check_start(start, source.scenes[indices[b]], source.rtol, b)
+            _check_start(start, baselines.scenes[indices[b]], self._tables.rtol, b)
         self._batch.scene[:] = indices  # from here on nothing is rejected
-        source.begin_layouts(self._batch, envs)
+        self._tables.begin_layouts(self._batch, envs)
         self._randomise(envs, generators, starts)
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
         for b, start in starts.items():
@@ -282,7 +288,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         self._waves[mask], self._steps[mask] = None, 0
         if self.distribution is None or self.info == "numbers":
             return self.unfinished(len(envs))
-        return {"scene": source.scenes[indices[envs]]}
+        return {"scene": baselines.scenes[indices[envs]]}
 
     def unfinished(self, number: int) -> Infos:
         """Return the infos of some episodes that are not over: none, or arrays without results."""
@@ -324,7 +330,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
 
     def _remaining_kinds(self, taken: Floats) -> NDArray[np.int16]:
         """Return the kind of each piece in the stock, without dominoes of thicknesses `taken`."""
-        stock, kinds = self.source.first.stock, self._batch.kinds[0]
+        stock, kinds = self.catalogue.first.stock, self._batch.kinds[0]
         left = np.empty(0) if stock is None else stock.without(*taken).dominoes
         return np.searchsorted(kinds, left).astype(np.int16)
 
@@ -493,7 +499,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
 
         Truncated episodes, which are still running, have a layout and a wave only.
         """
-        results = EpisodeResults(self.source, self._batch, envs)
+        results = EpisodeResults(self.baselines, self._batch, envs)
         infos = results.infos()
         self._waves[envs] = infos["wave"]
         if self._episodes["phase"][envs[0]] == RUNNING:
@@ -522,7 +528,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
     def wave(self, env: int) -> Wave:
         """Return the wave in the dominoes that an environment, by its index, has placed so far."""
         if self._waves[env] is None:
-            return EpisodeResults(self.source, self._batch, np.array([env])).wave(0)
+            return EpisodeResults(self.baselines, self._batch, np.array([env])).wave(0)
         return cast("Wave", self._waves[env])
 
     # planning -------------------------------------------------------------------------------------
@@ -552,7 +558,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             if target is not None and n < target.count - 1:
                 sizes = target.spacing[n], target.thickness[n + 1]
                 targets[b] = *sizes, *target.height[n : n + 2]
-        actions = np.zeros((self.num_envs, action_entries(self.source.first)))
+        actions = np.zeros((self.num_envs, action_entries(self.catalogue.first)))
         kernels.encode_batch(0, self.num_envs, self._batch, targets, actions)
         return actions
 
@@ -621,8 +627,8 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
     @property
     def _placing_shape(self) -> tuple[int, ...]:
         """Shape (B, P, A) of the actions of `place_all`."""
-        longest = int(self.source.rules["count"][self._batch.scene].max())
-        return self.num_envs, longest - 1, action_entries(self.source.first)
+        longest = int(self._batch.rules["count"][self._batch.scene].max())
+        return self.num_envs, longest - 1, action_entries(self.catalogue.first)
 
     # rendering ------------------------------------------------------------------------------------
 
@@ -638,7 +644,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             layout=layout,
             hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
-            uniform_speed=self.source.uniform_speed(
+            uniform_speed=self.baselines.speed_at(
                 int(batch.scene[env]), placed + 1 if wave is None else wave.hit
             ),
             wave=wave,

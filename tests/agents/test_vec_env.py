@@ -8,10 +8,13 @@ from sampled_scenes import small_scenes
 pytest.importorskip("stable_baselines3")
 
 from gymnasium.wrappers import TimeLimit
+from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
+from agents import evaluate
 from agents.vec_env import DominoVecEnv
+from domino_env.envs import ENVIRONMENTS
 
 SAMPLED = small_scenes()
 
@@ -94,3 +97,20 @@ def test_options_hold_for_the_next_reset_and_its_episodes():
     while not done.all():
         done |= batch.step(np.zeros((2, 2)))[2]
     assert chosen not in batch.get_attr("scene")
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_a_policy_of_any_environment_builds_layouts(name, tmp_path):
+    scene, path = de.load_scene("sprint").replace(count=6), tmp_path / "model.zip"
+    model = PPO("MlpPolicy", DominoVecEnv(scene, 2, environment=name), 1e-3, 2, 4, device="cpu")
+    model.learn(4).save(path)
+    rollout = evaluate(path, scene)
+    single = ENVIRONMENTS[name].make(scene)
+    observation, over = single.reset()[0], False
+    while not over:
+        action, _ = model.predict(observation, deterministic=True)
+        observation, _, over, _, info = single.step(action)
+    assert rollout.layout.spacing == pytest.approx(info["layout"].spacing, rel=1e-6)
+    assert rollout.score == pytest.approx(info["score"], rel=1e-5)
+    with pytest.raises(ValueError, match="environment = 'Chain': choose one of DominoChain-v2"):
+        DominoVecEnv(scene, environment="Chain")

@@ -5,6 +5,7 @@ import pytest
 from env_scenes import SCENES, play, size_of
 
 import domino_env as de
+from domino_env.envs import CHAIN, ENVIRONMENTS
 
 NAMES = ("sprint", "sprint-thickness", "course", "free course", "magnify")
 
@@ -75,11 +76,11 @@ FIXED["far from a schedule"] = SCENES["tempo"].replace(settings=STRICT)
 def test_actions_of_zero_build_the_uniform_baseline(name):
     scene = FIXED[name]
     uniform = scene.uniform()
-    for kind in (de.DominoChain, de.DominoLayout):
-        env = kind(scene)
+    for entry in ENVIRONMENTS.values():
+        env = entry.make(scene)
         *_, rewards, info = play(env, lambda _, env=env: np.zeros(env.action_space.shape))
         assert rewards.sum() == pytest.approx(0.0, abs=1e-9)
-        assert info["score"] == uniform.score or (kind is de.DominoChain and uniform.score <= 0.0)
+        assert info["score"] == uniform.score or (entry is CHAIN and uniform.score <= 0.0)
     assert (info["outcome"], info["wave"].reach) == (uniform.wave.outcome, uniform.wave.reach)
 
 

@@ -85,7 +85,7 @@ def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_in_drawn_order()
     assert uniform.score == pytest.approx(mean(gap), rel=1e-6)
     gaps = *np.linspace(*SCENE.spacing, 40), gap - 1e-4, gap + 1e-4
     assert max(map(mean, gaps)) <= uniform.score * (1.0 + 1e-6)
-    assert DominoChainVector(1, SCENE).source.rules["uniform_speed"] == uniform.score
+    assert DominoChainVector(1, SCENE).baselines.results["speed"] == uniform.score
 
 
 EXACT = STOCK.replace(count=(4, 4, 4))  # all pieces are placed

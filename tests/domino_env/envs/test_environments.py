@@ -17,8 +17,9 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from sampled_scenes import small_scenes
 
 import domino_env as de
+from domino_env.envs import ENVIRONMENTS
 
-KINDS = (de.DominoChain, de.DominoLayout)
+KINDS = [getattr(de, entry.single.partition(":")[2]) for entry in ENVIRONMENTS.values()]
 
 
 def at_random(env, rng, low=-1.0, high=1.0):
@@ -357,7 +358,7 @@ def test_the_page_names_all_arguments():
 # third-party tools --------------------------------------------------------------------------------
 
 
-IDS = "DominoChain-v2", "DominoLayout-v2"
+IDS = tuple(ENVIRONMENTS)
 CHECKED = {name: name for name in de.scene_names()}
 CHECKED |= {"table": short("table", 4), "two dominoes": short("sprint-thickness", 2)}
 

@@ -13,9 +13,10 @@ from gymnasium.wrappers import TimeAwareObservation, TimeLimit
 from sampled_scenes import small_scenes
 
 import domino_env as de
+from domino_env.envs import ENVIRONMENTS
 from domino_env.envs.arguments import as_scene, plain_argument
 
-CHAIN, LAYOUT = "DominoChain-v2", "DominoLayout-v2"
+CHAIN, LAYOUT = ENVIRONMENTS
 NUMBERS = {"score", "gain", "outcome"}
 SAMPLED = small_scenes()
 
@@ -198,7 +199,7 @@ def test_infos_of_numbers_have_the_same_keys_in_every_step(scene):
         de.DominoChain(scene, info="number")
 
 
-@pytest.mark.parametrize("kind", [CHAIN, LAYOUT])
+@pytest.mark.parametrize("kind", ENVIRONMENTS)
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_tensors_of_torch_take_infos_of_numbers(kind, mode):
     torch = pytest.importorskip("torch")
@@ -251,9 +252,9 @@ def test_minari_records_infos_of_numbers(tmp_path, monkeypatch):
 # actions and options ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [de.DominoChainVector, de.DominoLayoutVector])
-def test_the_action_of_a_step_that_resets_may_have_any_entries(kind):
-    env = kind(2, SMALL)
+@pytest.mark.parametrize("entry", ENVIRONMENTS.values(), ids=ENVIRONMENTS)
+def test_the_action_of_a_step_that_resets_may_have_any_entries(entry):
+    env = entry.make_vec(2, SMALL)
     env.reset()
     actions = np.zeros(env.action_space.shape)
     ended = np.zeros(2, np.bool_)
@@ -267,7 +268,7 @@ def test_the_action_of_a_step_that_resets_may_have_any_entries(kind):
     assert rewards.tolist() == [0.0, 0.0]
     with pytest.raises(ValueError, match="action"):  # no environment ignores it now
         env.step(actions)
-    disabled = kind(2, SMALL, autoreset_mode="Disabled")
+    disabled = entry.make_vec(2, SMALL, autoreset_mode="Disabled")
     disabled.reset()
     with pytest.raises(ValueError, match="action"):
         disabled.step(actions)

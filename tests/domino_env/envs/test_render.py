@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.envs import ENVIRONMENTS
 from domino_env.envs.rendering import status_line
 from domino_env.view.drawing import FALLEN_COLOUR, LEADER_COLOUR
 
@@ -52,7 +53,7 @@ def test_the_uniform_baseline_equals_itself_at_every_domino(scene):
         assert "m/s so far (+0.0% against uniform here)" in status_line(env.unwrapped.snapshot())
 
 
-@pytest.mark.parametrize("name", ["DominoChain-v2", "DominoLayout-v2"])
+@pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_the_last_frame_shows_the_row_with_its_run_out(name):
     scene = de.load_scene("relay").replace(count=8, run_out=de.RunOut(5, 0.016))
     env = gymnasium.make(name, scene=scene, render_mode="rgb_array")
