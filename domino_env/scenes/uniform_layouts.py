@@ -165,6 +165,8 @@ class UniformLayouts:
             return first * ones, thicknesses, None
         if scene.length is not None:
             first = scene.length / (scene.count - 1) - second
+        if not scene.free_thickness:  # without the rounding of points that are stored
+            second = np.full_like(first, scene.thickness[0])
         return scene.to_metres(first * ones, second * ones, None)
 
     def layout(self, point: Floats) -> Layout:
