@@ -27,6 +27,7 @@ from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Generators = Callable[[int], np.random.Generator]  # returns the generator of an environment
 
+PARTS = ("gap", "thickness", "growth")  # names of the parts of a design space in kernels
 COUNT_FACTOR = 2  # largest count of a scene given to a reset, over the largest sampled count
 MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
 POOL_RTOL = 1e-12  # relative error of the arrival times of baselines of a pool
@@ -281,10 +282,9 @@ class SceneSource:
             self.schedule[i, : scene.count, 0] = scheduled
             self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
         uniform = self.uniform[i, : scene.count]
-        behind, ahead = height[:-1], height[1:]
-        uniform["gap"][:-1] = spacing / np.minimum(behind, ahead) if scene.in_heights else spacing
-        uniform["thickness"][:-1] = thickness / ahead if scene.in_heights else thickness
-        uniform["growth"][:-1] = ahead / behind
+        measured = scene.space.measure(spacing, thickness, height[1:])
+        for name, values in zip(PARTS, measured, strict=True):
+            uniform[name][:-1] = values
 
     def _store_times(self, i: int, times: Floats, speed: float, score: float) -> None:
         """Store arrival times [s], mean speed [m/s] and score of the uniform baseline of scene i.
@@ -313,7 +313,7 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest + self.run_out
-        kinds = _kinds(scene)
+        kinds = scene.space.kinds
         pieces = int(kinds[1].sum()) if scene.hand else 0
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
@@ -351,15 +351,6 @@ class SceneSource:
         )
 
 
-def _kinds(scene: Scene) -> Floats:
-    """Return the thicknesses [m] and numbers of pieces of a stock that leaves a choice, (2, K)."""
-    if scene.stock is None or not scene.free_thickness:
-        return np.empty((2, 0))
-    box = scene.stock.without(scene.first_thickness)
-    kinds = np.array([box.thickness, box.count], dtype=np.float64)
-    return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
-
-
 @lru_cache(maxsize=8)  # distributions
 def shared_pool(distribution: SceneDistribution) -> ScenePool:
     """Return the pool of a distribution, which all environments of this process share."""
@@ -392,23 +383,23 @@ def typical_speed(scene: Scene) -> float:
 
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
-    growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
-    values = plain(scene.physics) | {
+    bounds = {
+        f"{name}_{bound}": getattr(part, bound)
+        for name, part in zip(PARTS, scene.space.parts, strict=True)
+        for bound in ("low", "high")
+    }
+    tempo = scene.tempo
+    values = plain(scene.physics) | bounds
+    values |= {
         "count": scene.count,
         "run_out": scene.row_count - scene.count,
         "hand": scene.hand,
         "rtol": rtol,
         "uniform_speed": 0.0,
         "length": scene.length or 0.0,
-        "gap_low": scene.spacing[0],
-        "gap_high": scene.spacing[1],
-        "thickness_low": scene.thickness[0],
-        "thickness_high": scene.thickness[1],
         "least_placed": LEAST_GAP,
-        "growth_low": growth[0],
-        "growth_high": growth[1],
         "unit": scene.height,
-        "grows": scene.growth is not None,
+        "grows": scene.space.grows,
         "in_heights": scene.in_heights,
         "rewards_steps": scene.criterion.rewards_speed,
         "tolerance": 0.0 if tempo is None else tempo.tolerance,

@@ -19,18 +19,17 @@ from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics, require_layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate
-from domino_env.scenes import rules
+from domino_env.scenes.design_space import DesignSpace, Part
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective, Scores
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.placement import Placement, add_errors
-from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock, ground_violations
 from domino_env.scenes.run_out import RunOut
 from domino_env.scenes.scoring import Scoring
 from domino_env.scenes.simulators import FixedPivots, FreeStanding, Simulator, Stop
 
-LENGTH_TOLERANCE = 1e-9  # [m] largest difference from the length of the scene
 SCORE_RTOL = 1e-10  # relative tolerance of reported scores; that of searches may be larger
 DERIVED: Any = None  # default of fields whose values then follow from other fields
 
@@ -169,11 +168,11 @@ class SceneBase:
         ValueError
             For a scene without a stock.
         """
-        if self.stock is None:
+        if self.space.pieces is None:
             raise ValueError(f"scene '{self.name}' has no stock: give a scene with [stock]")
         for generator in np.array([generators], object).flat:  # also a value that is no list
             require_type("generators", generator, np.random.Generator, "a list of Generators")
-        pieces = self.stock.without(self.first_thickness).dominoes
+        pieces = self.space.pieces.dominoes
         drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn).reshape(-1, len(pieces))[:, : self.count - 1]
 
@@ -189,20 +188,20 @@ class SceneBase:
         batch = LayoutBatch.of_one(layout, self.physics, 0.0, self.ground)
         return self.run_out.append_to(batch).layout(0)
 
-    @property
-    def free_spacing(self) -> bool:
-        """True if the gaps are design variables."""
-        return bool(self.spacing[0] < self.spacing[1])
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Free sizes of layouts, and the rules about them."""
+        unit, growth = "heights" if self.in_heights else "m", self.growth or (1.0, 1.0)
+        return DesignSpace(
+            self.count - 1, self.height, self.first_thickness,
+            Part("spacing", *self.spacing, unit), Part("thickness", *self.thickness, unit, 1),
+            Part("growth", *growth, "", 1), self.length, self.stock,
+        )  # fmt: skip
 
     @property
     def free_thickness(self) -> bool:
         """True if the thicknesses of all dominoes but the first are design variables."""
-        return bool(self.thickness[0] < self.thickness[1])
-
-    @property
-    def free_height(self) -> bool:
-        """True if the heights of all dominoes but the first are design variables."""
-        return self.growth is not None and bool(self.growth[0] < self.growth[1])
+        return self.space.thickness.is_free
 
     @property
     def is_homogeneous(self) -> bool:
@@ -283,7 +282,7 @@ class SceneBase:
         ValueError
             If the heights are missing, and for arrays of another shape.
         """
-        if height is None and self.growth is not None:
+        if height is None and self.space.grows:
             raise ValueError(f"height is missing: give it, as heights grow in scene '{self.name}'")
         spacing = numbers("spacing", spacing, None, ("B", "N-1"))
         shape = (len(spacing), spacing.shape[1] + 1)
@@ -296,36 +295,6 @@ class SceneBase:
         thicknesses[:, 1:] = given
         sizes = spacing, thicknesses, heights, self.width, self.density
         return LayoutBatch(*sizes, self.physics, rtol, self.ground)
-
-    def to_metres(
-        self, gaps: Floats, thickness: Floats, growth: Floats | None
-    ) -> tuple[Floats, Floats, Floats | None]:
-        """Convert values in the units of the scene to sizes in metres.
-
-        Parameters
-        ----------
-        gaps
-            (B, N-1) gaps.
-        thickness
-            (B, N-1) or (N-1,) thicknesses of dominoes 1 … N-1.
-        growth
-            (B, N-1) growths of the heights of dominoes 1 … N-1; None if all heights are equal.
-
-        Returns
-        -------
-        tuple
-            Gaps, thicknesses and heights (B, N-1) [m]; None for equal heights.
-        """
-        if not self.in_heights:
-            return gaps, thickness, None
-        factors = np.ones(gaps.shape) if growth is None else np.cumprod(growth, axis=1)
-        heights: Floats = np.asarray(self.height * factors)
-        sizes = gaps * self.heights_before(heights), thickness * heights
-        return *sizes, None if growth is None else heights
-
-    def heights_before(self, height: Floats) -> Floats:
-        """Return the heights (B, N-1) of dominoes 0 … N-2 [m] from those of dominoes 1 … N-1."""
-        return np.insert(height[:, :-1], 0, self.height, axis=1)
 
     def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
         """Return one sentence for each rule of the scene that a layout violates.
@@ -354,35 +323,16 @@ class SceneBase:
         require_layout(layout)
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
-        violations = rules.ground_violations(layout, self.ground)
-        heights = layout.height if self.growth is None else layout.height[:1]
+        violations = ground_violations(layout, self.ground)
+        heights = layout.height[:1] if self.space.grows else layout.height
         for name, values, size, unit in (
             ("thickness", layout.thickness[:1], self.first_thickness, "m"),
             ("height", heights, self.height, "m"),
             ("density", layout.density, self.density, "kg/m³"),
         ):
             # relative slack for sizes that other programs have rounded
-            violations += rules.bounds_violations(name, values, (size, size), 0, unit, slack=1e-9)
-        if self.growth is not None:
-            ratios = layout.height[1:] / layout.height[:-1]
-            violations += rules.bounds_violations("growth", ratios, self.growth, 1, "")
-        gaps, thicknesses, unit = layout.spacing, layout.thickness[1:], "m"
-        if self.in_heights:
-            gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
-            thicknesses, unit = thicknesses / layout.height[1:], "heights"
-        violations += rules.bounds_violations("spacing", gaps, self.spacing, 0, unit)
-        if self.stock is not None:
-            violations += self.stock.violations(layout.thickness)
-        else:
-            violations += rules.bounds_violations("thickness", thicknesses, self.thickness, 1, unit)
-        if complete and self.length is not None:
-            error = layout.length - self.length
-            if abs(error) > LENGTH_TOLERANCE:
-                violations.append(
-                    f"the layout is {layout.length:.9f} m long: the scene has {self.length} m "
-                    f"({error:+.3g} m)"
-                )
-        return violations
+            violations += Part(name, size, size, unit).violations(values, slack=1e-9)
+        return violations + self.space.violations(layout, complete)
 
     @property
     def unit(self) -> str:

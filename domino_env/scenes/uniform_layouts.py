@@ -97,15 +97,13 @@ class UniformLayouts:
     def __init__(self, scene: SceneBase) -> None:
         self.scene = scene
         pairs = scene.count - 1
-        first, second = scene.spacing, scene.thickness
+        first, second = scene.spacing, scene.thickness if scene.growth is None else scene.growth
         self.thicknesses, self.one_pitch = np.zeros(0), False
         self.orders = np.zeros((1, pairs))
         if scene.hand:
             self.orders = scene.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])
-        if scene.growth is not None:
-            second = scene.growth
-        if scene.stock is not None:
-            self.thicknesses = scene.stock.without(scene.first_thickness).dominoes[:pairs]
+        if scene.space.pieces is not None:
+            self.thicknesses = scene.space.pieces.dominoes[:pairs]
             second = (0.0, 0.0)
             pitch = first[0] + self.thicknesses.max(), first[1] + self.thicknesses.min()
             mean = pitch[0] if scene.length is None else scene.length / pairs
@@ -153,21 +151,18 @@ class UniformLayouts:
         tuple
             Three arrays (B, N-1) [m]; None in place of equal heights.
         """
-        scene = self.scene
-        ones = np.ones(pairs or scene.count - 1)
-        first, second = points[:, :1], points[:, 1:]
-        if scene.growth is not None:
-            return scene.to_metres(first * ones, scene.thickness[0] * ones, second * ones)
-        if scene.stock is not None:
-            thicknesses = np.broadcast_to(self.thicknesses, (len(points), scene.count - 1))
-            if self.one_pitch:
-                return np.clip(first - thicknesses, *scene.spacing), thicknesses, None
-            return first * ones, thicknesses, None
-        if scene.length is not None:
-            first = scene.length / (scene.count - 1) - second
-        if not scene.free_thickness:  # without the rounding of points that are stored
-            second = np.full_like(first, scene.thickness[0])
-        return scene.to_metres(first * ones, second * ones, None)
+        space, (first, second) = self.scene.space, np.split(points, 2, axis=1)
+        thickness = second if self.scene.growth is None else space.thickness.low
+        if self.scene.stock is not None:
+            thickness = self.thicknesses
+            first = np.clip(first - thickness, *self.scene.spacing) if self.one_pitch else first
+        elif space.length is not None:
+            first = space.length / space.pairs - second
+        values = np.empty((len(points), len(space.free), pairs or space.pairs))
+        parts = zip(space.parts, (first, thickness, second), strict=True)
+        for k, numbers in enumerate(numbers for part, numbers in parts if part.is_free):
+            values[:, k] = numbers
+        return space.sizes(values)
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""

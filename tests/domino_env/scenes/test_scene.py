@@ -54,7 +54,7 @@ def test_a_baseline_that_stops_explains_why():
 
 def test_a_scene_without_design_variables_has_a_baseline():
     scene = SMALL.replace(spacing=(0.016, 0.016))
-    assert not scene.free_spacing
+    assert not scene.space.spacing.is_free
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
 
 
