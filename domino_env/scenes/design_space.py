@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from domino_env.core.projection import nearest_choice, nearest_with_sum
 from domino_env.core.types import Bools, Floats
@@ -109,12 +110,12 @@ class DesignSpace:
     @cached_property
     def low(self) -> Floats:
         """(P, N-1) least values."""
-        return np.array([[part.low] * self.pairs for part in self.free])
+        return self.select(*([part.low] * self.pairs for part in self.parts))
 
     @cached_property
     def high(self) -> Floats:
         """(P, N-1) largest values."""
-        return np.array([[part.high] * self.pairs for part in self.free])
+        return self.select(*([part.high] * self.pairs for part in self.parts))
 
     @cached_property
     def pieces(self) -> Stock | None:
@@ -165,8 +166,16 @@ class DesignSpace:
 
     def values(self, spacing: Floats, thickness: Floats, height: Floats | None = None) -> Floats:
         """Return the values (…, P, N-1) of sizes (…, N-1), inverse of `sizes`."""
-        measured = zip(self.parts, self.measure(spacing, thickness, height), strict=True)
-        return np.stack([values for part, values in measured if part.is_free], axis=-2)
+        return self.select(*self.measure(spacing, thickness, height))
+
+    def select(self, *parts: ArrayLike) -> Floats:
+        """Return those of three arrays (…, N-1), one for each part, that are free, (…, P, N-1)."""
+        shape = np.broadcast_shapes(*map(np.shape, parts))
+        values = np.empty((*shape[:-1], len(self.free), shape[-1]))
+        free = (array for part, array in zip(self.parts, parts, strict=True) if part.is_free)
+        for k, array in enumerate(free):
+            values[..., k, :] = array
+        return values
 
     def measure(
         self, spacing: Floats, thickness: Floats, height: Floats | None = None
@@ -215,8 +224,7 @@ class DesignSpace:
             # a growth scales all later heights
             by_growth = np.cumsum(by_scale[:, ::-1], axis=1)[:, ::-1] / growth
             by_gap, by_thickness = by_gap * before, by_thickness * height
-        parts = zip(self.parts, (by_gap, by_thickness, by_growth), strict=True)
-        return np.stack([derivatives for part, derivatives in parts if part.is_free], axis=1)
+        return self.select(by_gap, by_thickness, by_growth)
 
     def _all_values(self, values: Floats) -> list[Floats]:
         """Return gaps, thicknesses and growths (B, N-1), those that are fixed too."""

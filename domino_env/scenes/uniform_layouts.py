@@ -158,11 +158,8 @@ class UniformLayouts:
             first = np.clip(first - thickness, *self.scene.spacing) if self.one_pitch else first
         elif space.length is not None:
             first = space.length / space.pairs - second
-        values = np.empty((len(points), len(space.free), pairs or space.pairs))
-        parts = zip(space.parts, (first, thickness, second), strict=True)
-        for k, numbers in enumerate(numbers for part, numbers in parts if part.is_free):
-            values[:, k] = numbers
-        return space.sizes(values)
+        shape = np.zeros(pairs or space.pairs)
+        return space.sizes(space.select(first + shape, thickness, second))
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""
