@@ -130,12 +130,12 @@ class DesignSpace:
         kinds = np.array([self.pieces.thickness, self.pieces.count], np.float64)
         return np.ascontiguousarray(kinds[:, np.argsort(kinds[0])])
 
-    @property
+    @cached_property
     def is_discrete(self) -> Bools:
         """(P, 1) True for thicknesses that are those of pieces of the stock."""
         return np.array([[part is self.thickness and self.kinds.size > 0] for part in self.free])
 
-    @property
+    @cached_property
     def total(self) -> float | None:
         """Sum of all values that the length requires [m]; None for any."""
         fixed = sum(part.low for part in self.parts[:2] if not part.is_free)
