@@ -16,8 +16,7 @@ from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.placement import add_errors
-from domino_env.scenes.scene import Scene
-from domino_env.scenes.scene_base import SCORE_RTOL
+from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
 RAMPS = 4000  # approximate number of ramps that are sampled

@@ -220,7 +220,7 @@ class Problem:
                 f"the layout has {layout.count} dominoes: scene '{scene.name}' needs {scene.count}"
             )
         values = self.space.values(layout.spacing, layout.thickness[1:], layout.height[1:])
-        return self._unit_values(values[None])[0]
+        return np.asarray(self._unit_values(values[None])[0])
 
     def values(self, designs: Floats) -> Floats:
         """Return the values (B, P, N-1) of design vectors (B, n), after the rules are applied."""
