@@ -6,31 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ruled_scenes import RULED
 
 import domino_env as de
 from domino_env.core.projection import nearest_choice
 from domino_env.scenes.objectives import ScoreGradient
 
-SPRINT, MAGNIFY = (
-    de.load_scene("sprint").replace(count=7),
-    de.load_scene("magnify").replace(count=7),
-)
-BOX = SPRINT.replace(stock=de.Stock((0.01, 0.005, 0.0075), (2, 3, 2)), thickness=None)
-SCENES = {
-    "gaps": SPRINT,
-    "thickness": SPRINT.replace(spacing=(0.018, 0.018), thickness=(0.005, 0.01)),
-    "both": SPRINT.replace(thickness=(0.005, 0.01)),
-    "length": SPRINT.replace(length=0.14),
-    "length of both": SPRINT.replace(length=0.14, thickness=(0.005, 0.01)),
-    "stock": BOX,
-    "stock with spares": BOX.replace(stock=de.Stock((0.01, 0.005, 0.0075), (3, 4, 3))),
-    "length of a stock": BOX.replace(length=0.13),
-    "order of a stock": BOX.replace(spacing=(0.018, 0.018)),
-    "in heights": MAGNIFY.replace(growth=None, objective="mean_speed", thickness=(0.1, 0.2)),
-    "growth": MAGNIFY,
-    "all": MAGNIFY.replace(thickness=(0.1, 0.2)),
-    "fixed growth": MAGNIFY.replace(growth=(1.2, 1.2), thickness=(0.1, 0.2)),
-}
+SCENES = RULED | {"in-heights": RULED["growth-both"].replace(growth=None)}
 every_scene = pytest.mark.parametrize("name", SCENES)
 
 
@@ -46,7 +28,7 @@ def test_sizes_and_values_are_inverse(name):
     space = SCENES[name].space
     values = random_values(SCENES[name], 5)
     assert space.values(*space.sizes(values)) == pytest.approx(values, rel=1e-14)
-    assert values.shape == (5, len(space.free), 6)
+    assert values.shape == (5, len(space.free), space.pairs)
 
 
 @every_scene
@@ -71,15 +53,16 @@ def test_derivatives_by_values_match_differences(name):
     targets = random_values(scene, 3)
     values = space.project(targets)
     pieces = np.broadcast_to(space.is_discrete, space.low.shape)
+    weights = np.arange(1.0, space.pairs + 1.0)
+
+    def parts(values: np.ndarray) -> list[np.ndarray]:
+        sizes = space.sizes(values)
+        return [np.zeros(values[:, 0].shape) if part is None else part for part in sizes]
 
     def score(targets: np.ndarray) -> np.ndarray:
-        gaps, thickness, height = space.sizes(space.project(targets))
-        sizes = gaps, thickness, np.zeros_like(gaps) if height is None else height
-        return sum(np.square(part) @ np.arange(1.0, 7.0) for part in sizes)
+        return sum(np.square(part) @ weights for part in parts(space.project(targets)))
 
-    gaps, thickness, height = space.sizes(values)
-    sizes = gaps, thickness, np.zeros_like(gaps) if height is None else height
-    by_sizes = ScoreGradient(*(2.0 * part * np.arange(1.0, 7.0) for part in sizes))
+    by_sizes = ScoreGradient(*(2.0 * part * weights for part in parts(values)))
     derivatives = space.project_vjp(space.sizes_vjp(values, by_sizes), targets, values)
     for k, i in np.ndindex(space.low.shape):
         shift = np.zeros_like(targets)
