@@ -53,7 +53,7 @@ lowest newest:
 	$(VENV)-$@/bin/python -m pip install --quiet --disable-pip-version-check \
 		pytest pytest-xdist hypothesis -e .
 	$(VENV)-$@/bin/python -m pytest -n 2 --dist loadfile -W default tests/optimize/methods \
-		tests/optimize/constraints tests/optimize/test_journal.py tests/domino_env/envs/test_vector.py
+		tests/optimize/test_rules.py tests/domino_env/scenes/test_design_space.py tests/optimize/test_journal.py tests/domino_env/envs/test_vector.py
 
 compat: $(VENV)/.dev
 	$(PIP) --group compat

@@ -238,7 +238,7 @@ def require_supported(scene: Scene, is_sampled: bool) -> None:
             f"scene '{scene.name}' has a stock: its score has no gradient with respect to actions, "
             "which apg needs; leave it out, or use ppo"
         )
-    has_free_sizes = scene.free_spacing and scene.free_thickness and not scene.in_heights
+    has_free_sizes = len(scene.space.free) == 2 and not scene.in_heights
     if random_parts(scene) and (is_sampled or not has_free_sizes or scene.count < 3):
         raise ValueError(
             f"scene '{scene.name}' has placement noise or drawn pieces: for apg it must be a fixed "

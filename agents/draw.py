@@ -52,7 +52,7 @@ def relative(sizes: Floats, bounds: tuple[float, float]) -> Floats:
 
 def require_choices(scene: Scene) -> None:
     """Raise ValueError for fixed gaps, a single kind of pieces, or fewer than three dominoes."""
-    if not scene.free_spacing or not scene.free_thickness or scene.count < 3:
+    if not scene.space.spacing.is_free or not scene.free_thickness or scene.count < 3:
         kinds, (low, high) = len(relative_kinds(scene)), scene.spacing
         raise ValueError(
             f"scene '{scene.name}' has {scene.count} dominoes of {kinds} kinds and gaps from "

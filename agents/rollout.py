@@ -228,4 +228,4 @@ def complete_layout(layout: Layout, scene: Scene) -> Layout:
         return layout
     sizes = layout.spacing, layout.thickness[1:], layout.height[1:]
     spacing, thickness, height = (np.pad(size, (0, missing), mode="edge") for size in sizes)
-    return scene.layout(spacing, thickness, None if scene.growth is None else height)
+    return scene.layout(spacing, thickness, height)

@@ -14,9 +14,9 @@ from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, build, evaluation_seeds, make_rollout
 from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints
+from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.placement import add_errors
-from domino_env.scenes.scene import Scene
-from domino_env.scenes.scene_base import SCORE_RTOL
+from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
 
 RAMPS = 4000  # approximate number of ramps that are sampled
@@ -51,53 +51,27 @@ def ramp(scene: Scene) -> Rollout:
     rng = np.random.default_rng(0)
     best = rng.random((RAMPS // 2, 5))
     simulations = len(best) + 1
-    best = best[np.argsort(-_ramp_scores(scene, best))[:BEST_RAMPS]]
+    best = best[np.argsort(-scene.evaluate(_ramps(scene, best)).score)[:BEST_RAMPS]]
     for deviation in (0.1, 0.03, 0.01):  # standard deviation of the samples, of parameters 0 to 1
         centres = best[rng.integers(BEST_RAMPS, size=RAMPS // 6)]
         neighbours = np.clip(centres + deviation * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, neighbours])
         simulations += len(pool)
-        best = pool[np.argsort(-_ramp_scores(scene, pool))[:BEST_RAMPS]]
-    gaps, thickness = _ramps(scene, best[:1])
-    layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
+        best = pool[np.argsort(-scene.evaluate(_ramps(scene, pool)).score)[:BEST_RAMPS]]
+    layout = _ramps(scene, best[:1]).layout(0)
     return make_rollout(scene, layout, time.perf_counter() - start, simulations)
 
 
-def _ramp_scores(scene: Scene, parameters: Floats) -> Floats:
-    """Return the scores (B,) of ramps; less than -2 for those that miss the scene's length."""
-    gaps, thickness = _ramps(scene, parameters)
-    scores = np.asarray(scene.evaluate(scene.batch(gaps, thickness)).score)
-    if scene.length is None:
-        return scores
-    pitch = gaps + (scene.thickness[0] if thickness is None else thickness)
-    error = np.abs(pitch.sum(axis=1) - scene.length)
-    # within 1e-9 m; other scores are below that of any wave that stops
-    return np.where(error < 1e-9, scores, -2.0 - error)
-
-
-def _ramps(scene: Scene, parameters: Floats) -> tuple[Floats, Floats | None]:
-    """Return gaps and thicknesses (B, N-1) [m] of ramps with parameters (B, 5) in [0, 1].
-
-    The thicknesses are those of all dominoes but the first; None if they are not free.
-    """
-    position = np.linspace(0.0, 1.0, scene.count - 1)[None]
-    first, middle, last, fraction, relative_thickness = np.split(parameters, 5, axis=1)
+def _ramps(scene: Scene, parameters: Floats) -> LayoutBatch:
+    """Return ramps with parameters (B, 5) in [0, 1]; the nearest ones of the scene's length."""
+    space, position = scene.space, np.linspace(0.0, 1.0, scene.count - 1)[None]
+    first, middle, last, fraction, thickness = np.split(parameters, 5, axis=1)
     fraction = 0.02 + 0.48 * fraction  # 2 to 50 % of the chain
     at_start = np.clip(1.0 - position / fraction, 0.0, 1.0)
     at_end = np.clip(1.0 - (1.0 - position) / fraction, 0.0, 1.0)
-    relative_gap = middle + (first - middle) * at_start + (last - middle) * at_end
-    low, high = scene.spacing
-    gaps = low + relative_gap * (high - low)
-    thickness = None
-    if scene.free_thickness:
-        low, high = scene.thickness
-        thickness = low + np.broadcast_to(relative_thickness, gaps.shape) * (high - low)
-    if scene.length is not None:  # all gaps change by the same amount, within their bounds
-        total = (scene.count - 1) * scene.thickness[0] if thickness is None else thickness.sum(1)
-        for _ in range(50):  # clipped gaps leave an error of the length, which decreases
-            gaps = gaps + ((scene.length - total - gaps.sum(axis=1)) / gaps.shape[1])[:, None]
-            gaps = np.clip(gaps, *scene.spacing)
-    return gaps, thickness
+    gaps = middle + (first - middle) * at_start + (last - middle) * at_end
+    values = space.low + space.select(gaps, thickness, 1.0) * (space.high - space.low)
+    return scene.batch(*space.sizes(space.project(values)))
 
 
 def plan(scene: Scene) -> Rollout:

@@ -346,7 +346,7 @@ def habitual_layout(scene: de.Scene) -> de.Layout | None:
     thickness = baseline.thickness if scene.stock else np.full(scene.count, STANDARD)
     sizes = thickness[:-1], thickness, baseline.height
     layout = de.Layout(*sizes) if scene.ground is None else scene.ground.layout(*sizes)
-    return None if scene.violations(layout) or scene.free_height else layout
+    return None if scene.violations(layout) or scene.space.growth.is_free else layout
 
 
 def score_cell(scene: de.Scene, score: float | None, layout: de.Layout | None) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
-from domino_env.scenes import scene_base, tables
+from domino_env.scenes import tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Range
 from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
@@ -24,7 +24,7 @@ from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.pool import DIGITS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
-SCENES = Path(scene_base.__file__).parent
+SCENES = Path(tables.__file__).parent
 TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
 POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 # tables in which a number may be a range

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env.core.checks import numbers
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import require_layout
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import ScoreGradient, Scores
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.scene import Scene
-from optimize.constraints.feasible_set import FeasibleSet
 
 ROUNDING = 1e-9  # distance outside of [0, 1] that counts as rounding
 GRADIENT_RTOL = 1e-8  # relative error allowed in the arrival times for a gradient
@@ -53,8 +52,8 @@ class Problem:
 
     Attributes
     ----------
-    scene
-        The scene.
+    scene, space
+        The scene and its design space.
     dimension
         n, length of a design vector.
     low, high
@@ -81,9 +80,13 @@ class Problem:
 
     def __init__(self, scene: Scene | str | Path, rtol: float = 1e-6) -> None:
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        self.scene = scene
-        self._feasible = FeasibleSet(scene)
-        self.low, self.high = self._feasible.low, self._feasible.high
+        if not scene.space.free:
+            raise ValueError(
+                f"scene '{scene.name}' leaves nothing free to search: give spacing or thickness "
+                "a min and a larger max"
+            )
+        self.scene, self.space = scene, scene.space
+        self.low, self.high = self.space.low.ravel(), self.space.high.ravel()
         self.dimension = len(self.low)
         self.rtol = rtol
         self.dominoes = scene.row_count * scene.scoring.cost
@@ -133,9 +136,10 @@ class Problem:
         checked = self.check(designs)
         single, designs = np.ndim(designs) == 1, checked
         values = self.values(designs)
-        sizes = self.split(values)
         rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
-        scores = self.scene.evaluate(self.scene.batch(*sizes, rtol), gradient, stop)
+        scores = self.scene.evaluate(
+            self.scene.batch(*self.space.sizes(values), rtol), gradient, stop
+        )
         if scores.gradient is not None:
             gradients = self.design_gradient(designs, values, scores.gradient, relaxed=relaxed)
             scores = replace(scores, gradient=gradients)
@@ -151,9 +155,8 @@ class Problem:
     @property
     def equality(self) -> tuple[Floats, float] | None:
         """Coefficients a (n,) and right side b of a·x = b [m]; None without a given length."""
-        if self._feasible.total is None:
-            return None
-        return self.high - self.low, self._feasible.total - float(self.low.sum())
+        total = self.space.total
+        return None if total is None else (self.high - self.low, total - float(self.low.sum()))
 
     @property
     def normal(self) -> Floats | None:
@@ -163,12 +166,7 @@ class Problem:
     @property
     def coupled(self) -> bool:
         """True if several design vectors stand for the same layout, see `project`."""
-        return self.scene.length is not None or self._feasible.stock is not None
-
-    @property
-    def is_continuous(self) -> Bools:
-        """(n,) True for continuous entries; the others are from the stock."""
-        return ~self._feasible.is_discrete
+        return self.space.total is not None or bool(self.space.is_discrete.any())
 
     def project(self, designs: Floats) -> Floats:
         """Find the nearest design vectors (in metres) that keep the rules of the scene.
@@ -203,8 +201,7 @@ class Problem:
         ValueError
             If the shape is another one, or if entries are outside of [0, 1].
         """
-        gaps, thickness, height = self.split(self.values(self.check([design])))
-        return self.scene.layout(gaps[0], thickness[0], None if height is None else height[0])
+        return self.scene.batch(*self.space.sizes(self.values(self.check([design])))).layout(0)
 
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene.
@@ -222,44 +219,12 @@ class Problem:
             raise ValueError(
                 f"the layout has {layout.count} dominoes: scene '{scene.name}' needs {scene.count}"
             )
-        gaps, thickness, height = layout.spacing, layout.thickness[1:], layout.height
-        if scene.in_heights:
-            gaps, thickness = gaps / np.minimum(height[:-1], height[1:]), thickness / height[1:]
-        values = [gaps] * scene.free_spacing
-        values += [thickness] * scene.free_thickness
-        values += [height[1:] / height[:-1]] * scene.free_height
-        return self._unit_values(np.concatenate(values))
+        values = self.space.values(layout.spacing, layout.thickness[1:], layout.height[1:])
+        return np.asarray(self._unit_values(values[None])[0])
 
     def values(self, designs: Floats) -> Floats:
-        """Return the free values (B, n) of design vectors (B, n), after the rules are applied.
-
-        They are gaps, thicknesses and growths in the units of `low` and `high`.
-        """
-        return self._feasible.project(self._targets(designs))
-
-    def split(self, values: Floats) -> tuple[Floats, Floats, Floats | None]:
-        """Convert free values (B, n) to gaps, thicknesses and heights.
-
-        Returns
-        -------
-        gaps : ndarray
-            (B, N-1) all gaps [m].
-        thickness : ndarray
-            (B, N-1) thicknesses of dominoes 1 … N-1 [m].
-        height : ndarray or None
-            (B, N-1) heights of dominoes 1 … N-1 [m]; None if all heights are equal.
-        """
-        scene, pairs, start = self.scene, self.scene.count - 1, 0
-        gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
-        thickness: Floats = np.full_like(gaps, scene.thickness[0])
-        growth: Floats | None = None
-        if scene.free_spacing:
-            gaps, start = values[:, :pairs], pairs
-        if scene.free_thickness:
-            thickness, start = values[:, start : start + pairs], start + pairs
-        if scene.growth is not None:
-            growth = values[:, start:] if scene.free_height else np.full_like(gaps, scene.growth[0])
-        return scene.to_metres(gaps, thickness, growth)
+        """Return the values (B, P, N-1) of design vectors (B, n), after the rules are applied."""
+        return self.space.project(self._targets(designs))
 
     def design_gradient(
         self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
@@ -271,10 +236,9 @@ class Problem:
         designs
             (B, n) design vectors.
         values
-            (B, n) their free values, see `values`.
+            (B, P, N-1) their values, see `values`.
         gradient
-            (B, N-1) derivatives with respect to the gaps, and to the thicknesses and heights of
-            dominoes 1 … N-1 [unit of the score per m].
+            Derivatives with respect to the sizes.
         relaxed
             True to treat values from the stock as continuous; otherwise their derivative is 0,
             because they do not change when a design vector changes a little.
@@ -284,9 +248,9 @@ class Problem:
         ndarray
             (B, n) derivatives; where the rules bind, those of the nearest layout that keeps them.
         """
-        by_value = self._by_value(values, gradient)
-        by_target = self._feasible.tangent(by_value, self._targets(designs), values, relaxed)
-        return np.asarray(by_target * (self.high - self.low))
+        by_value = self.space.sizes_vjp(values, gradient)
+        by_target = self.space.project_vjp(by_value, self._targets(designs), values, relaxed)
+        return np.asarray(by_target.reshape(designs.shape) * (self.high - self.low))
 
     def check(self, designs: ArrayLike, *, unbounded: bool = False) -> Floats:
         """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.
@@ -316,32 +280,12 @@ class Problem:
             raise ValueError(f"design {b} has {entry} at place {i}: give {expected}")
         return designs if unbounded else np.clip(designs, 0.0, 1.0)
 
-    def _by_value(self, values: Floats, derivatives: ScoreGradient) -> Floats:
-        """Return derivatives (B, n) with respect to the free values, in their units."""
-        scene, pairs = self.scene, self.scene.count - 1
-        by_gap, by_thickness = derivatives.spacing, derivatives.thickness
-        by_height = derivatives.height
-        if scene.in_heights:
-            gaps, thickness, height = self.split(values)
-            if height is None:
-                by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
-            else:
-                # a height scales the thickness of its domino and the gap to the next one
-                by_scale = by_height * height + by_thickness * thickness
-                by_scale[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
-                growth = values[:, -pairs:] if scene.free_height else np.ones_like(height)
-                # a growth scales all later heights
-                by_height = np.cumsum(by_scale[:, ::-1], axis=1)[:, ::-1] / growth
-                by_gap = by_gap * scene.heights_before(height)
-                by_thickness = by_thickness * height
-        free = [scene.free_spacing, scene.free_thickness, scene.free_height]
-        parts = zip((by_gap, by_thickness, by_height), free, strict=True)
-        return np.concatenate([part for part, is_free in parts if is_free], axis=1)
-
     def _targets(self, designs: Floats) -> Floats:
-        """Return the values (B, n) of design vectors before the rules are applied."""
-        return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
+        """Return the values (B, P, N-1) of design vectors before the rules are applied."""
+        targets = np.clip(self.low + designs * (self.high - self.low), self.low, self.high)
+        return targets.reshape(len(designs), *self.space.low.shape)
 
     def _unit_values(self, values: Floats) -> Floats:
-        """Return the design vectors of values (B, n) that keep the rules."""
-        return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))
+        """Return the design vectors (B, n) of values (B, P, N-1) that keep the rules."""
+        scaled = (values - self.space.low) / (self.space.high - self.space.low)
+        return np.asarray(np.clip(scaled, 0.0, 1.0).reshape(len(values), -1))

@@ -98,7 +98,7 @@ def scene_layout(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
     width = rng.choice([0.02, 0.2, 1.0])
     gaps = low + (high - low) * np.clip(rng.uniform(0, 1) + width * rng.uniform(-1, 1, pairs), 0, 1)
     thickness: Any = None
-    if scene.name == "course":  # 1.2 m in all
+    if scene.length is not None:  # 1.2 m in all
         gaps = 1.2 / pairs - D + 0.3 * (gaps - gaps.mean())
     elif scene.stock is not None:
         thickness = rng.permutation(scene.stock.without(scene.first_thickness).dominoes)

@@ -81,7 +81,7 @@ def require_kind(scene: Scene) -> None:
         "a run-out follows its dominoes": scene.run_out is not None,
         f"its objective is {scene.objective}": not scene.criterion.is_mean_speed,
         "its scores are those of draws of placement noise": scene.scoring.placement is not None,
-        "its gaps are not free": not scene.free_spacing,
+        "its gaps are not free": not scene.space.spacing.is_free,
         "its ground is not flat": scene.ground is not None,
         "its dominoes are from a stock, or grow": is_restricted,
         "it limits the wave": scene.limits is not None,

@@ -90,15 +90,12 @@ def push(text: str) -> float | str:
 
 def released(physics: Physics, first: Scene | Layout) -> Physics:
     """Return physics with the push of a released domino: the first one of a scene or layout."""
+    from domino_env.scenes import tables
     from domino_env.scenes.scene import Scene
 
     if isinstance(first, Scene):
-        tables = first.document()
-        tables["physics"] |= {"gravity": physics.gravity, "push": RELEASED}
-        push = first.from_document(tables).physics.push
-    else:
-        push = physics.released(first, gravity=physics.gravity).push
-    return physics.replace(push=push)
+        return tables.released(first.replace(physics=physics))
+    return physics.replace(push=physics.released(first, gravity=physics.gravity).push)
 
 
 def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:

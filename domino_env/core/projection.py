@@ -1,4 +1,4 @@
-"""Projection of points onto the set with given bounds and a given sum."""
+"""Projections of points: onto bounds and a given sum, and onto choices of given numbers."""
 
 from __future__ import annotations
 
@@ -53,3 +53,37 @@ def correct_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floa
     free = (values > low) & (values < high)
     correction = (total - values.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
     return np.asarray(np.clip(values + free * correction[:, None], low, high))
+
+
+def nearest_choice(targets: Floats, numbers: Floats) -> Floats:
+    """Choose those of some numbers that are nearest to target values by least squares.
+
+    Parameters
+    ----------
+    targets
+        (B, n) values.
+    numbers
+        (m,) numbers, n or more, each of which may be chosen once.
+
+    Returns
+    -------
+    ndarray
+        (B, n) chosen numbers.
+
+    Notes
+    -----
+    The chosen numbers have the order of the targets. So an assignment is needed only to select the
+    numbers that are left over.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    numbers = np.sort(numbers)
+    order = np.argsort(targets, axis=1, kind="stable")
+    nearest = np.empty_like(targets)
+    for b, point in enumerate(targets):
+        chosen = numbers
+        if len(numbers) > len(point):
+            _, indices = linear_sum_assignment((point[:, None] - numbers) ** 2)
+            chosen = np.sort(numbers[indices])
+        nearest[b, order[b]] = chosen
+    return nearest

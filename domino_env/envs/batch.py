@@ -18,6 +18,7 @@ from domino_env.scenes.objectives.tempo import LEAST_SCORE
 from domino_env.scenes.placement import LEAST_GAP
 from domino_env.scenes.scene import Scene
 
+PARTS = ("gap", "thickness", "growth")  # names of the parts of a design space in kernels
 Sizes = tuple[Floats, Floats, Floats]
 MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
 
@@ -87,10 +88,9 @@ class SceneTables:
             self.schedule[i, : scene.count, 0] = scheduled
             self.schedule[i, 1 : scene.count, 1] = (intervals - middle) / half
         uniform = self.uniform[i, : scene.count]
-        behind, ahead = height[:-1], height[1:]
-        uniform["gap"][:-1] = spacing / np.minimum(behind, ahead) if scene.in_heights else spacing
-        uniform["thickness"][:-1] = thickness / ahead if scene.in_heights else thickness
-        uniform["growth"][:-1] = ahead / behind
+        measured = scene.space.measure(spacing, thickness, height[1:])
+        for name, values in zip(PARTS, measured, strict=True):
+            uniform[name][:-1] = values
 
     def begin_layouts(self, batch: Batch, envs: Ints) -> None:
         """Write the first domino and the run-out of some environments into a batch."""
@@ -106,7 +106,7 @@ class SceneTables:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.uniform.shape[1] + self.run_out
-        kinds = _kinds(scene)
+        kinds = scene.space.kinds
         pieces = int(kinds[1].sum()) if scene.hand else 0
         own_height = scene.growth is not None or "height" in self.names
         # a power of two for the whole chain, or for the part that influences the wave
@@ -143,34 +143,25 @@ class SceneTables:
         )
 
 
-def _kinds(scene: Scene) -> Floats:
-    """Return the thicknesses [m] and numbers of pieces of a stock that leaves a choice, (2, K)."""
-    if scene.stock is None or not scene.free_thickness:
-        return np.empty((2, 0))
-    box = scene.stock.without(scene.first_thickness)
-    kinds = np.array([box.thickness, box.count], dtype=np.float64)
-    return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
-
-
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene; those of its uniform baseline are 0."""
-    growth, tempo = scene.growth or (1.0, 1.0), scene.tempo
-    values = plain(scene.physics) | {
+    bounds = {
+        f"{name}_{bound}": getattr(part, bound)
+        for name, part in zip(PARTS, scene.space.parts, strict=True)
+        for bound in ("low", "high")
+    }
+    tempo = scene.tempo
+    values = plain(scene.physics) | bounds
+    values |= {
         "count": scene.count,
         "run_out": scene.row_count - scene.count,
         "hand": scene.hand,
         "rtol": rtol,
         "uniform_speed": 0.0,
         "length": scene.length or 0.0,
-        "gap_low": scene.spacing[0],
-        "gap_high": scene.spacing[1],
-        "thickness_low": scene.thickness[0],
-        "thickness_high": scene.thickness[1],
         "least_placed": LEAST_GAP,
-        "growth_low": growth[0],
-        "growth_high": growth[1],
         "unit": scene.height,
-        "grows": scene.growth is not None,
+        "grows": scene.space.grows,
         "in_heights": scene.in_heights,
         "rewards_steps": scene.criterion.rewards_steps,
         "tolerance": 0.0 if tempo is None else tempo.tolerance,

@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 
-from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.arguments import SceneLike
@@ -17,7 +16,6 @@ from domino_env.envs.chain import DominoEnv
 from domino_env.envs.vector import RTOL, DominoChainVector, Infos
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.kernels.step.environment import place_batch
-from domino_env.scenes.scene import Scene
 
 MIN_PER_THREAD = 16  # environments; placing them takes about as long as waking a thread
 
@@ -148,7 +146,7 @@ class DominoLayoutVector(DominoChainVector):
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "
                 "an action would change with its number of dominoes: use DominoChain-v2"
             )
-        self._batch.rules["length"] = 0.0  # left to `_project`
+        self._batch.rules["length"] = 0.0  # left to `advance`
         _, pairs, entries = self._placing_shape
         self._set_spaces(entries * pairs, Box(0.0, 1.0, (1,), np.float32))
 
@@ -172,21 +170,12 @@ class DominoLayoutVector(DominoChainVector):
         placements = actions.reshape(self.num_envs, -1, scene.count - 1).transpose(0, 2, 1)
         placements = np.ascontiguousarray(placements)
         share_evenly(place_batch, self.num_envs, MIN_PER_THREAD, self._batch, ended, placements)
-        if scene.length is not None:
-            self._project(scene, scene.length)
+        if scene.length is not None:  # the nearest layouts of this length
+            space, pairs = scene.space, scene.count - 1
+            gaps, thickness = (
+                self._batch.spacing[:, :pairs],
+                self._batch.thickness[:, 1:][:, :pairs],
+            )
+            gaps[:], thickness[:], _ = space.sizes(space.project(space.values(gaps, thickness)))
         rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos
-
-    def _project(self, scene: Scene, length: float) -> None:
-        """Replace the layouts by the nearest ones with a total length [m]."""
-        pairs = scene.count - 1
-        spacing, thickness = self._batch.spacing[:, :pairs], self._batch.thickness[:, 1 : pairs + 1]
-        free = [(spacing, scene.spacing)] * scene.free_spacing
-        free += [(thickness, scene.thickness)] * scene.free_thickness
-        fixed = scene.spacing[0] * (not scene.free_spacing)  # part of each pitch that is not free
-        fixed += scene.thickness[0] * (not scene.free_thickness)
-        parts = [part for part, _ in free]
-        low, high = np.repeat([bounds for _, bounds in free], pairs, axis=0).T
-        projected = nearest_with_sum(np.hstack(parts), low, high, length - pairs * fixed)
-        for part, values in zip(parts, np.split(projected, len(parts), axis=1), strict=True):
-            part[:] = values

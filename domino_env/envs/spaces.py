@@ -38,10 +38,10 @@ class ObservationLayout(dict[str, slice]):
     """
 
     def __init__(self, scene: Scene, window: int, num_features: int) -> None:
-        has_length, grows = int(scene.length is not None), int(scene.free_height)
+        has_length, kinds = int(scene.length is not None), len(scene.space.kinds[0])
+        gaps, thicknesses, growths = (int(part.is_free) for part in scene.space.parts)
         has_schedule = int(scene.tempo is not None)
         places = window * int(scene.ground is not None)
-        kinds = len(scene.stock.thickness) if scene.stock and scene.free_thickness else 0
         most = observation.RATIO_LIMIT
         parts = {  # number of entries, lowest and highest value
             "front": (1, 0.0, observation.FRONT_LIMIT),
@@ -51,10 +51,10 @@ class ObservationLayout(dict[str, slice]):
             "intervals": (window * has_schedule, -1.0, 1.0),
             "length_left": (has_length, 0.0, 1.0),
             "pitch_left": (has_length, -1.0, 1.0),
-            "gaps": (window * scene.free_spacing, -most, most),
-            "thicknesses": (window * scene.free_thickness, -most, most),
-            "growths": (window * grows, -most, most),
-            "height": (grows, 0.0, 1.0),
+            "gaps": (window * gaps, -most, most),
+            "thicknesses": (window * thicknesses, -most, most),
+            "growths": (window * growths, -most, most),
+            "height": (growths, 0.0, 1.0),
             "hand": (kinds * (scene.hand > 0), 0.0, 1.0),
             "stock": (kinds, 0.0, 1.0),
             "placed": (1, 0.0, 1.0),
@@ -86,8 +86,7 @@ def closeness(count: int) -> NDArray[np.float32]:
 
 def action_entries(scene: Scene) -> int:
     """Return the number of entries of the action that places one domino."""
-    thicknesses = 1 if scene.stock is None else len(scene.stock.thickness)
-    return scene.free_spacing + thicknesses * scene.free_thickness + scene.free_height
+    return len(scene.space.free) + max(len(scene.space.kinds[0]) - 1, 0)
 
 
 def gap_entries(scene: Scene, gaps: Floats) -> Floats:

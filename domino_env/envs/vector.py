@@ -28,9 +28,9 @@ from domino_env.kernels.step import environment as kernels
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave, simulate
+from domino_env.scenes.design_space import LENGTH_TOLERANCE
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.scene_base import LENGTH_TOLERANCE
 
 Indices = NDArray[np.intp]  # (E,) indices of environments
 Infos = dict[str, NDArray[Any]]

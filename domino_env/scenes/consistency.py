@@ -1,4 +1,7 @@
-"""Relations between the tables of a scene: one sentence for each violation."""
+"""Relations between the fields of a scene: one sentence for each violation.
+
+Sentences name fields as the keys and tables of scene files.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,17 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from domino_env.core.checks import require_choice
-from domino_env.core.models import read_model
 from domino_env.physics.footing import MAX_STEP
 from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MAX_RATIO, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.placement import MOST_DRAWN_DOMINOES
 from domino_env.scenes.rules import MAX_DOMINOES, Bounds
-from domino_env.scenes.tables import DEFAULTS, RangeTable, SceneFile
+from domino_env.scenes.tables import RangeTable
 
 MAX_LOG10_HEIGHT = 30.0  # decimal logarithm of the largest height [m]; products remain finite
 
 EXCLUSIVE = (
-    ("[thickness]", "[stock]", "both give the thicknesses"),
     ("physics.floor_friction", "[limits]",
      "stall margins are those of fixed pivots"),
     ("stock.hand", "physics.floor_friction",
@@ -36,180 +36,161 @@ EXCLUSIVE = (
 """Pairs of tables or keys that exclude each other, each with the reason."""
 
 
-def check_document(document: dict[str, Any]) -> SceneFile:
-    """Check the document of a scene and return its tables.
-
-    Parameters
-    ----------
-    document
-        Tables of the scene, as `tomllib` reads them from a file or `Scene.document` returns
-        them.
-
-    Returns
-    -------
-    SceneFile
-        The tables.
-
-    Raises
-    ------
-    ValueError
-        For the first violation; the message has key, value and accepted range, or the tables that
-        contradict each other.
-    """
-    if isinstance(document, dict):  # otherwise the model's error
-        require_choice("objective", document.get("objective", DEFAULTS["objective"]), OBJECTIVES)
-    tables = read_model(SceneFile, document)
-    for sentence in _violations(tables):
+def require_consistent(sentences: Iterator[str]) -> None:
+    """Raise a ValueError for the first violation."""
+    for sentence in sentences:
         raise ValueError(sentence)
-    return tables
 
 
-def _violations(tables: SceneFile) -> Iterator[str]:
-    """Yield a sentence for each violation; a check relies on those before it."""
-    if tables.thickness is None and tables.stock is None:
+def contradictions(scene: Any) -> Iterator[str]:
+    """Yield a sentence for each violation by the fields of a scene, some of which may be missing.
+
+    A check relies on those before it.
+    """
+    if scene.thickness is None and scene.stock is None:
         keys = ", ".join(RangeTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
+    for name in ("spacing", "thickness", "growth"):
+        low, high = getattr(scene, name) or (0.0, 0.0)
+        if low > high:
+            yield f"{name}.min = {low} is more than max = {high}: give min <= max"
     for first, second, reason in EXCLUSIVE:
-        if tables.value_at(first) is not None and tables.value_at(second) is not None:
+        if _value_at(scene, first) is not None and _value_at(scene, second) is not None:
             yield f"{first} and {second} exclude each other: {reason}; leave one of them out"
-    yield from _violations_in_heights(tables)
-    yield from _violations_of_units(tables)
-    yield from _violations_of_number(tables)
-    yield from _violations_of_objective(tables)
-    yield from _violations_of_sizes(tables)
-    yield from _violations_of_length(tables)
-    if tables.ground is not None:
-        yield from _violations_of_ground(tables, tables.ground)
-
-
-def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
-    """Yield sentences about keys in metres that contradict others in heights, and the reverse."""
-    thickness_in_heights = tables.thickness is not None and tables.thickness.of is not None
-    if tables.in_heights != thickness_in_heights and tables.thickness is not None:
-        here, there = ("spacing", "thickness") if tables.in_heights else ("thickness", "spacing")
-        yield f'{here}.of = "height" but {there} is in metres: give both in heights'
-    if tables.growth is not None and not tables.in_heights:
+    if scene.growth is not None and not scene.in_heights:
         yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
-    if not tables.in_heights:
-        return
-    for name in ("row.length", "[stock]"):
-        if tables.value_at(name) is not None:
+    for name in ("row.length", "[stock]") if scene.in_heights else ():
+        if _value_at(scene, name) is not None:
             yield f'{name} is in metres: leave it out, or leave out of = "height"'
+    yield from _violations_of_number(scene)
+    yield from _violations_of_objective(scene)
+    yield from _violations_of_sizes(scene)
 
 
-def _violations_of_units(tables: SceneFile) -> Iterator[str]:
-    """Yield sentences about lengths that were probably given in another unit."""
-    height, unit = tables.row.height, tables.row.height if tables.in_heights else 1.0
-    low, high = (unit * gap for gap in tables.spacing.bounds())
-    # a stock is checked later; until then a plausible thickness takes its place
-    thicknesses = (height, height) if tables.stock else tables.thickness_bounds()
-    thinnest, thickest = (unit * thickness for thickness in thicknesses)
-    if (tables.growth is None and low >= height) or thinnest > MAX_RATIO * height:
-        hint = unit_hint(height, (low, high), (thinnest, thickest))
-        yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
-    if tables.placement is not None and tables.placement.deviation > high:
-        yield (
-            f"placement.deviation = {tables.placement.deviation:g} m is more than the largest gap, "
-            f"{high:g} m: lengths are in metres, 0.5 mm is 0.0005"
-        )
-    if tables.run_out is not None and tables.run_out.spacing >= height:
-        yield (
-            f"run_out.spacing = {tables.run_out.spacing:g} m is out of reach of a domino "
-            f"{height:g} m high: give less; lengths are in metres, 3 mm is 0.003"
-        )
+def violations(scene: Any) -> Iterator[str]:
+    """Yield a sentence for each violation by a scene without missing fields."""
+    yield from _violations_of_units(scene)
+    yield from _violations_of_length(scene)
+    if scene.ground is not None:
+        yield from _violations_of_ground(scene, scene.ground)
 
 
-def _violations_of_number(tables: SceneFile) -> Iterator[str]:
+def _value_at(scene: Any, place: str) -> Any:
+    """Return the value at a place of the file, such as "[stock]" or "row.length", or None."""
+    value = scene
+    for name in place.strip("[]").replace("row.", "").replace("physics.", "").split("."):
+        value = getattr(value, name, None)
+    return value
+
+
+def _violations_of_number(scene: Any) -> Iterator[str]:
     """Yield sentences about rows of too many dominoes, or too many draws of them."""
-    count = tables.row.count + (tables.run_out.count if tables.run_out else 0)
+    count = scene.row_count
     if count > MAX_DOMINOES:
         yield f"row.count and run_out.count add up to {count}: use at most {MAX_DOMINOES} dominoes"
-    if tables.placement is not None and count * tables.placement.draws > MOST_DRAWN_DOMINOES:
+    if scene.placement is not None and count * scene.placement.draws > MOST_DRAWN_DOMINOES:
         yield (
-            f"placement.draws = {tables.placement.draws} of {count} dominoes take too much memory: "
+            f"placement.draws = {scene.placement.draws} of {count} dominoes take too much memory: "
             f"give at most {MOST_DRAWN_DOMINOES // count}"
         )
 
 
-def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
+def _violations_of_objective(scene: Any) -> Iterator[str]:
     """Yield contradictions between the objective and other tables."""
     for name, objective in OBJECTIVES.items():
-        given = tables.value_at(name) is not None
-        if given != (objective.table is not None and tables.objective == name):
+        given = objective.table is not None and isinstance(scene.settings, objective.table)
+        if given != (objective.table is not None and scene.objective == name):
             yield (
                 f"the table [{name}] {'is given' if given else 'is missing'} and objective = "
-                f"{tables.objective!r}: give both [{name}] and objective = {name!r}, or neither"
+                f"{scene.objective!r}: give both [{name}] and objective = {name!r}, or neither"
             )
-    objective = OBJECTIVES[tables.objective]
-    if tables.physics.floor_friction is not None and not objective.is_mean_speed:
+    objective = OBJECTIVES[scene.objective]
+    if scene.floor_friction is not None and not objective.is_mean_speed:
         speeds = " or ".join(repr(n) for n, kind in OBJECTIVES.items() if kind.is_mean_speed)
         yield (
-            f"physics.floor_friction and objective = {tables.objective!r}: free-standing layouts "
+            f"physics.floor_friction and objective = {scene.objective!r}: free-standing layouts "
             f"are scored by their speed; choose objective = {speeds}, or leave the floor out"
         )
-    yield from objective.violations(tables)
+    yield from objective.violations(scene)
 
 
-def _violations_of_sizes(tables: SceneFile) -> Iterator[str]:
+def _violations_of_sizes(scene: Any) -> Iterator[str]:
     """Yield contradictions between the number of dominoes, first thickness, stock and growth."""
-    row, stock = tables.row, tables.stock
+    stock, first = scene.stock, scene.first_thickness
     # a stock, like bounds that differ, does not fix the thickness of domino 0
-    low, high = tables.thickness.bounds() if tables.thickness else (0.0, 1.0)
-    if row.first_thickness is None and low < high:
+    if first is None and (stock is not None or scene.thickness[0] < scene.thickness[1]):
         yield (
             "row.first_thickness is missing: give the thickness of domino 0 [m], as that of the "
             "others is not fixed"
         )
     if stock is not None:
-        if sum(stock.count) < row.count or (row.length and sum(stock.count) > row.count):
-            needed = " and row.length need exactly" if row.length else " needs at least"
+        pieces = sum(stock.count)
+        if pieces < scene.count or (scene.length and pieces > scene.count):
+            needed = " and row.length need exactly" if scene.length else " needs at least"
             yield (
-                f"stock.count adds up to {sum(stock.count)} dominoes: row.count = {row.count}"
-                f"{needed} as many"
+                f"stock.count adds up to {pieces} dominoes: row.count = {scene.count}{needed} as "
+                "many"
             )
         try:
-            stock.without(tables.first_thickness())
+            stock.without(first)
         except ValueError as error:
-            yield f"row.first_thickness = {row.first_thickness}: {error}"
-    if tables.growth is not None:
-        tallest = math.log10(row.height) + (row.count - 1) * math.log10(tables.growth.max)
+            yield f"row.first_thickness = {first}: {error}"
+    if scene.growth is not None:
+        tallest = math.log10(scene.height) + (scene.count - 1) * math.log10(scene.growth[1])
         if tallest > MAX_LOG10_HEIGHT:
             yield (
-                f"growth.max = {tables.growth.max}: {row.count} dominoes could grow to "
+                f"growth.max = {scene.growth[1]}: {scene.count} dominoes could grow to "
                 f"10^{tallest:.0f} m; make growth.max or row.count smaller"
             )
 
 
-def _pitches(tables: SceneFile) -> Bounds:
-    """Return the smallest and the largest mean pitch within the bounds [m]."""
-    unit = tables.row.height if tables.in_heights else 1.0
-    low, high = tables.spacing.bounds()
-    thinnest, thickest = tables.thickness_bounds()
-    if tables.stock is not None:
-        dominoes = tables.stock.without(tables.first_thickness()).dominoes
-        thinnest = thickest = float(dominoes.mean())
-    return unit * (low + thinnest), unit * (high + thickest)
+def _metres(scene: Any) -> tuple[Bounds, Bounds]:
+    """Return the bounds of gaps and thicknesses [m], for the height of the first domino."""
+    unit = scene.height if scene.in_heights else 1.0
+    (low, high), (thinnest, thickest) = scene.spacing, scene.thickness
+    return (unit * low, unit * high), (unit * thinnest, unit * thickest)
 
 
-def _violations_of_length(tables: SceneFile) -> Iterator[str]:
+def _violations_of_units(scene: Any) -> Iterator[str]:
+    """Yield sentences about lengths that were probably given in another unit."""
+    height, ((low, high), thicknesses) = scene.height, _metres(scene)
+    if (scene.growth is None and low >= height) or thicknesses[0] > MAX_RATIO * height:
+        hint = unit_hint(height, (low, high), thicknesses)
+        yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
+    if scene.placement is not None and scene.placement.deviation > high:
+        yield (
+            f"placement.deviation = {scene.placement.deviation:g} m is more than the largest gap, "
+            f"{high:g} m: lengths are in metres, 0.5 mm is 0.0005"
+        )
+    if scene.run_out is not None and scene.run_out.spacing >= height:
+        yield (
+            f"run_out.spacing = {scene.run_out.spacing:g} m is out of reach of a domino "
+            f"{height:g} m high: give less; lengths are in metres, 3 mm is 0.003"
+        )
+
+
+def _violations_of_length(scene: Any) -> Iterator[str]:
     """Yield a sentence if no layout within the bounds has the total length.
 
     The constants 1e-12 m and 1e-9 allow for rounding.
     """
-    length, pairs = tables.row.length, tables.row.count - 1
+    length, pairs = scene.length, scene.count - 1
     if length is None:
         return
-    low, high = _pitches(tables)
+    spacing, (thinnest, thickest) = _metres(scene)
+    if scene.space.pieces is not None:
+        thinnest = thickest = float(scene.space.pieces.dominoes.mean())
+    low, high = spacing[0] + thinnest, spacing[1] + thickest  # mean pitches
     if pairs * low - 1e-12 <= length <= pairs * high + 1e-12:
         return
-    hint = unit_hint(tables.row.height, tables.spacing.bounds(), tables.thickness_bounds())
+    hint = unit_hint(scene.height, scene.spacing, scene.thickness)
     if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
         hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
     if hint is None and pairs * low <= 1e3 * length <= pairs * high:
         hint = f"row.length = {1e3 * length:g} would fit: is the length in the right unit?"
     fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1
     most = min(most, MAX_DOMINOES)
-    if hint is None and tables.stock is None and 2 <= fewest <= most:
+    if hint is None and scene.stock is None and 2 <= fewest <= most:
         counts = f"{fewest} to {most}" if fewest < most else f"{most}"
         hint = f"row.count = {counts} would fit"
     yield (
@@ -218,16 +199,15 @@ def _violations_of_length(tables: SceneFile) -> Iterator[str]:
     )
 
 
-def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
+def _violations_of_ground(scene: Any, ground: Ground) -> Iterator[str]:
     """Yield the reasons why some layouts within the bounds cannot stand on the ground.
 
     Without violations every layout within the bounds stands, so a search or an episode cannot
     produce one that does not. It is sufficient, and nearly necessary, that the ground is nowhere
     too steep for the thinnest domino and nowhere too curved for the narrowest or the widest gap.
     """
-    height, first = tables.row.height, tables.first_thickness()
-    unit = height if tables.in_heights else 1.0
-    others = [unit * thickness for thickness in tables.thickness_bounds()]
+    height, first = scene.height, scene.first_thickness
+    spacing, others = _metres(scene)
     thinnest, thickest = min(first, *others), max(first, *others)
     place, steepest = ground.steepest
     if steepest >= thinnest / height:
@@ -243,8 +223,7 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
         return
     if violation := ground.violation(thickest):
         yield violation
-    low, high = (unit * gap for gap in tables.spacing.bounds())
-    yield from _violations_of_bends(ground, height, thickest, (low, high))
+    yield from _violations_of_bends(ground, height, thickest, spacing)
 
 
 def _violations_of_bends(

@@ -6,30 +6,15 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from domino_env.core.models import Size, Value, about
-from domino_env.core.types import Floats
+from domino_env.core.types import Bools, Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 
 Bounds = tuple[float, float]  # smallest and largest value
 
 GROUND_TOLERANCE = 1e-9  # [m], [rad] largest difference of rise and tilt from those of the ground
-
-
-def bounds_violations(
-    name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
-) -> list[str]:
-    """Return a sentence if values exceed their bounds by more than `slack` times the upper one.
-
-    `first` is the index of the first value in the array of the layout.
-    """
-    low, high = bounds
-    tolerance = slack * high
-    allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
-    is_allowed = (values >= low - tolerance) & (values <= high + tolerance)
-    return _violations(f"{name}[{{0}}]", values, is_allowed, allowed, first, unit)
 
 
 def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
@@ -46,28 +31,23 @@ def ground_violations(layout: Layout, ground: Ground | None) -> list[str]:
         is_allowed = np.abs(values - expected) <= GROUND_TOLERANCE
         value = f"{expected[np.argmin(is_allowed)]:.9g} {unit} on its ground"
         allowed = f"{value}; make the layout with `scene.layout`"
-        violations += _violations(f"{name}[{{0}}]", values, is_allowed, allowed, unit=unit)
+        violations += first_violation(name, values, is_allowed, allowed, 0, unit)
     return violations
 
 
-def _violations(
-    place: str,
-    values: Floats,
-    is_allowed: NDArray[np.bool_],
-    allowed: str,
-    first: int = 0,
-    unit: str = "m",
+def first_violation(
+    name: str, values: Floats, is_allowed: Bools, allowed: str, first: int, unit: str
 ) -> list[str]:
     """Return a sentence about the first value that is not allowed, with the number of others.
 
-    `place` is a format of the value's name with a field for its index.
+    `first` is the index of the first value in the array of the layout.
     """
     if is_allowed.all():
         return []
     violating = np.flatnonzero(~is_allowed)
     i = int(violating[0])
     more = f" (and {len(violating) - 1} more)" if len(violating) > 1 else ""
-    given = f"{place.format(i + first)} = {values[i]:.13g} {unit}".strip()
+    given = f"{name}[{i + first}] = {values[i]:.13g} {unit}".strip()
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 

@@ -1,51 +1,50 @@
-"""Tables of a scene's file, made from the fields of `SceneBase`.
+"""Tables of a scene's file: names, types, ranges and descriptions of their keys.
 
-The tables check scenes made in Python too. Editors check files by the JSON Schema that
+Fields of scenes made in Python have the same types. Editors check files by the JSON Schema that
 `docs/shipped_scenes.py` makes from the tables; it adds the relations between keys.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from domino_env.core.checks import numbers, require_type
-from domino_env.core.models import LARGEST, Size, Table, about, plain
+from domino_env.core.checks import numbers, require_choice, require_type
+from domino_env.core.models import LARGEST, Amount, Size, Table, about, plain, read_model
+from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics, released_push, require_physics
+from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.rules import Bounds
-from domino_env.scenes.scene_base import SceneBase
+from domino_env.scenes.placement import Placement
+from domino_env.scenes.rules import MAX_DOMINOES, Bounds, Stock
+from domino_env.scenes.run_out import RunOut
 
-HINTS = get_type_hints(SceneBase, include_extras=True)
-DEFAULTS = {field.name: field.default for field in dataclasses.fields(SceneBase)}
-DEFAULTS["name"] = None  # that of the file
-# fields that are keys of [row], keys of no table, and tables
-ROW = ("count", "height", "width", "density", "first_thickness", "length")
-TOP = ("name", "title", "objective")
-TABLES = ("stock", "ground", "limits", "placement", "run_out")
+# begins with a letter or a digit of any language; has no character special to paths or shells
+NAME_PATTERN = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+# one line of text that is not blank
+LINE_PATTERN = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 
+RELEASED = "released"  # push of a first domino that is tipped past its balance
 
-def _with_fields(base: type[msgspec.Struct], *names: str) -> Any:
-    """Return a table of a file with the keys of `base`, and fields of `SceneBase` as keys."""
-    keys: list[Any] = []
-    for name in names:
-        hint, default = HINTS[name], DEFAULTS[name]
-        is_required = default is dataclasses.MISSING
-        hint = hint | None if default is None else hint
-        keys.append((name, hint) if is_required else (name, hint, default))
-    frozen = base.__struct_config__.frozen
-    return msgspec.defstruct("Table", keys, bases=(base,), kw_only=True, frozen=frozen)
+Name = Annotated[str, Meta(pattern=NAME_PATTERN, max_length=100)]
+Title = Annotated[str, Meta(pattern=LINE_PATTERN, max_length=300)]
 
 
-class RowTable(_with_fields(Table, *ROW)):  # type: ignore[misc]
+class RowTable(Table, kw_only=True):
     """Dominoes of the chain."""
 
-
-BOUNDS_HINT = "a pair of bounds, such as (0.002, 0.04)"
+    count: Annotated[int, Meta(ge=2, le=MAX_DOMINOES, description="number of dominoes")]
+    height: Annotated[Size, about("height of every domino, or of the first [m]")] = HEIGHT
+    width: Annotated[Size, about("size across the chain; times do not depend on it [m]")] = WIDTH
+    density: Annotated[Size, about("density of every domino [kg/m³]")] = DENSITY
+    first_thickness: Annotated[
+        Size | None, about("thickness of domino 0 [m]; required if thickness is free")
+    ] = None
+    length: Annotated[Size | None, about("exact distance from first to last pivot [m]")] = None
 
 
 class RangeTable(Table):
@@ -64,125 +63,163 @@ class RangeTable(Table):
         if given not in (["fixed"], ["min", "max"]):
             has = " and ".join(given) or "no value"
             raise ValueError(f"it has {has}: give either fixed, or min and max [m]")
-        low, high = self.bounds()
-        if low > high:
-            raise ValueError(f"min = {low} is more than max = {high}: give min <= max")
 
-    def bounds(self) -> Bounds:
-        """Return the smallest and the largest value; inverse of `_range_document`."""
-        if self.fixed is not None:
-            return self.fixed, self.fixed
-        return self.min or 0.0, self.max or 0.0  # both are given
+    @property
+    def bounds(self) -> Any:
+        """Smallest and largest value."""
+        return self.fixed or self.min, self.fixed or self.max
+
+
+Ratio = Annotated[float, Meta(ge=1, le=LARGEST)]
 
 
 class GrowthTable(Table, kw_only=True):
     """Bounds of the height of a domino over that of the one before."""
 
-    min: Annotated[float, Meta(ge=1, le=LARGEST, description="smallest ratio")] = 1.0
-    max: Annotated[float, Meta(ge=1, le=LARGEST, description="largest ratio")]
-
-    def __post_init__(self) -> None:
-        if self.min > self.max:
-            raise ValueError(f"min = {self.min} is more than max = {self.max}: give min <= max")
+    min: Annotated[Ratio, about("smallest ratio")] = 1.0
+    max: Annotated[Ratio, about("largest ratio")]
 
 
-class PhysicsTable(_with_fields(Physics, "floor_friction")):  # type: ignore[misc]
+class PhysicsTable(Physics, kw_only=True, frozen=True):  # type: ignore[misc]
     """Friction, gravity, push and floor."""
 
     push: Annotated[
         Size | Literal["released"],
         about('angular velocity of domino 0 at t = 0 [rad/s]; "released": tipped past balance'),
-    ] = Physics().push
+    ] = Physics().push  # type: ignore[assignment]
+    floor_friction: Annotated[
+        Amount | None, about("friction coefficient of the floor; without it pivots are fixed")
+    ] = None
 
 
-class SceneTables(_with_fields(Table, *TOP), kw_only=True):  # type: ignore[call-arg, misc]
+class SceneTables(Table, kw_only=True):
     """Design problem: dominoes, allowed values, objective."""
 
+    name: Annotated[
+        Name,
+        about(
+            "name of the scene and of its run folders: begins with a letter or a digit, "
+            'none of / \\ < > : " | ? * ` $; default: name of the file',
+        ),
+    ] | None = None  # fmt: skip
+    title: Annotated[Title, about("subject of the scene in one line")] | None = None
+    objective: Annotated[str, about("rule by which layouts are scored")] = "mean_speed"
     row: RowTable
     spacing: RangeTable
     thickness: RangeTable | None = None
     growth: GrowthTable | None = None
     physics: PhysicsTable = msgspec.field(default_factory=PhysicsTable)
+    stock: Annotated[Stock | None, about("dominoes to use, instead of thickness")] = None
+    ground: Ground | None = None
+    limits: Limits | None = None
+    placement: Placement | None = None
+    run_out: RunOut | None = None
 
-    @property
-    def in_heights(self) -> bool:
-        """True if gaps and thicknesses are given in heights of a domino."""
-        return self.spacing.of is not None
-
-    def value_at(self, place: str) -> Any:
-        """Return the value at a place such as "[stock]" or "row.length"; None if there is none."""
-        value: Any = self
-        for name in place.strip("[]").split("."):
-            value = getattr(value, name, None)
-        return value
-
-    def first_thickness(self) -> float:
-        """Return the thickness of domino 0 [m], by default the fixed one of the others."""
-        if self.row.first_thickness is not None:
-            return float(self.row.first_thickness)
-        assert self.thickness is not None
-        low, _ = self.thickness.bounds()
-        return low * self.row.height if self.in_heights else low
-
-    def thickness_bounds(self) -> Bounds:
-        """Return the smallest and the largest thickness of dominoes 1 … N-1."""
-        if self.thickness is not None:
-            return self.thickness.bounds()
-        assert self.stock is not None
-        remaining = self.stock.without(self.first_thickness()).dominoes
-        return float(remaining.min()), float(remaining.max())
-
-    def _physics(self) -> Physics:
-        """Return the physics, with the push of a released domino as a number."""
-        values = {name: getattr(self.physics, name) for name in Physics.__struct_fields__}
-        if values["push"] == "released":
-            thickness, ground, tilt = self.first_thickness(), self.value_at("ground"), 0.0
-            if ground is not None:
-                tilt = float(ground.rise_and_tilt([thickness], [thickness] * 2)[1][0])
-            values["push"] = released_push(self.row.height, thickness, values["gravity"], tilt)
-        return Physics(**values)
+    def __post_init__(self) -> None:
+        if self.thickness is None:
+            return
+        if self.stock is not None:
+            raise ValueError(
+                "[thickness] and [stock] exclude each other: both give the thicknesses; leave one "
+                "of them out"
+            )
+        if self.spacing.of != self.thickness.of:
+            here, there = "spacing", "thickness"
+            here, there = (here, there) if self.spacing.of else (there, here)
+            raise ValueError(f'{here}.of = "height" but {there} is in metres: give both in heights')
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of the scene that the tables describe; inverse of `make_document`."""
-        shared = {name: getattr(self, name) for name in TOP + TABLES}
-        return msgspec.structs.asdict(self.row) | shared | {
-            "title": self.title or self.name,
-            "physics": self._physics(),
+        physics = {name: getattr(self.physics, name) for name in Physics.__struct_fields__}
+        if physics["push"] == RELEASED:  # see `released`
+            del physics["push"]
+        settings = (getattr(self, name, None) for name in OBJECTIVES)
+        return msgspec.structs.asdict(self.row) | {
+            **{name: getattr(self, name) for name in TOP + TABLES},
+            "physics": Physics(**physics),
             "floor_friction": self.physics.floor_friction,
-            "first_thickness": self.first_thickness(),
-            "spacing": self.spacing.bounds(),
-            "thickness": self.thickness_bounds(),
-            "growth": (self.growth.min, self.growth.max) if self.growth else None,
-            "in_heights": self.in_heights,
-            "settings": self.value_at(self.objective),
-        }  # fmt: skip
+            "spacing": self.spacing.bounds,
+            "thickness": self.thickness and self.thickness.bounds,
+            "growth": self.growth and (self.growth.min, self.growth.max),
+            "in_heights": self.spacing.of is not None,
+            "settings": next((table for table in settings if table is not None), None),
+        }
+
+
+SceneFile: type[SceneTables] = msgspec.defstruct(  # type: ignore[assignment]
+    "SceneFile",
+    [(name, kind.table | None, None) for name, kind in OBJECTIVES.items() if kind.table],
+    bases=(SceneTables,),
+    namespace={"__doc__": SceneTables.__doc__},
+    kw_only=True,
+)
+"""Tables of a scene's file: `SceneTables`, with the tables of objectives by their names."""
+
+# fields of scenes that are keys of no table, keys of [row], and tables
+TOP, ROW = ("name", "title", "objective"), RowTable.__struct_fields__
+TABLES = ("stock", "ground", "limits", "placement", "run_out")
+KEYS = {
+    key.name: key
+    for table in (RowTable, SceneTables, PhysicsTable)
+    for key in msgspec.structs.fields(table)
+}
+# types of bounds
+PAIRS: dict[str, Any] = dict.fromkeys(("spacing", "thickness"), tuple[Size, Size])
+PAIRS["growth"] = tuple[Ratio, Ratio]
+
+
+def read_tables(document: dict[str, Any]) -> SceneTables:
+    """Read the document of a scene; raise a ValueError for a wrong key or value."""
+    model = read_model(SceneFile, document)
+    require_choice("objective", model.objective, OBJECTIVES)
+    return model
+
+
+def check_types(scene: Any) -> dict[str, Any]:
+    """Check the types and ranges of the fields of a scene, and return them."""
+    require_physics(scene.physics)
+    require_type("in_heights", scene.in_heights, bool, "True or False")
+    tables = *(kind.table for kind in OBJECTIVES.values() if kind.table), type(None)
+    require_choice("objective", scene.objective, OBJECTIVES)
+    require_type("settings", scene.settings, tables, "the table of an objective, or None")
+    fields = {
+        name: read_model(KEYS[name].type, plain(getattr(scene, name)), name)
+        for name in (*TOP, *ROW, *TABLES, "floor_friction")
+    }
+    for name, kind in PAIRS.items():
+        if (bounds := getattr(scene, name)) is not None:
+            pair = numbers(name, bounds, None, (2,), "a pair of bounds, such as (0.002, 0.04)")
+            fields[name] = read_model(kind, pair.tolist(), name)
+    return fields
+
+
+def released(scene: Any) -> Physics:
+    """Return the physics of a scene with the push of a released domino."""
+    thickness, tilt = scene.first_thickness, 0.0
+    if scene.ground is not None:
+        tilt = float(scene.ground.rise_and_tilt([thickness], [thickness] * 2)[1][0])
+    physics: Physics = scene.physics
+    return physics.replace(push=released_push(scene.height, thickness, physics.gravity, tilt))
 
 
 def make_document(scene: Any) -> dict[str, Any]:
     """Return the tables of the file that describes a scene; inverse of `SceneTables.fields`."""
-    require_physics(scene.physics)
-    require_type("in_heights", scene.in_heights, bool, "True or False")
     of = "height" if scene.in_heights else None
     tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP + TABLES} | {
         "row": {name: getattr(scene, name) for name in ROW},
-        "spacing": _range_document("spacing", scene.spacing, of),
+        "spacing": _range_document(scene.spacing, of),
+        "thickness": None if scene.stock else _range_document(scene.thickness, of),
+        "growth": scene.growth and dict(zip(("min", "max"), scene.growth, strict=True)),
         "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
-    if scene.stock is None and scene.thickness is not None:
-        tables["thickness"] = _range_document("thickness", scene.thickness, of)
-    if scene.growth is not None:
-        low, high = numbers("growth", scene.growth, None, (2,), BOUNDS_HINT).tolist()
-        tables["growth"] = {"min": low, "max": high}
-    if scene.settings is not None:
-        names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
-        # a value of another type is rejected as the unknown key "settings"
-        tables[next(names, "settings")] = scene.settings
+    names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
+    tables |= dict.fromkeys(names, scene.settings)
     return dict(_drop_none(plain(tables)))
 
 
-def _range_document(name: str, bounds: Bounds, of: str | None) -> dict[str, Any]:
-    """Return the document of a `RangeTable`; messages of errors begin with `name`."""
-    low, high = numbers(name, bounds, None, (2,), BOUNDS_HINT).tolist()
+def _range_document(bounds: Bounds, of: str | None) -> dict[str, Any]:
+    """Return the document of a `RangeTable`."""
+    low, high = bounds
     return ({"fixed": low} if low == high else {"min": low, "max": high}) | {"of": of}
 
 
@@ -191,20 +228,6 @@ def _drop_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _drop_none(entry) for key, entry in value.items() if entry is not None}
     return [_drop_none(entry) for entry in value] if isinstance(value, tuple | list) else value
-
-
-if TYPE_CHECKING:
-    SceneFile = SceneTables
-else:
-    SceneFile = msgspec.defstruct(
-        "SceneFile",
-        [(name, kind.table | None, None) for name, kind in OBJECTIVES.items() if kind.table],
-        bases=(_with_fields(SceneTables, *TABLES),),
-        namespace={"__doc__": SceneTables.__doc__},
-        module=__name__,
-        kw_only=True,
-    )
-"""Tables of a scene's file: `SceneTables`, with the tables of objectives by their names."""
 
 
 def format_toml(document: dict[str, Any]) -> str:

@@ -24,7 +24,6 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import StoppedError
-from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Scorer = Callable[[Floats, float], Floats]
@@ -83,7 +82,7 @@ class UniformBaseline:
 
 
 @lru_cache(maxsize=32)  # baselines
-def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> UniformBaseline:
+def uniform_baseline(scene: Any, point: tuple[float, float] | None) -> UniformBaseline:
     """Return the best layout with one gap and one thickness within the scene's rules.
 
     The first domino has the thickness that the scene gives it. The dominoes of a stock stand in the
@@ -119,7 +118,7 @@ def uniform_baseline(scene: SceneBase, point: tuple[float, float] | None) -> Uni
     return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)
 
 
-def best_point(scene: SceneBase, *, quick: bool = False, seconds: float | None = None) -> Floats:
+def best_point(scene: Any, *, quick: bool = False, seconds: float | None = None) -> Floats:
     """Return the two numbers (2,) of the uniform baseline, a point of `UniformLayouts`.
 
     Parameters
@@ -257,7 +256,7 @@ def _separate_points(points: Floats, scores: Floats, distance: Floats, keep: int
     return chosen
 
 
-def best_uniform_on(scene: SceneBase, baseline: Layout, floor: float | None) -> Layout:
+def best_uniform_on(scene: Any, baseline: Layout, floor: float | None) -> Layout:
     """Return the fastest uniform layout on a floor.
 
     Parameters

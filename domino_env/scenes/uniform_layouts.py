@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import WaveBatch
+from domino_env.scenes.design_space import DesignSpace
 from domino_env.scenes.layout_batch import LayoutBatch
-from domino_env.scenes.scene_base import SceneBase
 from domino_env.scenes.simulators import Stop
 
 PREFIX_RTOL = 1e-11  # relative tolerance of the arrival times of prefixes
@@ -94,18 +95,17 @@ class UniformLayouts:
         zeros if pieces are not drawn in random order.
     """
 
-    def __init__(self, scene: SceneBase) -> None:
+    def __init__(self, scene: Any) -> None:
         self.scene = scene
+        self.space: DesignSpace = scene.space
         pairs = scene.count - 1
-        first, second = scene.spacing, scene.thickness
+        first, second = scene.spacing, scene.thickness if scene.growth is None else scene.growth
         self.thicknesses, self.one_pitch = np.zeros(0), False
         self.orders = np.zeros((1, pairs))
         if scene.hand:
             self.orders = scene.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])
-        if scene.growth is not None:
-            second = scene.growth
-        if scene.stock is not None:
-            self.thicknesses = scene.stock.without(scene.first_thickness).dominoes[:pairs]
+        if self.space.pieces is not None:
+            self.thicknesses = self.space.pieces.dominoes[:pairs]
             second = (0.0, 0.0)
             pitch = first[0] + self.thicknesses.max(), first[1] + self.thicknesses.min()
             mean = pitch[0] if scene.length is None else scene.length / pairs
@@ -153,23 +153,20 @@ class UniformLayouts:
         tuple
             Three arrays (B, N-1) [m]; None in place of equal heights.
         """
-        scene = self.scene
-        ones = np.ones(pairs or scene.count - 1)
-        first, second = points[:, :1], points[:, 1:]
-        if scene.growth is not None:
-            return scene.to_metres(first * ones, scene.thickness[0] * ones, second * ones)
-        if scene.stock is not None:
-            thicknesses = np.broadcast_to(self.thicknesses, (len(points), scene.count - 1))
-            if self.one_pitch:
-                return np.clip(first - thicknesses, *scene.spacing), thicknesses, None
-            return first * ones, thicknesses, None
-        if scene.length is not None:
-            first = scene.length / (scene.count - 1) - second
-        return scene.to_metres(first * ones, second * ones, None)
+        space, (first, second) = self.space, np.split(points, 2, axis=1)
+        thickness = second if self.scene.growth is None else space.thickness.low
+        if self.scene.stock is not None:
+            thickness = self.thicknesses
+            first = np.clip(first - thickness, *self.scene.spacing) if self.one_pitch else first
+        elif space.length is not None:
+            first = space.length / space.pairs - second
+        shape = np.zeros(pairs or space.pairs)
+        return space.sizes(space.select(first + shape, thickness, second))
 
     def layout(self, point: Floats) -> Layout:
         """Return the layout of one point (2,)."""
-        return self.scene.batch(*self.sizes_at(point[None])).layout(0)
+        batch: LayoutBatch = self.scene.batch(*self.sizes_at(point[None]))
+        return batch.layout(0)
 
     def mean_arrival_times(self, spacing: Floats) -> Floats:
         """Return the mean arrival times (N,) [s] of waves that complete, over all `orders`.

@@ -289,9 +289,10 @@ _Panel = Callable[[Axes, Sequence[DrawnLayout], Scene | None], None]
 def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]:
     """Return the panels below the layouts; there is none for a size that is fixed and equal."""
     panels: list[_Panel] = [partial(_sizes, "spacing")] if layouts[0].layout.count > 1 else []
-    for name in ("thickness", "height"):
-        free = scene is not None and getattr(scene, f"free_{name}")
-        if free or any(np.ptp(getattr(entry.layout, name)) > 0 for entry in layouts):
+    parts = (None, None) if scene is None else scene.space.parts[1:]
+    for name, part in zip(("thickness", "height"), parts, strict=True):
+        is_free = part is not None and part.is_free
+        if is_free or any(np.ptp(getattr(entry.layout, name)) > 0 for entry in layouts):
             panels.append(partial(_sizes, name))
     if any(entry.wave for entry in layouts) and layouts[0].layout.count > 1:
         panels.append(_speed)

@@ -101,9 +101,7 @@ class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def layout(self) -> Layout:
         """Best layout."""
-        scene = read_scene(self.scene)
-        height = None if scene.growth is None else self.height[1:]
-        return scene.layout(self.spacing, self.thickness[1:], height)
+        return read_scene(self.scene).layout(self.spacing, self.thickness[1:], self.height[1:])
 
 
 @dataclass(frozen=True)

@@ -193,6 +193,6 @@ class Objective(ABC):
         return self.label(score)
 
     @classmethod
-    def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield a sentence for each requirement of the objective that a `SceneFile` violates."""
+    def violations(cls, scene: Any) -> Iterator[str]:
+        """Yield a sentence for each requirement of the objective that a scene violates."""
         yield from ()

@@ -43,7 +43,7 @@ class Magnify(Objective):
         return f"last domino {score:.6f} m high"
 
     @classmethod
-    def violations(cls, tables: Any) -> Iterator[str]:
+    def violations(cls, scene: Any) -> Iterator[str]:
         """Yield a sentence if the heights are not free."""
-        if tables.growth is None:
+        if scene.growth is None:
             yield "the table [growth] is missing: objective = 'magnify' needs free heights"

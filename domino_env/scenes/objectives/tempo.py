@@ -202,9 +202,9 @@ class InTempo(Objective):
         return f"{self.label(reference, 4).removeprefix('RMS error ')} with {name}"
 
     @classmethod
-    def violations(cls, tables: Any) -> Iterator[str]:
+    def violations(cls, scene: Any) -> Iterator[str]:
         """Yield a sentence if the number of times does not match that of the dominoes."""
         try:
-            tables.tempo.schedule(tables.row.count)
+            scene.settings.schedule(scene.count)
         except ValueError as error:
             yield f"tempo.{error}"

@@ -2,7 +2,7 @@
 
 At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
 of domino at each place. An integer programme, solved by HiGHS, finds the assignment with the
-largest predicted gain and a limited number of changes (see `optimize.constraints.stock`). Random
+largest predicted gain and a limited number of changes (`assign`). Random
 changes of the order are tried too, and short local searches refine the gaps of the best few of all
 these layouts, until several rounds gain nothing.
 
@@ -29,7 +29,6 @@ from itertools import count
 import numpy as np
 
 from domino_env.core.types import Floats, Ints
-from optimize.constraints.stock import assign
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
 from optimize.methods.starts import starts, uniform_design
@@ -59,7 +58,7 @@ FACE_DISTANCE = 1e-3  # distance to a face of the box up to which a gap is not c
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search the order of the dominoes until a limit is reached."""
     problem = evaluator.problem
-    if problem.is_continuous.all():  # there is no order
+    if not problem.space.is_discrete.any():  # there is no order
         for start in starts(evaluator, rng):
             _refine(evaluator, start, THOROUGH)
     _improve(evaluator, rng)
@@ -132,10 +131,9 @@ def _local_search(problem: Problem, design: Floats) -> LocalSearch:
 def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
     """Propose the assignments of the largest predicted gain, one for each number in CHANGES."""
     problem = evaluator.problem
-    assert problem.scene.stock is not None
-    stock = problem.scene.stock.without(problem.scene.first_thickness)
+    stock, pairs = problem.space.pieces, problem.space.pairs
+    assert stock is not None
     kinds = np.array(stock.thickness)
-    pairs = problem.scene.count - 1
     gradient = evaluator.evaluate(design, True, relaxed=True).gradient
     span = (problem.high - problem.low)[-pairs:]  # the last variables are the thicknesses
     thickness = problem.low[-pairs:] + design[-pairs:] * span
@@ -146,6 +144,54 @@ def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
         chosen = assign(costs, np.array(stock.count), current, changes)
         designs[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / span
     return designs
+
+
+def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
+    """Choose a kind of domino for each place so that the sum of costs is smallest.
+
+    Parameters
+    ----------
+    costs
+        (n, kinds) cost of each kind at each place.
+    count
+        (kinds,) number of dominoes of each kind, n or more in all.
+    current
+        (n,) index of the present kind at each place.
+    changes
+        Largest number of places that change.
+
+    Returns
+    -------
+    ndarray
+        (n,) index of the kind for each place.
+
+    Raises
+    ------
+    RuntimeError
+        If the solver fails.
+    """
+    from scipy import optimize
+    from scipy.sparse import eye_array, kron
+
+    places, kinds = costs.shape
+    at_each_place = kron(eye_array(places), np.ones((1, kinds)))
+    of_each_kind = kron(np.ones((1, places)), eye_array(kinds))
+    rules = [
+        optimize.LinearConstraint(at_each_place, 1.0, 1.0),
+        optimize.LinearConstraint(of_each_kind, -np.inf, count),
+    ]
+    is_limited = changes < places  # otherwise the vertices are whole numbers by themselves
+    if is_limited:
+        unchanged = np.eye(kinds)[current].reshape(1, -1)
+        rules.append(optimize.LinearConstraint(unchanged, places - changes, np.inf))
+    scaled_costs = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
+    result = optimize.milp(
+        scaled_costs.ravel(), constraints=rules, bounds=optimize.Bounds(0.0, 1.0),
+        integrality=int(is_limited),
+    )  # fmt: skip
+    if result.x is None:
+        raise RuntimeError(f"no assignment was found ({result.message}): try another method")
+    return np.asarray(np.argmax(result.x.reshape(places, kinds), axis=1))
 
 
 def _children(problem: Problem, design: Floats, number: int, rng: np.random.Generator) -> Floats:
@@ -164,13 +210,13 @@ def _children(problem: Problem, design: Floats, number: int, rng: np.random.Gene
                 if np.any(np.abs(pieces[order] - pieces) > SAME_DOMINO):
                     break
             child[-pairs:] = pieces[order]
-        if problem.scene.free_spacing:
+        if problem.space.spacing.is_free:
             variant = rng.random()
             if variant < MOVED_GAPS:
                 child[:pairs] = design[order]
             elif variant < MOVED_GAPS + SAME_PIVOTS:
                 child[:pairs] += span[1] / span[0] * (pieces - child[-pairs:])
-    if problem.scene.free_spacing:
+    if problem.space.spacing.is_free:
         gaps = children[:, :pairs]
         inside = (gaps > FACE_DISTANCE) & (gaps < 1.0 - FACE_DISTANCE)
         gaps += np.where(inside, SHAKE * rng.standard_normal(gaps.shape), 0.0)
@@ -202,8 +248,8 @@ def _reorder(pieces: Floats, rng: np.random.Generator) -> Ints:
 
 def _spares(problem: Problem, design: Floats) -> Floats:
     """Return the variables of the kinds of which a layout (n,) leaves dominoes in the stock."""
-    assert problem.scene.stock is not None
-    stock = problem.scene.stock.without(problem.scene.first_thickness)
+    stock = problem.space.pieces
+    assert stock is not None
     kinds = (np.array(stock.thickness) - problem.low[-1]) / (problem.high - problem.low)[-1]
     pieces = design[-(problem.scene.count - 1) :]
     used = np.abs(pieces[:, None] - kinds).argmin(axis=1)

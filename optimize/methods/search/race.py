@@ -126,11 +126,11 @@ def starts(problem: Problem) -> Floats:
     """
     baseline = _as_parts(problem, uniform_design(problem))
     designs = [baseline]
-    if problem.scene.free_spacing:
+    if problem.space.spacing.is_free:
         limit = min(MAX_TIGHT_STARTS, baseline.shape[1] - 1)
         counts = range(1, limit + 1) if baseline.shape[1] <= MANY_PLACES else [ONLY_TIGHT]
         designs += [perturbations.set_tight_gaps(baseline, count) for count in counts]
-    if problem.scene.free_thickness:
+    if problem.space.thickness.is_free:
         for design in list(designs):
             thick_end = design.copy()
             thick_end[-1, -THICK_DOMINOES:] = 1.0
@@ -150,12 +150,12 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     designs = []
     for _ in range(BATCH if uniform.shape[1] <= MANY_PLACES else FEW_STARTS):
         design = uniform.copy()
-        for part in design[1 if problem.scene.free_spacing else 0 :]:
+        for part in design[1 if problem.space.spacing.is_free else 0 :]:
             if rng.random() < 0.5:
                 part[:] = rng.random()
         for _ in range(int(rng.integers(MAX_BENDS + 1))):
             design = perturbations.bend(design, design, rng)
-        if problem.scene.free_spacing:
+        if problem.space.spacing.is_free:
             limit = min(MAX_TIGHT, uniform.shape[1] - 1)
             design = perturbations.set_tight_gaps(design, int(rng.integers(0, limit + 1)))
         for _ in range(int(rng.integers(MAX_END_CHANGES + 1))):
@@ -334,7 +334,7 @@ def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float)
             idle = 0 if elite.score > best_score + gain * abs(best_score) else idle + 1
         best = _as_parts(elite.problem, elite.layouts[0][1])
         tight = perturbations.count_tight_gaps(best)
-        if not elite.problem.scene.free_spacing or tight in tried_counts:
+        if not elite.problem.space.spacing.is_free or tight in tried_counts:
             return
         tried_counts.add(tight)
         best_score = elite.score

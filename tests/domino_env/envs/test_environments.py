@@ -204,7 +204,7 @@ def test_observations_are_as_documented(name):
             growth = baseline.height[1:] / baseline.height[:-1]
             equal = baseline.spacing / (baseline.height[:-1] if scene.in_heights else 1.0)
             for part, free, values, uniform in (
-                ("gaps", scene.free_spacing, gaps, equal),
+                ("gaps", scene.space.spacing.is_free, gaps, equal),
                 ("thicknesses", scene.free_thickness, thickness, baseline.thickness[1:]),
                 ("growths", scene.growth, tall / before, growth),
             ):

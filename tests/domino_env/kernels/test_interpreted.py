@@ -10,7 +10,7 @@ from env_scenes import SCENES
 from uneven_layouts import UNEVEN_SCENE, uneven_layout
 
 import domino_env as de
-from domino_env.envs import sources, vector
+from domino_env.envs import baselines, vector
 from domino_env.kernels.jit import interpreted
 from domino_env.kernels.step import environment
 from domino_env.physics import ground, steady, wave
@@ -62,7 +62,7 @@ def compare_all(monkeypatch):
         numpy = SimpleNamespace(**vars(np) | {"empty": np.zeros})
         monkeypatch.setattr(wave, "np", numpy)
         numba.set_num_threads(1)  # others would write into the arrays meanwhile
-        for module in (sources, vector):
+        for module in (baselines, vector):
             monkeypatch.setattr(module, "kernels", STEPS)
         for module, name in ENTRY_POINTS:
             monkeypatch.setattr(module, name, compare(name, getattr(module, name)))

@@ -8,7 +8,7 @@ from numba.core import config
 from sampled_scenes import small_scenes
 
 import domino_env as de
-from domino_env.envs import sources
+from domino_env.envs import catalogue
 from domino_env.scenes import pool as pools
 from domino_env.scenes.pool import ScenePool
 
@@ -17,7 +17,7 @@ from domino_env.scenes.pool import ScenePool
 def own(tmp_path, monkeypatch):
     """A distribution whose baselines are not known, and the list of those that are computed."""
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
-    sources.shared_pool.cache_clear()
+    catalogue.shared_pool.cache_clear()
     computed, search = [], pools.best_point
     monkeypatch.setattr(
         pools,
@@ -25,7 +25,7 @@ def own(tmp_path, monkeypatch):
         lambda scene, quick: computed.append(scene) or search(scene, quick=quick),
     )
     yield small_scenes(), computed
-    sources.shared_pool.cache_clear()
+    catalogue.shared_pool.cache_clear()
 
 
 def test_only_baselines_of_sampled_scenes_are_computed(own):

@@ -54,7 +54,7 @@ def test_a_baseline_that_stops_explains_why():
 
 def test_a_scene_without_design_variables_has_a_baseline():
     scene = SMALL.replace(spacing=(0.016, 0.016))
-    assert not scene.free_spacing
+    assert not scene.space.spacing.is_free
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
 
 
@@ -82,6 +82,9 @@ def test_a_success_scores_its_speed_and_a_failure_its_reach():
     (lambda: SMALL.replace(spacing=0.02), "scene 'small': spacing has shape (): give (2,), a pair"),
     (lambda: SMALL.replace(in_heights=float("nan")), "in_heights = nan: give True or False"),
     (lambda: SMALL.replace(physics=3), "physics = 3: give a Physics"),
+    (lambda: SMALL.replace(count=1), "scene 'small': count = 1: give a whole number from 2 to"),
+    (lambda: SMALL.replace(growth=(0.5, 2.0)), "growth[0] = 0.5: give a finite number from 1"),
+    (lambda: SMALL.replace(settings=3), "settings = 3: give the table of an objective"),
     (lambda: SMALL.replace(placement=de.Placement(0.5)),
      "deviation = 0.5 m is more than the largest gap"),
     (lambda: de.Placement(-1.0), "deviation = -1"),

@@ -1,100 +1,33 @@
-"""The nearest layout that keeps a scene's rules: against brute force and its laws."""
+"""Design vectors, gradients and searches in scenes with rules."""
 
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from ruled_scenes import BOX, RULED
 from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
 from optimize import METHODS, Problem, search
-from optimize.constraints.stock import assign, nearest_from_stock
 from optimize.methods.gradient.least_squares import compute_lateness
-
-BOX = de.Stock((0.005, 0.0075, 0.010), (3, 4, 2))
-
-
-def ruled(**rules: object) -> de.Scene:
-    """Return a scene of nine dominoes with some rules."""
-    return replace(de.load_scene("sprint"), count=9, name="ruled", **rules)
-
-
-BOXED = {"stock": BOX, "thickness": (0.005, 0.01)}
-RULED = {
-    "free": ruled(thickness=(0.005, 0.01)),
-    "length": ruled(length=0.18),
-    "length-both": ruled(length=0.18, thickness=(0.005, 0.01)),
-    "stock": ruled(**BOXED),
-    "stock-length": ruled(length=0.16, **BOXED),
-    "stock-more": ruled(**(BOXED | {"stock": de.Stock(BOX.thickness, (3, 5, 4))})),
-    "growth": replace(de.load_scene("magnify"), count=7),
-    "growth-both": replace(de.load_scene("magnify"), count=7, thickness=(0.1, 0.2),
-                           objective="mean_speed"),
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", RULED)
-def test_projected_designs_keep_the_rules_and_project_to_themselves(name):
-    scene = RULED[name]
-    problem = Problem(scene)
-    outside = 3.0 * np.random.default_rng(1).random((60, problem.dimension)) - 1.0
-    nearest = problem.project(outside)
-    assert problem.project(nearest) == pytest.approx(nearest, abs=1e-12)
-    for x, y in zip(outside, nearest, strict=True):
+def test_projected_designs_are_those_of_their_layouts(name):
+    problem = Problem(RULED[name])
+    outside = 3.0 * np.random.default_rng(1).random((20, problem.dimension)) - 1.0
+    for x, y in zip(outside, problem.project(outside), strict=True):
         layout = problem.layout(np.clip(x, 0.0, 1.0))
-        assert scene.violations(layout) == []
-        if scene.length is not None:
-            assert abs(layout.length - scene.length) < 1e-12
         assert problem.design(layout) == pytest.approx(y, abs=1e-12)
         if problem.equality is not None:
             coefficients, total = problem.equality
             assert coefficients @ y == pytest.approx(total, abs=1e-12)
-    assert len(np.unique(nearest.round(9), axis=0)) > 30
-    uniform = scene.uniform().layout
-    assert scene.violations(uniform) == []
-    layout = problem.layout(problem.design(uniform))
-    for part in ("spacing", "thickness", "height"):
-        assert getattr(layout, part) == pytest.approx(getattr(uniform, part), abs=1e-9)
-
-
-# nearest, by brute force ------------------------------------------------------------------------
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_the_nearest_pieces_of_the_stock_are_taken(seed):
-    random = np.random.default_rng(seed)
-    stock = de.Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
-    dominoes = stock.dominoes
-    n = int(random.integers(1, len(dominoes) + 1))
-    wanted = random.uniform(0.004, 0.011, n)
-    nearest = nearest_from_stock(wanted[None], stock)[0]
-    least = min(np.square(np.array(order) - wanted).sum() for order in permutations(dominoes, n))
-    assert np.square(nearest - wanted).sum() == pytest.approx(least, abs=1e-16)
-
-
-def test_an_assignment_with_few_changes_is_the_best():
-    random = np.random.default_rng(0)
-    kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
-    for changes in (0, 2, 3, 5):
-        prices = random.random((5, 3))
-        allowed = [
-            order for order in product(range(3), repeat=5)
-            if np.all(np.bincount(order, minlength=3) <= kinds)
-            and np.sum(np.array(order) != current) <= changes
-        ]  # fmt: skip
-        least = min(prices[np.arange(5), order].sum() for order in allowed)
-        assigned = assign(prices, kinds, current, changes)
-        assert tuple(assigned.tolist()) in allowed
-        assert prices[np.arange(5), assigned].sum() == pytest.approx(least)
 
 
 def test_assign_finds_the_best_order_of_a_small_box():
     """Against all orders of the box at gaps that the scene fixes."""
-    scene = ruled(spacing=(0.018, 0.018), **BOXED)
+    scene = RULED["stock-order"]
     orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
     batch = scene.batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
     scores = scene.evaluate(batch).score
@@ -160,7 +93,7 @@ def test_gradients_match_finite_differences(scenes, name):
 
 def test_pieces_of_a_stock_have_a_gradient_only_if_relaxed():
     problem = Problem(RULED["stock"])
-    assert problem.is_continuous.sum() == 8
+    assert problem.space.is_discrete.sum() == 1
     x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
     exact, relaxed = (problem.evaluate(x, True, relaxed=relaxed) for relaxed in (False, True))
     assert exact.score == relaxed.score > 0.0

@@ -1,1 +1,0 @@
-"""Projections onto the rules of a scene: bounds, stock, length."""
