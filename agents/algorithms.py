@@ -1,54 +1,9 @@
 """Learning algorithms and their default hyperparameters.
 
-The hyperparameters of PPO were chosen by hand on `sprint`, `ideal` and `sprint-thickness`. The
-standard deviation of the actions follows a schedule and is not learned: it decreases quickly to 0.1
-and slowly from there, where the noise of the gaps no longer decides which thicknesses are best. A
-term of the loss penalises means outside [-1, 1], and the standard deviation is larger near the end
-of the chain (`agents.sb3.ScheduledPolicy`). On `sprint`, 2 million steps with this schedule end at
-a normalised score of 93 to 95 % (ten seeds). With a learned deviation, 64 environments and
-defaults of Stable-Baselines3 except for the learning rate, 3 million steps end at 93 and 98 % in
-two of five seeds, and in three at 70 %, without the tight gaps at the end of the best layouts.
-
-The first deviation is 0.3. Trainings begin at the uniform baseline, and with much larger noise the
-returns of similar layouts can hardly be told apart. It was chosen with the seeds 0 to 3. Means of
-five other seeds (100 to 104) after 2 million steps, on `varied` 3 million, with 0.3 and with 1 are
-on `ideal` 1.108 and 1.090 m/s, on `sprint-thickness` 0.8826 and 0.8806 m/s, on `draw` 0.8252 and
-0.8247 m/s and on `varied` 1.76 and 1.44 %, but on `sprint` 0.8269 and 0.8274 m/s and on `course`
-0.8574 and 0.8576 m/s. With 0.2, `ideal` ends at 1.111 m/s, but one of four seeds of `sprint` at
-0.8246 m/s.
-
-In random scenes (`agents.rollout.is_random`), 64 environments and a slower schedule are better
-(`draw`, a million steps: 0.8219 m/s, with a learned deviation 0.8146 to 0.8205 m/s in three seeds).
-The deviation is 0.3 until 40 % of the steps. A last deviation of 0.02 instead of 0.05 helps long
-trainings (with a first one of 1, five million steps, means of five seeds and of three: 0.8263 and
-0.8258 m/s; two million: 0.8230 and 0.8237 m/s).
-
-SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, except for
-
-- 16 environments, one update per transition and two layers of 64 units, which are faster;
-- 2000 steps of random actions instead of 100: with 16 environments, 100 steps are the first six
-  dominoes of each chain (TD3 on `sprint`, 20 000 steps: -38 % without, 25 and 41 % with);
-- target networks that follow ten times as fast, with tau = 0.05 instead of 0.005, as trainings are
-  short (30 000 steps, mean gains with and without: SAC on `sprint` 2.38 and 2.28 %, four seeds, on
-  `draw` 2.63 and 1.83 %, three seeds; TD3 on `sprint` 2.32 and 1.83 %, two seeds; on `tempo-noise`
-  no difference; with the returns of v2 SAC on `varied` 1.14 and 1.00 %, one seed);
-- for TQC 10 quantiles of each critic instead of 25, without the highest one, which is 2.6 times as
-  fast (`tempo-noise`, 30 000 steps, one seed: 1.54 and 1.55 ms);
-- a learning rate of 1e-3 for all (SAC on `draw`, 30 000 steps: 0.804 m/s, with 3e-4 0.790 m/s);
-- for TD3 the exploration noise of its authors, without which all environments of one scene would
-  take the same actions, and less noise on the actions of its targets, 0.05 instead of 0.2, as good
-  actions are not much larger than that (30 000 steps, two seeds: `sprint` 55 and 60 %, with 0.2 52
-  and 39 %; `sprint-thickness` 37 and 26 %, with 0.2 6 and 19 %; one seed: `tempo-noise` 4.2 ms,
-  with 0.2 6.8 ms).
-
-The discount factor is 1, as the gain is the undiscounted return (SAC on `sprint`, 30 000 steps:
-62 %, with 0.99 54 %, with 0.95 28 %), for SAC, TD3 and TQC 0.99 in random scenes. If hits have a
-schedule, it is 0.95 for all these algorithms, as an action decides about the next hits (SAC on
-`tempo-noise`, 30 000 steps: 2.4 ms, with 0.99 3.1 ms, with 0.9 2.9 ms, same seed).
-
-Without a note, figures are of trainings in which a wave that stops returned -200 to -100, as in v1,
-with tau = 0.005 (TQC: 0.05), and for TD3 with rewards times 0.1. Comparisons of first
-deviations of PPO and its five seeds on `sprint` have the returns of v2.
+Figures are gains, or normalised scores where they are more than 20 %. `docs/agents.md` has those of
+PPO's schedule, which was chosen by hand on `sprint`, `ideal` and `sprint-thickness`. The discount
+factor is 1, as the gain is the undiscounted return, but 0.95 if hits have a schedule, as an action
+decides about the next hits (SAC on `tempo-noise`: 2.4 ms, with 0.99 3.1 ms, with 0.9 2.9 ms).
 
 References
 ----------
@@ -61,7 +16,9 @@ truncated mixture of continuous distributional quantile critics. arXiv:2005.0426
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Any, NamedTuple
 
 from msgspec import Meta, field
 
@@ -71,8 +28,6 @@ from domino_env.core.checks import require_choice, require_extra
 from domino_env.core.models import Value
 from domino_env.scenes.io.ranges import COUNT
 
-OFF_POLICY = ("sac", "td3", "tqc")
-ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
 TYPICAL_EPISODE = 32  # assumed steps per episode if scenes differ in their number of dominoes
 
 
@@ -107,7 +62,7 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     middle
         Fraction of the steps at which the standard deviation is `middle_deviation`.
     end_factor, penalty
-        See `agents.sb3.ScheduledPolicy` (APG, PPO).
+        See `agents.sb3.scheduled.ScheduledPolicy` (APG, PPO).
     options
         Other arguments of the algorithm's class, which has defaults of its own; "policy_kwargs" go
         before `width` and `depth`, "action_noise" is given as a standard deviation, and
@@ -138,12 +93,105 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
         return float(start * (end / start) ** part)
 
 
+class Case(NamedTuple):
+    """Properties of a scene or distribution on which default hyperparameters depend.
+
+    Attributes
+    ----------
+    episode
+        Number of steps of an episode.
+    discount
+        Discount factor.
+    is_random, is_sampled, has_schedule
+        True if episodes of a fixed scene differ, if scenes are sampled, if hits have a schedule.
+    """
+
+    episode: int
+    discount: float
+    is_random: bool
+    is_sampled: bool
+    has_schedule: bool
+
+
+def _apg(case: Case) -> Hyperparameters:
+    """Return the hyperparameters of APG; steps are updates · environments · steps of an episode."""
+    one = Hyperparameters(
+        num_envs=16, steps=400 * 16 * case.episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
+        first_deviation=0.3, middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
+    )  # fmt: skip
+    if case.is_random and case.has_schedule:  # which a small change of all gaps misses
+        return one.replace(
+            num_envs=8, steps=300 * 8 * case.episode, width=128, learning_rate=3e-4,
+            first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,
+        )  # fmt: skip
+    if case.is_random or case.is_sampled:
+        return one.replace(
+            num_envs=32, steps=1500 * 32 * case.episode, width=128,
+            first_deviation=0.2, middle_deviation=0.05, last_deviation=0.01,
+        )  # fmt: skip
+    return one
+
+
+def _ppo(case: Case) -> Hyperparameters:
+    """Return the hyperparameters of PPO; random scenes have few environments, a slow schedule."""
+    # steps of a rollout in each environment: two episodes, or one if they are long
+    length = 2 * case.episode if case.episode <= 120 else case.episode
+    options = {"n_steps": length, "n_epochs": 8, "gamma": case.discount}
+    if case.is_random:
+        return Hyperparameters(
+            num_envs=64, steps=5_000_000, last_rate=0.1, middle=0.4,
+            first_deviation=0.3, middle_deviation=0.3, last_deviation=0.02,
+            options={"batch_size": max(64 * length // 8, 64)} | options,
+        )  # fmt: skip
+    return Hyperparameters(
+        num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
+        first_deviation=0.3, middle_deviation=0.1, last_deviation=0.015,
+        # four minibatches of a rollout, none of fewer than 256 transitions
+        options={"batch_size": max(256 * length // 4, 256)} | options,
+    )  # fmt: skip
+
+
+def _ars(case: Case) -> Hyperparameters:
+    """Return the hyperparameters of ARS, the best of three searches on `sprint`, rounded."""
+    return Hyperparameters(
+        # as good there as 0.2, and better elsewhere (`tempo-noise` 1.7 ms, with 0.2 9.3 ms)
+        num_envs=64, steps=4_000_000, learning_rate=0.05, last_rate=0.02,
+        options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
+    )  # fmt: skip
+
+
+def _off_policy(case: Case, **own: Any) -> Hyperparameters:
+    """Return the hyperparameters of an algorithm with a replay buffer; own: its other options."""
+    return Hyperparameters(
+        num_envs=16, steps=60_000 if case.is_sampled else 30_000, last_rate=1.0,
+        options={
+            # 16 environments and one update per transition are faster
+            "train_freq": 1, "gradient_steps": -1,
+            # 100 steps, the default, are six dominoes of each chain (TD3: -38 %, with 2000 25 %)
+            "learning_starts": 2000,
+            # trainings are short (SAC on `draw` 2.63 %, with 0.005, the default, 1.83 %)
+            "tau": 0.05,
+            "gamma": min(case.discount, 0.99) if case.is_random else case.discount,
+            **own,
+        },
+    )  # fmt: skip
+
+
+ALGORITHMS: dict[str, Callable[[Case], Hyperparameters]] = {
+    "apg": _apg,
+    "ppo": _ppo,
+    "ars": _ars,
+    "sac": _off_policy,
+    # less noise on targets: good actions are not much larger (`sprint` 55 %, with 0.2 52 %)
+    "td3": partial(_off_policy, action_noise=0.1, target_policy_noise=0.05, target_noise_clip=0.1),
+    # fewer quantiles than 25 are 2.6 times as fast (`tempo-noise` 1.54 ms, with 25 1.55 ms)
+    "tqc": partial(_off_policy, policy_kwargs={"n_quantiles": 10}, top_quantiles_to_drop_per_net=1),
+}
+"""Default hyperparameters of all algorithms, by name."""
+
+
 def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -> Hyperparameters:
     """Return the default hyperparameters of an algorithm.
-
-    APG has more environments and updates if scenes are sampled, or if episodes are random, with
-    placement noise or pieces in random order. If a random scene has a schedule of the hits, which a
-    small change of all gaps misses, APG has fewer of both, a small learning rate and little noise.
 
     Parameters
     ----------
@@ -160,59 +208,13 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     require_choice("algorithm", algorithm, ALGORITHMS)
     scene = target if isinstance(target, Scene) else target.first
     count_varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
-    episode = TYPICAL_EPISODE if count_varies else scene.count - 1
-    discount = 0.95 if scene.tempo is not None else 1.0
-    if algorithm == "ppo":
-        # steps of a rollout in each environment: two episodes, or one if they are long
-        length = 2 * episode if episode <= 120 else episode
-        options = {"n_steps": length, "n_epochs": 8, "gamma": discount}
-        if is_random(target):
-            return Hyperparameters(
-                num_envs=64, steps=5_000_000, last_rate=0.1, middle=0.4,
-                first_deviation=0.3, middle_deviation=0.3, last_deviation=0.02,
-                options={"batch_size": max(64 * length // 8, 64)} | options,
-            )  # fmt: skip
-        return Hyperparameters(
-            num_envs=256, steps=15_000_000, last_rate=0.1, middle=0.25,
-            first_deviation=0.3, middle_deviation=0.1, last_deviation=0.015,
-            # four minibatches of a rollout, none of fewer than 256 transitions
-            options={"batch_size": max(256 * length // 4, 256)} | options,
-        )  # fmt: skip
-    if algorithm == "apg":
-        # steps: number of updates, times environments, times steps of an episode
-        defaults = Hyperparameters(
-            num_envs=16, steps=400 * 16 * episode, learning_rate=2e-2, last_rate=0.02, middle=0.5,
-            first_deviation=0.3, middle_deviation=0.06, last_deviation=0.003, penalty=0.1,
-        )  # fmt: skip
-        if scene is target and not is_random(target):
-            return defaults
-        if is_random(target) and scene.tempo is not None:
-            return defaults.replace(
-                num_envs=8, steps=300 * 8 * episode, width=128, learning_rate=3e-4,
-                first_deviation=0.004, middle_deviation=0.003, last_deviation=0.002,
-            )  # fmt: skip
-        return defaults.replace(
-            num_envs=32, steps=1500 * 32 * episode, width=128,
-            first_deviation=0.2, middle_deviation=0.05, last_deviation=0.01,
-        )  # fmt: skip
-    if algorithm in OFF_POLICY:
-        own: dict[str, dict[str, Any]] = {
-            "sac": {},
-            "td3": {"action_noise": 0.1, "target_policy_noise": 0.05, "target_noise_clip": 0.1},
-            "tqc": {"policy_kwargs": {"n_quantiles": 10}, "top_quantiles_to_drop_per_net": 1},
-        }
-        return Hyperparameters(
-            num_envs=16, steps=30_000 if scene is target else 60_000, last_rate=1.0,
-            options={
-                "train_freq": 1, "gradient_steps": -1, "learning_starts": 2000, "tau": 0.05,
-                "gamma": min(discount, 0.99) if is_random(target) else discount, **own[algorithm],
-            },
-        )  # fmt: skip
-    # ARS: the best of three searches for hyperparameters on `sprint`, rounded; the scores of the
-    # others were within 0.00004 m/s.  A learning rate of 0.05 is as good there and better elsewhere
-    # (2 million steps, same seed: `ideal` 1.110 m/s, with 0.2 1.096 m/s; `tempo-noise` 1.7 ms, with
-    # 0.2 9.3 ms)
-    return Hyperparameters(
-        num_envs=64, steps=4_000_000, learning_rate=0.05, last_rate=0.02,
-        options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
-    )  # fmt: skip
+    has_schedule = scene.tempo is not None
+    return ALGORITHMS[algorithm](
+        Case(
+            episode=TYPICAL_EPISODE if count_varies else scene.count - 1,
+            discount=0.95 if has_schedule else 1.0,
+            is_random=is_random(target),
+            is_sampled=scene is not target,
+            has_schedule=has_schedule,
+        )
+    )

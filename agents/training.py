@@ -178,7 +178,7 @@ def train(
     require("seed", seed, 0, 2**32 - 1, whole=True)
     require("num_scenes", num_scenes, 1, POOL_SIZE, whole=True, optional=True)
     require_learning()
-    from agents.sb3 import Training
+    from agents.sb3.training import Training
     from domino_env.core.plot_style import write_png
 
     require_type("hyperparameters", hyperparameters, Hyperparameters | None, "Hyperparameters")

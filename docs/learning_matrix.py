@@ -25,7 +25,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.algorithms import default_hyperparameters
 from agents.rollout import SEEDS_PER_TRAINING, SELECTION_SEEDS, evaluation_seeds
-from agents.sb3 import POOL_SCENES, make_model
+from agents.sb3.factory import make_model
+from agents.sb3.training import POOL_SCENES
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution, load_test_set
 from domino_env.core.tables import csv_table

@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         f"{result.seconds:.0f} s, written to {result.folder}"
     )
     if arguments.save_zip:
-        from agents.sb3 import save_zip
+        from agents.sb3.factory import save_zip
 
         save_zip(result.folder, arguments.save_zip)
         print(f"archive written to {arguments.save_zip}")

@@ -48,15 +48,16 @@ TOUCHING = 1e-6  # of the height: contacts with smaller gaps are closed
 AT_REST = 1e-5  # [rad] the last domino has come to rest if its lean grows by less
 RUNNING, ENDED, FAILED = range(3)  # states of a run; failed: a velocity is not a number
 
-# Columns of a closed contact. VELOCITY: coefficients of its normal velocity, and 4 columns further
-# of its tangential velocity, in x, y and turn of the first domino and turn of the second. IMPULSE:
-# directions of its normal and tangential impulse, likewise. NORMAL, TANGENTIAL: response of each
-# velocity to its own unit impulse; CROSS: of the tangential velocity to a normal impulse. FRICTION:
-# coefficient. PER_NORMAL, PER_TANGENTIAL: inverse of the responses.
-VELOCITY, IMPULSE = 0, 8
-NORMAL, CROSS, TANGENTIAL, FRICTION = 16, 17, 18, 19
-PER_NORMAL, PER_TANGENTIAL = 20, 21
-COLUMNS = 22
+# Normal (n) and tangential (t) direction of a contact: x, y, turn of the first domino, and turn of
+# the second
+DIRECTIONS = np.dtype([(f"{d}{part}", np.float64) for d in "nt" for part in ("x", "y", "w", "w2")])
+# Closed contact. velocity: coefficients of its velocities; impulse: directions of its impulses.
+# normal, tangential: response of each velocity to its own unit impulse, and their inverses; cross:
+# of the tangential velocity to a normal impulse. friction: coefficient.
+RESPONSES = ("normal", "cross", "tangential", "friction", "per_normal", "per_tangential")
+CONTACT = np.dtype(
+    [("velocity", DIRECTIONS), ("impulse", DIRECTIONS)] + [(name, np.float64) for name in RESPONSES]
+)
 
 
 # Standing dominoes: lengths (N,) [m]; mass [kg/m] and inertia about the reference point [kg m] per
@@ -77,7 +78,7 @@ Record = namedtuple("Record", "arrival_times lean slid opened opened_at")
 # All that changes: place (N, 3), x and y of the reference point and lean; velocity (N, 3); inverse
 # mass and inertia (N,), 0 for dominoes held at rest; impulse (N, KINDS, 2), normal and tangential;
 # poses now and half a step ahead (N, 4), x, y, sine and cosine of the lean; gaps (N,) of the nearer
-# contact with the next, inf where neither face is met; columns of closed contacts; their partners,
+# contact with the next, inf where neither face is met; CONTACT of closed contacts; their partners,
 # first domino, second or FLOOR, kind; velocities of moving dominoes before the step; (1,) of RUN
 State = namedtuple(
     "State",
@@ -129,7 +130,7 @@ def start(bodies: Bodies, setting: Setting, push: float) -> State:
     return State(
         place, velocity, inverse_mass, inverse_inertia, np.zeros((count, KINDS, 2)),
         np.zeros((count, 4)), np.zeros((count, 4)), np.full(count, np.inf),
-        np.zeros((capacity, COLUMNS)), np.zeros((capacity, 3), np.int64),
+        np.zeros(capacity, CONTACT), np.zeros((capacity, 3), np.int64),
         np.zeros((setting.window + 3, 3)), run,
     )  # fmt: skip
 
@@ -277,43 +278,44 @@ def _find_contacts(bodies, setting, state):
             if gap > TOUCHING * bodies.height[i]:
                 state.impulse[i, kind] = 0.0
                 continue
-            _write_directions(state.contact, closed, VELOCITY, sine, cosine, rx, ry, 0.0, 0.0)
+            contact = state.contact[closed]
+            _write_directions(contact.velocity, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
-            _write_directions(state.contact, closed, IMPULSE, sine, cosine, rx, ry, 0.0, 0.0)
+            _write_directions(contact.impulse, sine, cosine, rx, ry, 0.0, 0.0)
             _write_responses(state, closed, i, FLOOR, kind, 0.0 if fixed else setting.floor)
             closed += 1
         if i == leader:
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _detect(state.contact, closed, VELOCITY, kind, i, EITHER, mid, bodies)
+            contact = state.contact[closed]
+            gap, met, face = _detect(contact.velocity, kind, i, EITHER, mid, bodies)
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * bodies.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _detect(state.contact, closed, IMPULSE, kind, i, face, now, bodies)
+            _detect(contact.impulse, kind, i, face, now, bodies)
             _write_responses(state, closed, i, i + 1, kind, setting.friction)
             closed += 1
     return closed
 
 
 @compile_alone
-def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
-    """Write the columns from `at` on of a contact at r from the first domino, q from the second.
+def _write_directions(directions, nx, ny, rx, ry, qx, qy):
+    """Write the directions of a contact at r from the first domino and q from the second.
 
     n: unit vector of its normal.
     """
-    contact[c, at], contact[c, at + 1] = nx, ny
-    contact[c, at + 2], contact[c, at + 3] = ry * nx - rx * ny, qy * nx - qx * ny
-    at += 4
-    contact[c, at], contact[c, at + 1] = ny, -nx
-    contact[c, at + 2], contact[c, at + 3] = ry * ny + rx * nx, qy * ny + qx * nx
+    directions.nx, directions.ny = nx, ny
+    directions.nw, directions.nw2 = ry * nx - rx * ny, qy * nx - qx * ny
+    directions.tx, directions.ty = ny, -nx
+    directions.tw, directions.tw2 = ry * ny + rx * nx, qy * ny + qx * nx
 
 
 @compile_alone
-def _detect(contact, c, at, kind, i, face, pose, bodies):
-    """Detect a contact of i with the next, and write its directions from column `at` on.
+def _detect(directions, kind, i, face, pose, bodies):
+    """Detect a contact of i with the next, and write its directions.
 
     The tip of i meets the rear face or the bottom of the next, or the rear bottom edge of the next
     meets the front face or the top of i. The normal points towards i.
@@ -347,48 +349,43 @@ def _detect(contact, c, at, kind, i, face, pose, bodies):
     else:
         gap, met = past, -bodies.thickness[owner] <= ahead <= 0.0
         nx, ny = -sine, -cosine
-    _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy)
+    _write_directions(directions, nx, ny, rx, ry, qx, qy)
     return gap, met, face
 
 
 @compile_alone
 def _write_responses(state, c, i, j, kind, friction):
     """Write partners and friction of a contact, and its responses to unit impulses."""
-    contact = state.contact
+    contact = state.contact[c]
     state.partners[c, 0], state.partners[c, 1], state.partners[c, 2] = i, j, kind
-    contact[c, FRICTION] = friction
+    contact.friction = friction
     per_mass, per_inertia = state.inverse_mass[i], state.inverse_inertia[i]
     per_mass2 = per_inertia2 = 0.0
     if j != FLOOR:
         per_mass2, per_inertia2 = state.inverse_mass[j], state.inverse_inertia[j]
-    for column, move, act in (
-        (NORMAL, VELOCITY, IMPULSE), (CROSS, VELOCITY + 4, IMPULSE),
-        (TANGENTIAL, VELOCITY + 4, IMPULSE + 4),
-    ):  # fmt: skip
-        straight = contact[c, move] * contact[c, act] + contact[c, move + 1] * contact[c, act + 1]
-        contact[c, column] = (
-            (per_mass + per_mass2) * straight
-            + per_inertia * contact[c, move + 2] * contact[c, act + 2]
-            + per_inertia2 * contact[c, move + 3] * contact[c, act + 3]
-        )
-    for column, inverse in ((NORMAL, PER_NORMAL), (TANGENTIAL, PER_TANGENTIAL)):
-        response = contact[c, column]
-        contact[c, inverse] = 1.0 / response if response > 0.0 else 0.0
+    per_mass, v, f = per_mass + per_mass2, contact.velocity, contact.impulse
+    straight, turn, turn2 = v.nx * f.nx + v.ny * f.ny, per_inertia * v.nw, per_inertia2 * v.nw2
+    contact.normal = per_mass * straight + turn * f.nw + turn2 * f.nw2
+    straight, turn, turn2 = v.tx * f.nx + v.ty * f.ny, per_inertia * v.tw, per_inertia2 * v.tw2
+    contact.cross = per_mass * straight + turn * f.nw + turn2 * f.nw2
+    straight = v.tx * f.tx + v.ty * f.ty
+    contact.tangential = per_mass * straight + turn * f.tw + turn2 * f.tw2
+    contact.per_normal = 1.0 / contact.normal if contact.normal > 0.0 else 0.0
+    contact.per_tangential = 1.0 / contact.tangential if contact.tangential > 0.0 else 0.0
 
 
 @compile_alone
 def _apply_impulse(state, c, normal, tangential):
     """Give the two dominoes of a contact an impulse and its reaction."""
-    contact, velocity = state.contact, state.velocity
+    f, velocity = state.contact[c].impulse, state.velocity
     i, j = state.partners[c, 0], state.partners[c, 1]
-    px = contact[c, IMPULSE] * normal + contact[c, IMPULSE + 4] * tangential
-    py = contact[c, IMPULSE + 1] * normal + contact[c, IMPULSE + 5] * tangential
-    turn = contact[c, IMPULSE + 2] * normal + contact[c, IMPULSE + 6] * tangential
+    px, py = f.nx * normal + f.tx * tangential, f.ny * normal + f.ty * tangential
+    turn = f.nw * normal + f.tw * tangential
     velocity[i, 0] += state.inverse_mass[i] * px
     velocity[i, 1] += state.inverse_mass[i] * py
     velocity[i, 2] += state.inverse_inertia[i] * turn
     if j != FLOOR:
-        turn = contact[c, IMPULSE + 3] * normal + contact[c, IMPULSE + 7] * tangential
+        turn = f.nw2 * normal + f.tw2 * tangential
         velocity[j, 0] -= state.inverse_mass[j] * px
         velocity[j, 1] -= state.inverse_mass[j] * py
         velocity[j, 2] -= state.inverse_inertia[j] * turn
@@ -397,42 +394,42 @@ def _apply_impulse(state, c, normal, tangential):
 @compile_alone
 def _sweep(state, closed, tolerance):
     """Sweep until no contact velocity changes by more than the tolerance, or sweeps stagnate."""
-    contact, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
+    contacts, partners, impulse, v = state.contact, state.partners, state.impulse, state.velocity
     per_mass, per_inertia = state.inverse_mass, state.inverse_inertia
     check, earlier = FIRST_CHECK, np.inf
     for sweep in range(1, MAX_SWEEPS + 1):
         change = 0.0
         for k in range(closed):
             c = k if sweep % 2 else closed - 1 - k
-            i, j, kind = partners[c, 0], partners[c, 1], partners[c, 2]
-            # columns 0 to 7 are those of VELOCITY, 8 to 15 those of IMPULSE
+            i, j, kind, contact = partners[c, 0], partners[c, 1], partners[c, 2], contacts[c]
+            by, f = contact.velocity, contact.impulse
             x, y, w = v[i, 0], v[i, 1], v[i, 2]
-            speed = contact[c, 0] * x + contact[c, 1] * y + contact[c, 2] * w
-            slip = contact[c, 4] * x + contact[c, 5] * y + contact[c, 6] * w
+            speed = by.nx * x + by.ny * y + by.nw * w
+            slip = by.tx * x + by.ty * y + by.tw * w
             x2 = y2 = w2 = 0.0
             if j != FLOOR:
                 x2, y2, w2 = v[j, 0], v[j, 1], v[j, 2]
-                speed -= contact[c, 0] * x2 + contact[c, 1] * y2 + contact[c, 3] * w2
-                slip -= contact[c, 4] * x2 + contact[c, 5] * y2 + contact[c, 7] * w2
-            normal = max(0.0, impulse[i, kind, 0] - speed * contact[c, PER_NORMAL])
+                speed -= by.nx * x2 + by.ny * y2 + by.nw2 * w2
+                slip -= by.tx * x2 + by.ty * y2 + by.tw2 * w2
+            normal = max(0.0, impulse[i, kind, 0] - speed * contact.per_normal)
             more_n = normal - impulse[i, kind, 0]
-            slip += contact[c, CROSS] * more_n
-            limit = contact[c, FRICTION] * normal
-            tangential = impulse[i, kind, 1] - slip * contact[c, PER_TANGENTIAL]
+            slip += contact.cross * more_n
+            limit = contact.friction * normal
+            tangential = impulse[i, kind, 1] - slip * contact.per_tangential
             tangential = min(limit, max(-limit, tangential))
             more_t = tangential - impulse[i, kind, 1]
             impulse[i, kind, 0], impulse[i, kind, 1] = normal, tangential
-            px = contact[c, 8] * more_n + contact[c, 12] * more_t
-            py = contact[c, 9] * more_n + contact[c, 13] * more_t
+            px = f.nx * more_n + f.tx * more_t
+            py = f.ny * more_n + f.ty * more_t
             v[i, 0] = x + per_mass[i] * px
             v[i, 1] = y + per_mass[i] * py
-            v[i, 2] = w + per_inertia[i] * (contact[c, 10] * more_n + contact[c, 14] * more_t)
+            v[i, 2] = w + per_inertia[i] * (f.nw * more_n + f.tw * more_t)
             if j != FLOOR:
                 v[j, 0] = x2 - per_mass[j] * px
                 v[j, 1] = y2 - per_mass[j] * py
-                v[j, 2] = w2 - per_inertia[j] * (contact[c, 11] * more_n + contact[c, 15] * more_t)
-            change = max(change, contact[c, NORMAL] * abs(more_n))
-            change = max(change, contact[c, TANGENTIAL] * abs(more_t))
+                v[j, 2] = w2 - per_inertia[j] * (f.nw2 * more_n + f.tw2 * more_t)
+            change = max(change, contact.normal * abs(more_n))
+            change = max(change, contact.tangential * abs(more_t))
         if change <= tolerance:
             return
         if sweep == check:

@@ -15,7 +15,7 @@ from agents.apg import _initial_observations, require_supported
 from agents.closed_loop import random_parts
 from agents.network import build_actor
 from agents.rollout import SEEDS_PER_TRAINING, episode_scores
-from agents.sb3 import make_model, weights
+from agents.sb3.factory import make_model, weights
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)
 FREE = replace(SHORT, thickness=(0.004, 0.012))

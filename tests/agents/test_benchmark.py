@@ -141,7 +141,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     monkeypatch.chdir(tmp_path)
     three = de.load_test_set("varied")[:3]
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
-    monkeypatch.setattr("agents.sb3.choose_scenes", lambda *_: three)
+    monkeypatch.setattr("agents.sb3.training.choose_scenes", lambda *_: three)
     tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
     assert [t.name for t in tasks][-1] == "varied, cma, seed 101"  # scripted policies run once
     learned, searched, plain = (task.run() for task in tasks[:3])

@@ -73,7 +73,7 @@ def test_frames_show_the_hand():
 def test_training_seeds_differ_from_selection_and_evaluation_seeds():
     pytest.importorskip("stable_baselines3")
     from agents.algorithms import default_hyperparameters
-    from agents.sb3 import make_model
+    from agents.sb3.factory import make_model
 
     chosen = default_hyperparameters("ppo", SMALL).replace(num_envs=4, options={"n_steps": 7})
     used = set()

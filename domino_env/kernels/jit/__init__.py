@@ -37,9 +37,12 @@ A call that compiles for more than two seconds says so; of several processes one
 (`waiting`).
 
 The compilation depends on parts of Numba that are not public (`internals`).  If Numba is newer than
-`NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).
+`NEWEST_TESTED` or does not have one of them, functions are compiled as usual (`plain`).  If one of
+them fails later, while an entry point is compiled, all functions are replaced by plain ones.
 """
 
+import sys
+import threading
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -48,7 +51,12 @@ import numba
 from numba.core import types
 
 from domino_env.core.progress import advise
-from domino_env.kernels.jit.interpreted import check_deadline, with_counterpart
+from domino_env.kernels.jit.interpreted import (
+    NotFoundError,
+    check_deadline,
+    postpone_compilation,
+    with_counterpart,
+)
 from domino_env.kernels.jit.plain import compile_plainly
 from domino_env.kernels.jit.waiting import announce
 
@@ -57,22 +65,31 @@ NEWEST_TESTED = (0, 68)  # newest version of Numba with which the tests pass
 
 def _internals() -> Any:
     """Import the fast compilation; return None, with advice, if this Numba may not support it."""
-    reason = f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested"
     if tuple(numba.version_info[:2]) <= NEWEST_TESTED:
         try:
             from domino_env.kernels.jit import internals
         except Exception as error:  # whatever a changed Numba raises
-            reason = f"not as expected ({type(error).__name__}: {error})"
-        else:
-            return internals
+            _advise_plain(error)
+            return None
+        return internals
+    _advise_plain(f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested")
+    return None
+
+
+def _advise_plain(reason: str | Exception) -> None:
+    """Tell the user once why public functions of Numba compile."""
+    if isinstance(reason, Exception):
+        reason = f"not as expected ({type(reason).__name__}: {reason})"
     advise(
         f"Numba {numba.__version__} is {reason}: the simulator is compiled by its public "
         "functions; results are the same, first calls take longer"
     )
-    return None
 
 
 _FAST = _internals()
+_fast: dict[Any, Callable[[], Any]] = {}  # functions that compile plainly, by fast dispatcher
+_plain: dict[Any, Any] = {}  # plain dispatchers, by the fast ones that they replace
+_replacing = threading.Lock()
 
 
 def entry_point(function: Callable[..., Any]) -> Any:
@@ -119,13 +136,55 @@ def compile_alone(function: Callable[..., Any]) -> Any:
 
 def _compile(function: Callable[..., Any], library: str, **options: Any) -> Any:
     is_entry = library == "EntryPoint"
-    if _FAST is None:
+
+    def plainly() -> Any:
         dispatcher = compile_plainly(function, cache=is_entry, **options)
-    else:
-        dispatcher = _FAST.compile_fast(function, getattr(_FAST, library), **options)
+        if is_entry:
+            announce(dispatcher)
+        return dispatcher
+
+    if _FAST is None or _plain:
+        return plainly()
+    dispatcher = _FAST.compile_fast(function, getattr(_FAST, library), **options)
+    _fast[dispatcher] = plainly
     if is_entry:
         announce(dispatcher)
+        _replace_after_error(dispatcher)
+        postpone_compilation(dispatcher)
     return dispatcher
+
+
+def _replace_after_error(dispatcher: Any) -> None:
+    """Make a plain dispatcher take the place of an entry point whose compilation fails."""
+    compile_for: Callable[..., Any] = dispatcher._compile_for_args
+
+    def compile_or_replace(*arguments: Any, **options: Any) -> Any:
+        """Return the function that Numba calls with the arguments."""
+        if not _plain:
+            try:
+                return compile_for(*arguments, **options)
+            except NotFoundError:
+                raise
+            except Exception as error:  # whatever a changed Numba raises
+                _replace_all(error)
+        return _plain[dispatcher]
+
+    dispatcher._compile_for_args = compile_or_replace
+
+
+def _replace_all(error: Exception) -> None:
+    """Replace all functions by plain ones, in the modules that refer to them."""
+    with _replacing:
+        if _plain:
+            return
+        plain = {dispatcher: plainly() for dispatcher, plainly in _fast.items()}
+        modules = [vars(m) for name, m in [*sys.modules.items()] if name.startswith("domino_env.")]
+        for names in (*modules, *(dispatcher.py_func.__globals__ for dispatcher in plain)):
+            for name, value in [*names.items()]:
+                if getattr(value, "py_func", None) and value in plain:
+                    names[name] = plain[value]
+        _plain.update(plain)
+    _advise_plain(error)
 
 
 def _borrow_in_python(value: Any) -> Any:

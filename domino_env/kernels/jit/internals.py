@@ -246,9 +246,7 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
     dispatcher.get_call_template = lambda arguments, names: template(
         tuple(types.unliteral(argument) for argument in arguments), tuple(names.items())
     )
-    if library is EntryPoint:
-        interpreted.postpone_compilation(dispatcher)
-    else:
+    if library is not EntryPoint:
         _forbid_python(dispatcher)
     if library is NoInline:
         register_noinline(dispatcher)
