@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env.core.projection import nearest_choice, nearest_with_sum
-from domino_env.core.types import Bools, Floats
+from domino_env.core.types import Bools, Floats, read_only
 from domino_env.physics.layout import Layout
 from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.rules import Stock, first_violation
@@ -110,12 +110,12 @@ class DesignSpace:
     @cached_property
     def low(self) -> Floats:
         """(P, N-1) least values."""
-        return self.select(*([part.low] * self.pairs for part in self.parts))
+        return read_only(self.select(*([part.low] * self.pairs for part in self.parts)))
 
     @cached_property
     def high(self) -> Floats:
         """(P, N-1) largest values."""
-        return self.select(*([part.high] * self.pairs for part in self.parts))
+        return read_only(self.select(*([part.high] * self.pairs for part in self.parts)))
 
     @cached_property
     def pieces(self) -> Stock | None:

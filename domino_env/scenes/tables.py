@@ -187,7 +187,8 @@ def check_types(scene: Any) -> dict[str, Any]:
         for name in (*TOP, *ROW, *TABLES, "floor_friction")
     }
     for name, kind in PAIRS.items():
-        if (bounds := getattr(scene, name)) is not None:
+        bounds = getattr(scene, name)
+        if bounds is not None or name == "spacing":
             pair = numbers(name, bounds, None, (2,), "a pair of bounds, such as (0.002, 0.04)")
             fields[name] = read_model(kind, pair.tolist(), name)
     return fields
