@@ -208,13 +208,7 @@ def default_hyperparameters(algorithm: str, target: Scene | SceneDistribution) -
     require_choice("algorithm", algorithm, ALGORITHMS)
     scene = target if isinstance(target, Scene) else target.first
     count_varies = isinstance(target, SceneDistribution) and COUNT in target.ranges
-    has_schedule = scene.tempo is not None
-    return ALGORITHMS[algorithm](
-        Case(
-            episode=TYPICAL_EPISODE if count_varies else scene.count - 1,
-            discount=0.95 if has_schedule else 1.0,
-            is_random=is_random(target),
-            is_sampled=scene is not target,
-            has_schedule=has_schedule,
-        )
-    )
+    has_schedule, is_sampled = scene.tempo is not None, scene is not target
+    episode = TYPICAL_EPISODE if count_varies else scene.count - 1
+    case = Case(episode, 0.95 if has_schedule else 1.0, is_random(target), is_sampled, has_schedule)
+    return ALGORITHMS[algorithm](case)

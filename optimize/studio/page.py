@@ -131,9 +131,9 @@ def page_text(
         The page.
     """
     scene = scene or load_scene("course")
-    for document in (scene.document(), *(row["document"] for row in rows)):
-        _require_known(document)
     first: dict[str, Any] = {"document": scene.document()}
+    for row in (first, *rows):
+        _require_known(row["document"]["name"], row["document"]["objective"])
     if layout is not None:
         first["layout"] = layout_document(layout)
     data = {"scenes": _shipped(), "first": first, "rows": list(rows), "headline": headline}
@@ -244,30 +244,27 @@ def studio(source: str | Path | Scene | Layout = "course") -> Studio:
 
 def _shipped() -> dict[str, dict[str, Any]]:
     """Return documents, best equal gaps and best known layouts of the shipped scenes."""
-    scenes, known = {}, best_known()
-    for scene in map(load_scene, scene_names()):
-        if scene.objective not in _objectives():
-            continue
-        name = scene.name
-        document, entry = scene.document(), {}
+    scenes: dict[str, dict[str, Any]] = {}
+    known = best_known()
+    for name in scene_names():
+        scene = load_scene(name)
+        document, entry = scene.document(), dict[str, Any]()
         if (point := stored_point(document)) is not None:
             entry["uniform"] = _sizes(scene, UniformLayouts(scene).layout(np.array(point)))
         if name in known:
             entry["best"] = _sizes(scene, known[name].layout)
         scenes[name] = {"document": document} | entry
-    return scenes
+    return {n: x for n, x in scenes.items() if x["document"]["objective"] in _objectives()}
 
 
 @cache
-def _objectives() -> tuple[str, ...]:
+def _objectives() -> list[str]:
     """Return the names of the objectives that scene.js has."""
-    (names,) = re.findall(r"OBJECTIVES = \[(.+)\];", _read("scene.js"))
-    return tuple(re.findall(r"\w+", names))
+    return re.findall(r'"(\w+)"', re.findall(r"OBJECTIVES = \[.+\];", _read("scene.js"))[0])
 
 
-def _require_known(document: dict[str, Any]) -> None:
-    """Raise ValueError for the document of a scene with an objective that scene.js has not."""
-    name, objective = document["name"], document["objective"]
+def _require_known(name: str, objective: str) -> None:
+    """Raise ValueError for the objective of a scene if scene.js does not have it."""
     if objective not in _objectives():
         raise ValueError(
             f"scene '{name}' has objective = '{objective}', and the page computes "
