@@ -11,6 +11,7 @@ from contextlib import closing, nullcontext, redirect_stdout
 from importlib.metadata import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -20,6 +21,7 @@ import domino_env as de
 import optimize
 from agents.algorithms import default_hyperparameters
 from domino_env.cli.main import build_parser, main
+from domino_env.core import checks
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_from_document
 from domino_env.view.sound import clicks, write_wav
@@ -222,6 +224,18 @@ def test_targets_and_extras_exist():
     assert set(",".join(used).split(",")) <= extras
     for text in PAGES.values():
         assert set(re.findall(r"\(extra:? `?([a-z]+)", text)) <= extras
+
+
+def test_the_address_of_the_code_is_one_constant(pages, monkeypatch):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project.get("urls", {}).get("Repository", "") == checks.CODE_ADDRESS
+    config = SimpleNamespace(repo_url="")
+    for module in (checks, pages):
+        monkeypatch.setattr(module, "CODE_ADDRESS", "https://example.org/code")
+    pages.on_config(config)
+    lines = (config.repo_url, checks.install_command("rl"), *pages.code_lines())
+    assert all("https://example.org/code" in line for line in lines)
+    assert "  url = {https://example.org/code}," in pages.citation()
 
 
 # generated pages --------------------------------------------------------------------------------
