@@ -57,7 +57,7 @@ def race() -> Iterator[Image.Image]:
     ]
     gain = scene.score(compared[0].wave) / scene.uniform().score - 1.0
     heading = (
-        f"Sixty dominoes, then forty fixed ones: {gain:.1%} faster over {1e3 * row.length:.0f} mm"
+        f"Sixty dominoes, then the same forty: {gain:.1%} faster over {1e3 * row.length:.0f} mm"
     )
     scale = Scale.fitting(row.length, scene.height, WIDTH, STRIP_HEIGHT)
     gaps = draw_gaps(row, equal.spacing[0], scale, "better gaps", best.spacing.max())

@@ -503,7 +503,7 @@ def numbers() -> dict[str, str]:
         for name, layout in layouts.items()
     }
     computed = scene_numbers() | verification_numbers() | source_numbers() | run_numbers()
-    computed |= race_numbers() | free_end_numbers()
+    computed |= race_numbers() | free_end_numbers() | reached_numbers()
     claims = {f"claims.{x['quantity']}": x["value"] for x in read_csv("claims.csv") if not x["gap"]}
     questions = {f"questions.{x['quantity']}": x["value"] for x in read_csv("open-questions.csv")}
     return MEASURED | times | computed | claims | questions
@@ -571,6 +571,15 @@ def free_end_numbers() -> dict[str, str]:
     loss = 100.0 * (1.0 - speeds[1] / speeds[0])
     values = {f"free_end.{n}": f"{loss[n - 1]:.1f}" for n in (62, 65, 119)}
     return values | {"free_end.designed": f"{100.0 * search(longer, budget=500, seed=0).gain:.1f}"}
+
+
+def reached_numbers() -> dict[str, str]:
+    """Return medians of normalised scores of the benchmark [%], by scene and algorithm."""
+    scores: dict[str, list[float]] = {}
+    for run in read_csv("benchmark.csv"):
+        name = f"reached.{run['scene']}.{run['algorithm']}"
+        scores.setdefault(name, []).append(100.0 * float(run["normalised_score"]))
+    return {name: f"{np.median(values):.0f}" for name, values in scores.items()}
 
 
 def run_numbers() -> dict[str, str]:

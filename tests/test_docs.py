@@ -11,6 +11,7 @@ from contextlib import closing, nullcontext, redirect_stdout
 from importlib.metadata import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -20,6 +21,7 @@ import domino_env as de
 import optimize
 from agents.algorithms import default_hyperparameters
 from domino_env.cli.main import build_parser, main
+from domino_env.core import checks
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_from_document
 from domino_env.view.sound import clicks, write_wav
@@ -224,6 +226,18 @@ def test_targets_and_extras_exist():
         assert set(re.findall(r"\(extra:? `?([a-z]+)", text)) <= extras
 
 
+def test_the_address_of_the_code_is_one_constant(pages, monkeypatch):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project.get("urls", {}).get("Repository", "") == checks.CODE_ADDRESS
+    config = SimpleNamespace(repo_url="")
+    for module in (checks, pages):
+        monkeypatch.setattr(module, "CODE_ADDRESS", "https://example.org/code")
+    pages.on_config(config)
+    lines = (config.repo_url, checks.install_command("rl"), *pages.code_lines())
+    assert all("https://example.org/code" in line for line in lines)
+    assert "  url = {https://example.org/code}," in pages.citation()
+
+
 # generated pages --------------------------------------------------------------------------------
 
 
@@ -244,25 +258,50 @@ def test_the_reference_is_complete(pages):
         assert len({title.casefold() for title, _ in listed}) == len(listed)  # files of Windows
 
 
-GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}
+GENERATED = {"measured-sources.md", "methods.md", "reference.md", "benchmark.md", "tables.md"}
+CONTRIBUTORS = {"architecture.md", "recipes.md", "development.md"}
 FILLED = re.compile(r"<!-- \w+ -->\n.*?<!-- end -->", re.DOTALL)  # by `docs/pages.py`
+LIMITS = {"users": 17_700, "contributors": 3_100, "generated": 9_000}  # words, code included
 
 
-def test_hand_written_pages_are_short_and_name_the_next_page():
-    written = {p: FILLED.sub("", text) for p, text in PAGES.items() if p not in GENERATED}
-    assert sum(len(text.split()) for text in written.values()) <= 26_900
-    assert PAGES["README.md"].count("\n") <= 110
-    for page, text in written.items():
-        assert text.count("\n") <= 150, page
-        if page != "README.md":
-            begin, end = text.split("\n\n")[1], text.rstrip().rpartition("\n\n")[2]
-            assert begin.startswith("For "), f"{page}: say for whom it is"
-            assert re.search(r"Continue with[^.]*\]\(", end), f"{page}: say where to go next"
+def count_words(text):
+    """Return the number of words with a letter or a digit."""
+    return sum(any(map(str.isalnum, word)) for word in text.split())
+
+
+def test_pages_are_short():
+    words = dict.fromkeys(LIMITS, 0)
+    for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        text, reader = path.read_text("utf-8"), "users"
+        written = "" if path.name in GENERATED else FILLED.sub("", text)
+        if path.name in CONTRIBUTORS:
+            reader = "contributors"
+        words[reader] += count_words(written)
+        words["generated"] += count_words(text) - count_words(written)
+    assert all(words[kind] <= limit for kind, limit in LIMITS.items()), words
+    assert count_words((ROOT / "CHANGELOG.md").read_text("utf-8")) <= 2_500
+    assert PAGES["README.md"].count("\n") <= 100
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs").rglob("*.md")), ids=lambda path: path.stem)
+def test_a_page_names_its_reader_and_the_next_page(path):
+    text = path.read_text("utf-8")
+    assert re.match(r"(?:---\n.*\n---\n)?# .*\n\nFor ", text), "say for whom it is"
+    end = text.rstrip().rpartition("\n\n")[2]
+    assert re.search(r"Continue with[^.]*\]\(", end), "say where to go next"
+    if path.name not in GENERATED:
+        assert FILLED.sub("", text).count("\n") <= 150
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_code_host_shows_no_raw_markup(page):
+    assert not re.search(r"^(:::|!!!|\?\?\?) ", FENCED.sub("", PAGES[page]), re.MULTILINE)
 
 
 def test_links_lead_to_files_of_the_repository():
     pages = {ROOT / ("" if page == "README.md" else "docs") / page: PAGES[page] for page in PAGES}
     index = ROOT / "docs" / "scenes" / "index.md"
-    for path, text in (pages | {index: index.read_text("utf-8")}).items():
+    others = {path: path.read_text("utf-8") for path in (index, ROOT / "CONTRIBUTING.md")}
+    for path, text in (pages | others).items():
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", FENCED.sub("", text)):
             assert (path.parent / target).exists(), f"{path.name}: {target}"
