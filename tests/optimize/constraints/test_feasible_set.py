@@ -1,7 +1,7 @@
 """The nearest layout that keeps a scene's rules: against brute force and its laws."""
 
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from uneven_layouts import UNEVEN_SCENE
 
 import domino_env as de
 from optimize import METHODS, Problem, search
-from optimize.constraints.stock import assign, nearest_from_stock
+from optimize.constraints.stock import nearest_from_stock
 from optimize.methods.gradient.least_squares import compute_lateness
 
 BOX = de.Stock((0.005, 0.0075, 0.010), (3, 4, 2))
@@ -74,22 +74,6 @@ def test_the_nearest_pieces_of_the_stock_are_taken(seed):
     nearest = nearest_from_stock(wanted[None], stock)[0]
     least = min(np.square(np.array(order) - wanted).sum() for order in permutations(dominoes, n))
     assert np.square(nearest - wanted).sum() == pytest.approx(least, abs=1e-16)
-
-
-def test_an_assignment_with_few_changes_is_the_best():
-    random = np.random.default_rng(0)
-    kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
-    for changes in (0, 2, 3, 5):
-        prices = random.random((5, 3))
-        allowed = [
-            order for order in product(range(3), repeat=5)
-            if np.all(np.bincount(order, minlength=3) <= kinds)
-            and np.sum(np.array(order) != current) <= changes
-        ]  # fmt: skip
-        least = min(prices[np.arange(5), order].sum() for order in allowed)
-        assigned = assign(prices, kinds, current, changes)
-        assert tuple(assigned.tolist()) in allowed
-        assert prices[np.arange(5), assigned].sum() == pytest.approx(least)
 
 
 def test_assign_finds_the_best_order_of_a_small_box():
