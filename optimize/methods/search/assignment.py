@@ -117,7 +117,7 @@ def _gap_changes(memory: _Memory, changes: Floats) -> Floats:
     shared = np.linalg.solve(squares.sum(axis=0) + SHARED_RIDGE * identity, products.sum(axis=0))
     products += RIDGE * shared
     slopes = np.linalg.solve(squares + RIDGE * identity, products[..., None])[..., 0]
-    return np.einsum("bpi,pi->bp", _neighbourhoods(changes), slopes)
+    return np.asarray(np.einsum("bpi,pi->bp", _neighbourhoods(changes), slopes))
 
 
 def _neighbourhoods(values: Floats) -> Floats:
