@@ -131,15 +131,15 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
         # adaptive factors suit many variables; with one, the simplex would shrink to a point
         corners = np.concatenate([x[None], x + np.diag(np.where(x < 0.5, SIMPLEX, -SIMPLEX))])
         options = options | {"initial_simplex": corners, "adaptive": len(x) > 1}
-    optimize.minimize(function, x, method=solver, options=options, **arguments)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="scipy")  # about gradients that do not change
+        optimize.minimize(function, x, method=solver, options=options, **arguments)
 
 
 def _restart(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="scipy")  # about gradients that do not change
-        for start in starts(evaluator, rng):
-            descend(solver, evaluator, start)
+    for start in starts(evaluator, rng):
+        descend(solver, evaluator, start)
 
 
 def _length_rule(problem: Problem) -> list[optimize.LinearConstraint]:

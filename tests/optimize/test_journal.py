@@ -93,6 +93,16 @@ def test_a_search_of_long_layouts_resumes_bitwise_and_beats_uniform(bits, monkey
     assert bits(search(scene, budget=36, seed=3, folder=tmp_path, resume=True)) == bits(expected)
 
 
+def test_a_search_of_long_layouts_ends_when_a_round_gains_little(monkeypatch):
+    """Its refinement; here every gain is little."""
+    monkeypatch.setattr(long_layouts, "SHORT_EVALUATIONS", 40)
+    monkeypatch.setattr(long_layouts, "LEAST_GAIN", 1.0)
+    result = search(replace(de.load_scene("marathon"), count=512), seed=3)
+    assert result.stop_reason.startswith("done: a stretched and refined layout")
+    assert long_layouts.ROUND_GRADIENTS <= result.evaluations < 40
+    assert result.gain > 0.02
+
+
 def test_a_killed_process_resumes_bitwise(bits, problems, tmp_path):
     scene = problems["both"]
     (tmp_path / "both.toml").write_text(scene.to_toml())

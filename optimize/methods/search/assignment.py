@@ -1,20 +1,20 @@
-"""Order of the dominoes of a stock: assignments by HiGHS, then an annealed search of exchanges.
+"""Order of the dominoes of a stock: an annealed search of exchanges, with predicted gaps.
 
-At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
-of domino at each place. An integer programme, solved by HiGHS, finds the assignment with the
-largest predicted gain and a limited number of changes (`assign`). Random
-changes of the order are tried too, and short local searches refine the gaps of the best few of all
-these layouts, until several rounds gain nothing.
+The best gap depends on the dominoes beside it. A local search after every exchange would take most
+of the time, so the gaps of a new order are predicted: each gap changes linearly with the thickness
+of three dominoes, the second of its pair and both neighbours of that one. The coefficients are
+fitted to the layouts that local searches have refined, by ridge regression towards coefficients
+that all places share. A predicted layout scores some 0.03 % less than after fifty gradients.
 
-Then the search is annealed. Every generation changes the present layout at random: exchanges of one
-or two pairs of dominoes, a domino that moves to another place, a part in reverse order, a
-permutation of up to eight neighbours, and an exchange with a spare domino. Gaps stay at their
-places, move with their dominoes, or keep the pivots. All changed layouts are scored in one batch,
-the best few are refined, and the best of these becomes the present layout if it loses less than a
-threshold, which falls to zero in every cycle. Each cycle begins at the best layout so far; cycles
-with a low threshold and with a high one follow each other, so that no limit has to be known. Small
-random changes of the gaps move layouts off the kinks of the score, at which local searches would
-end. Without a stock, only local searches from several starts remain.
+Every generation changes the order of the present layout at random: exchanges of one or two pairs of
+dominoes, a domino that moves to another place, a part in reverse order, a permutation of up to
+eight neighbours, and an exchange with a spare domino. All changed layouts are scored in one batch,
+short local searches refine the best few, and the best of these becomes the present layout if it
+loses less than a threshold, which falls to zero in every cycle (threshold accepting). Three cycles
+begin at the uniform baseline, then three at the best layout so far, with low and high thresholds,
+and longer ones follow, so that no limit has to be known. Small random changes of the gaps move
+layouts off the kinks of the score, at which local searches would end. Without a stock, only local
+searches from several starts remain.
 
 References
 ----------
@@ -24,9 +24,11 @@ appearing superior to simulated annealing. Journal of Computational Physics 90, 
 
 from __future__ import annotations
 
+from collections import deque
 from itertools import count
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from domino_env.core.types import Floats, Ints
 from optimize.evaluator import Evaluator
@@ -34,25 +36,25 @@ from optimize.methods.gradient.local_search import LocalSearch, run_local_search
 from optimize.methods.starts import starts, uniform_design
 from optimize.problem import Problem
 
+_Memory = deque[Floats]  # refined layouts (n,)
+
 THOROUGH = 80  # gradients of a thorough local search
 SAME_DOMINO = 1e-9  # largest difference of the variables of two dominoes of the same kind
-LEAST_GAIN = 1e-6  # a smaller relative gain counts as zero
-CHANGES = (2, 4, 8, 16)  # numbers of places that a programme may change
-# first rounds: random changes, refined layouts, gradients of each, rounds without gain at the end
-PROPOSALS, PROPOSALS_REFINED, QUICK, MAX_IDLE = 400, 8, 10, 3
-# annealed generations: children that are scored, those that are refined, gradients of each, and
-# gradients of the one that is accepted
-CHILDREN, CHILDREN_REFINED, CHILD_GRADIENTS, ACCEPTED_GRADIENTS = 120, 4, 12, 25
-# generations of a cycle, and the largest relative loss that is accepted at its start. The threshold
-# doubles from cycle to cycle; after some cycles it begins anew, with longer cycles.
-CYCLE, THRESHOLD, THRESHOLD_DOUBLINGS = 100, 5e-4, 4
+# a generation: children that are scored, those that are refined, gradients of each, and gradients
+# of the one that is accepted
+CHILDREN, CHILDREN_REFINED, CHILD_GRADIENTS, ACCEPTED_GRADIENTS = 120, 4, 8, 12
+# generations of the first cycles, and the largest relative loss that each accepts at its start: of
+# those that begin at the uniform baseline, then of those that begin at the best layout so far.
+# After them all begins anew, with longer cycles.
+CYCLE, FIRST_THRESHOLDS, THRESHOLDS = 32, (3e-3, 3e-3, 3e-3), (1e-3, 2e-3, 4e-3)
 MAX_TRIES = 8  # random changes until dominoes of different kinds change places
-# probabilities that gaps move with their dominoes, and that the pivots stay
-MOVED_GAPS, SAME_PIVOTS = 0.8, 0.1
 SPARE_PROBABILITY = 0.2  # probability of an exchange with a spare domino, if there is one
 MOST_NEIGHBOURS = 8  # largest number of neighbours that are permuted
-SHAKE = 4e-3  # standard deviation of random changes of gaps, relative to their range
+SHAKE = 1e-3  # standard deviation of random changes of gaps, relative to their range
 FACE_DISTANCE = 1e-3  # distance to a face of the box up to which a gap is not changed at random
+# refined layouts to which gaps are fitted; the ridge towards coefficients that all places share,
+# and that of the shared ones towards zero
+MEMORY, RIDGE, SHARED_RIDGE = 300, 0.03, 1.0
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -61,55 +63,66 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
     if not problem.space.is_discrete.any():  # there is no order
         for start in starts(evaluator, rng):
             _refine(evaluator, start, THOROUGH)
-    _improve(evaluator, rng)
-    for cycle in count():
-        before = evaluator.best_score
-        generations = CYCLE * (1 + cycle // THRESHOLD_DOUBLINGS)
-        _anneal(evaluator, generations, THRESHOLD * 2 ** (cycle % THRESHOLD_DOUBLINGS), rng)
-        gain = (evaluator.best_score - before) / abs(before)
-        evaluator.status = f"the last {generations} generations gained {gain:.2g} of the score"
-
-
-def _improve(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Change the order of the uniform baseline until several rounds gain nothing."""
-    problem = evaluator.problem
-    current = _refine(evaluator, uniform_design(problem), THOROUGH)
-    idle = 0
-    while idle < MAX_IDLE:
-        children = _children(problem, current.design, PROPOSALS, rng)
-        if idle == 0:  # assignments are not random
-            assignments = problem.project(_assignments(evaluator, current.design))
-            children = np.concatenate([children, assignments])
-        child = _best_refined(evaluator, children, PROPOSALS_REFINED, QUICK)
-        has_gained = child.score > current.score + LEAST_GAIN * abs(current.score)
-        current, idle = (child, 0) if has_gained else (current, idle + 1)
+    memory: _Memory = deque(maxlen=MEMORY)
+    baseline = uniform_design(problem)
+    evaluator.evaluate(baseline)
+    for generations in count(CYCLE, CYCLE):
+        for k, threshold in enumerate(FIRST_THRESHOLDS + THRESHOLDS):
+            before = evaluator.best_score
+            start = baseline if k < len(FIRST_THRESHOLDS) else evaluator.best
+            current = _refine(evaluator, start, THOROUGH)
+            _anneal(evaluator, current, generations, threshold, memory, rng)
+            gain = (evaluator.best_score - before) / abs(before)
+            evaluator.status = f"the last {generations} generations gained {gain:.2g} of the score"
 
 
 def _anneal(
-    evaluator: Evaluator, generations: int, threshold: float, rng: np.random.Generator
-) -> None:
-    """Run one cycle of generations, from the best layout so far, with a falling threshold."""
-    current = _refine(evaluator, evaluator.best, THOROUGH)
+    evaluator: Evaluator, current: LocalSearch, generations: int, threshold: float,
+    memory: _Memory, rng: np.random.Generator,
+) -> None:  # fmt: skip
+    """Run one cycle of generations from a refined layout, with a falling threshold."""
+    memory.append(current.design)
     for generation in range(generations):
         loss = threshold * (1.0 - generation / generations) ** 2 * abs(current.score)
-        children = _children(evaluator.problem, current.design, CHILDREN, rng)
-        child = _best_refined(evaluator, children, CHILDREN_REFINED, CHILD_GRADIENTS)
+        children = _children(evaluator.problem, current.design, memory, rng)
+        child = _best_refined(evaluator, children, memory)
         if child.score > current.score - loss:
             run_local_searches(evaluator, [child], ACCEPTED_GRADIENTS)
+            memory.append(child.design)
             current = child
 
 
-def _best_refined(
-    evaluator: Evaluator, designs: Floats, refined: int, gradients: int
-) -> LocalSearch:
-    """Score layouts (B, n), refine the best of them, and return the best local search."""
+def _best_refined(evaluator: Evaluator, designs: Floats, memory: _Memory) -> LocalSearch:
+    """Score layouts (B, n), refine and remember the best of them; return the best of these."""
     scores = evaluator.evaluate(designs).score
     designs = designs[np.argsort(-scores, kind="stable")]
     pairs = evaluator.problem.scene.count - 1
     _, firsts = np.unique(designs[:, -pairs:], axis=0, return_index=True)  # the best of each order
-    searches = [_local_search(evaluator.problem, designs[i]) for i in np.sort(firsts)[:refined]]
-    run_local_searches(evaluator, searches, gradients)
+    picks = np.sort(firsts)[:CHILDREN_REFINED]
+    searches = [_local_search(evaluator.problem, design) for design in designs[picks]]
+    run_local_searches(evaluator, searches, CHILD_GRADIENTS)
+    memory.extend(search.design for search in searches)
     return max(searches, key=lambda search: search.score)
+
+
+def _gap_changes(memory: _Memory, changes: Floats) -> Floats:
+    """Predict the changes (B, pairs) of gaps for changes (B, pairs) of the thicknesses."""
+    pairs = changes.shape[1]
+    designs = np.array(memory)
+    designs = designs - designs.mean(axis=0)
+    gaps, thickness = designs[:, :pairs], _neighbourhoods(designs[:, pairs:])
+    squares = np.einsum("mpi,mpj->pij", thickness, thickness)
+    products = np.einsum("mpi,mp->pi", thickness, gaps)
+    identity = np.eye(squares.shape[1])
+    shared = np.linalg.solve(squares.sum(axis=0) + SHARED_RIDGE * identity, products.sum(axis=0))
+    products += RIDGE * shared
+    slopes = np.linalg.solve(squares + RIDGE * identity, products[..., None])[..., 0]
+    return np.asarray(np.einsum("bpi,pi->bp", _neighbourhoods(changes), slopes))
+
+
+def _neighbourhoods(values: Floats) -> Floats:
+    """Return values (B, pairs) with those of the places before and after, (B, pairs, 3)."""
+    return sliding_window_view(np.pad(values, ((0, 0), (1, 1))), 3, axis=1)
 
 
 def _refine(evaluator: Evaluator, design: Floats, gradients: int) -> LocalSearch:
@@ -128,96 +141,24 @@ def _local_search(problem: Problem, design: Floats) -> LocalSearch:
     return LocalSearch(design, project, normal=problem.normal)
 
 
-def _assignments(evaluator: Evaluator, design: Floats) -> Floats:
-    """Propose the assignments of the largest predicted gain, one for each number in CHANGES."""
-    problem = evaluator.problem
-    stock, pairs = problem.space.pieces, problem.space.pairs
-    assert stock is not None
-    kinds = np.array(stock.thickness)
-    gradient = evaluator.evaluate(design, True, relaxed=True).gradient
-    span = (problem.high - problem.low)[-pairs:]  # the last variables are the thicknesses
-    thickness = problem.low[-pairs:] + design[-pairs:] * span
-    current = np.abs(thickness[:, None] - kinds).argmin(axis=1)
-    costs = -(gradient[-pairs:] / span)[:, None] * (kinds - thickness[:, None])
-    designs = np.repeat(design[None], len(CHANGES), axis=0)
-    for i, changes in enumerate(CHANGES):
-        chosen = assign(costs, np.array(stock.count), current, changes)
-        designs[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / span
-    return designs
-
-
-def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
-    """Choose a kind of domino for each place so that the sum of costs is smallest.
-
-    Parameters
-    ----------
-    costs
-        (n, kinds) cost of each kind at each place.
-    count
-        (kinds,) number of dominoes of each kind, n or more in all.
-    current
-        (n,) index of the present kind at each place.
-    changes
-        Largest number of places that change.
-
-    Returns
-    -------
-    ndarray
-        (n,) index of the kind for each place.
-
-    Raises
-    ------
-    RuntimeError
-        If the solver fails.
-    """
-    from scipy import optimize
-    from scipy.sparse import eye_array, kron
-
-    places, kinds = costs.shape
-    at_each_place = kron(eye_array(places), np.ones((1, kinds)))
-    of_each_kind = kron(np.ones((1, places)), eye_array(kinds))
-    rules = [
-        optimize.LinearConstraint(at_each_place, 1.0, 1.0),
-        optimize.LinearConstraint(of_each_kind, -np.inf, count),
-    ]
-    is_limited = changes < places  # otherwise the vertices are whole numbers by themselves
-    if is_limited:
-        unchanged = np.eye(kinds)[current].reshape(1, -1)
-        rules.append(optimize.LinearConstraint(unchanged, places - changes, np.inf))
-    scaled_costs = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
-    result = optimize.milp(
-        scaled_costs.ravel(), constraints=rules, bounds=optimize.Bounds(0.0, 1.0),
-        integrality=int(is_limited),
-    )  # fmt: skip
-    if result.x is None:
-        raise RuntimeError(f"no assignment was found ({result.message}): try another method")
-    return np.asarray(np.argmax(result.x.reshape(places, kinds), axis=1))
-
-
-def _children(problem: Problem, design: Floats, number: int, rng: np.random.Generator) -> Floats:
-    """Change a layout at random, `number` times; return the design vectors (number, n)."""
+def _children(
+    problem: Problem, design: Floats, memory: _Memory, rng: np.random.Generator
+) -> Floats:
+    """Change the order of a layout (n,) at random; return the design vectors (CHILDREN, n)."""
     pairs = problem.scene.count - 1
-    span = (problem.high - problem.low)[[0, -1]]  # of a gap and of a thickness
     pieces, spares = design[-pairs:], _spares(problem, design)
-    children = np.repeat(design[None], number, axis=0)
-    for child in children:
-        order = np.arange(pairs)
+    children = np.repeat(design[None], CHILDREN, axis=0)
+    for child in children[:, -pairs:]:
         if len(spares) and rng.random() < SPARE_PROBABILITY:
-            child[len(child) - pairs + int(rng.integers(pairs))] = rng.choice(spares)
-        else:
-            for _ in range(MAX_TRIES):
-                order = _reorder(pieces, rng)
-                if np.any(np.abs(pieces[order] - pieces) > SAME_DOMINO):
-                    break
-            child[-pairs:] = pieces[order]
-        if problem.space.spacing.is_free:
-            variant = rng.random()
-            if variant < MOVED_GAPS:
-                child[:pairs] = design[order]
-            elif variant < MOVED_GAPS + SAME_PIVOTS:
-                child[:pairs] += span[1] / span[0] * (pieces - child[-pairs:])
+            child[int(rng.integers(pairs))] = rng.choice(spares)
+            continue
+        for _ in range(MAX_TRIES):
+            child[:] = pieces[_reorder(pieces, rng)]
+            if np.any(np.abs(child - pieces) > SAME_DOMINO):
+                break
     if problem.space.spacing.is_free:
         gaps = children[:, :pairs]
+        gaps += _gap_changes(memory, children[:, pairs:] - pieces)
         inside = (gaps > FACE_DISTANCE) & (gaps < 1.0 - FACE_DISTANCE)
         gaps += np.where(inside, SHAKE * rng.standard_normal(gaps.shape), 0.0)
     return problem.project(np.clip(children, 0.0, 1.0))

@@ -32,8 +32,9 @@ SHORT_COUNT, RATIO = 160, 4
 LAST_RATIO = 1.5  # least ratio of the count of the scene to that of the last shorter layout
 SHORT_EVALUATIONS = 600  # evaluations of the shortest layout
 # gradients of the first stretched layout, and of far longer ones
-MAX_GRADIENTS, MIN_GRADIENTS = 60, 12
-WHOLE_GRADIENTS = 212  # gradients of the layout of the scene
+MAX_GRADIENTS, MIN_GRADIENTS = 160, 12
+# gradients of the layout of the scene; it is done when so many in a row gain relatively less
+WHOLE_GRADIENTS, ROUND_GRADIENTS, LEAST_GAIN = 212, 8, 1e-6
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
 # places of each end with one variable each; then the distance from the end grows by the ratio
 END_PLACES, DISTANCE_RATIO = 60, 1.5
@@ -90,7 +91,11 @@ def search_stretched(
         design = short_evaluator.best
         count *= RATIO
     local = _stretch(evaluator, design)
-    run_local_searches(evaluator, [local], WHOLE_GRADIENTS)
+    for _ in range(0, WHOLE_GRADIENTS, ROUND_GRADIENTS):
+        before = local.score
+        run_local_searches(evaluator, [local], ROUND_GRADIENTS)
+        if local.done or local.score - before <= LEAST_GAIN * abs(local.score):
+            break
     return local.score, local.design
 
 

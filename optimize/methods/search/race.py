@@ -10,7 +10,9 @@
 3. Three islands (one for more than 64 dominoes) do the same from random starts, each with its own
    generator and in the same batches. The best layout of an island that gains nothing more is an
    independent estimate of the optimum. It migrates to the main search, where it is joined with the
-   best so far, the start of one to the end of the other, and the island begins anew.
+   best so far, the start of one to the end of the other, and the island begins anew. If a length
+   ties gaps and thicknesses together, SLSQP from random starts gets half of the effort: its steps
+   along the length end in better layouts there, see `slsqp`.
 
 Without a limit the search is done when perturbations gain nothing and enough of the islands agree
 with the best or, after many islands, the second half of the effort gained nothing. Both depend on
@@ -44,6 +46,7 @@ from optimize.methods.search import assignment, perturbations, two_fidelities
 from optimize.methods.search.long_layouts import is_long, search_stretched
 from optimize.methods.search.perturbations import MAX_TIGHT, PERTURBATIONS
 from optimize.methods.starts import coarse_matrix, uniform_design
+from optimize.methods.starts import starts as restarts
 from optimize.problem import Problem
 
 FIRST_GRADIENTS = 12  # gradients of every start in the first round
@@ -74,6 +77,7 @@ PATIENCE = (6, LEAST_GAIN)
 # the same for the main search with many dominoes, and for an island with many
 LARGE_PATIENCE, ISLAND_PATIENCE = (4, 2e-5), (2, 1e-4)
 ALIKE_DISTANCE = 1e-3  # distance below which two design vectors count as the same
+SLSQP_EFFORT = 0.5  # fraction of the effort for SLSQP, if a length ties gaps and thicknesses
 ISLANDS = 3  # independent searches beside the main one
 # dominoes above which there is one island, which begins when the main search has settled
 MAX_PARALLEL = 64
@@ -113,7 +117,12 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
     islands = 1 if scene.count > MAX_PARALLEL else ISLANDS
     main, *generators = rng.spawn(1 + islands)
-    run_in_lockstep(evaluator, [search.main(main), *map(search.island, generators)])
+    searches = [search.main(main), *map(search.island, generators)]
+    space = scene.space
+    is_tied = space.length is not None and space.spacing.is_free and space.thickness.is_free
+    if is_tied and scene.count <= MAX_PARALLEL:
+        searches += map(search.slsqp_island, rng.spawn(1))
+    run_in_lockstep(evaluator, searches)
 
 
 def starts(problem: Problem) -> Floats:
@@ -284,6 +293,18 @@ class _Search:
             yield from _race(elite, random_starts(self.elite.problem, rng))
             yield from _settle(elite, rng, *(ISLAND_PATIENCE if is_large else PATIENCE))
             self.optima.append(elite.layouts[0])
+
+    def slsqp_island(self, rng: np.random.Generator) -> Search:
+        """Run SLSQP from one start after the other, with a fraction of the effort."""
+        from optimize.methods.scipy_methods import descend  # SciPy's optimisers load slowly
+
+        for start in restarts(self.evaluator, rng):
+            effort = self.evaluator.effort
+            descend("SLSQP", self.evaluator, start)
+            self.elite.add(self.evaluator.best_score, self.evaluator.best)
+            end = effort + (self.evaluator.effort - effort) / SLSQP_EFFORT
+            while self.evaluator.effort < end:
+                yield None
 
     def is_done(self) -> bool:
         """Return True at the end of the search; report the reliability of the best layout."""

@@ -8,6 +8,7 @@ import pytest
 
 import domino_env as de
 from optimize import METHODS, Evaluator, search
+from optimize.methods import scipy_methods
 from optimize.methods.registry import installed_third_party
 
 SCENES = ["spacing", "one-gap", "both", "length-both", "dying", "dead"]
@@ -96,3 +97,22 @@ def test_a_method_beats_the_uniform_baseline_of_sprint(method, budget, least):
     assert result.wave.outcome == de.Outcome.PROPAGATED
     assert result.score > least * result.uniform.score
     assert result.wave.error_estimate < 1e-10
+
+
+def test_auto_runs_slsqp_too_if_a_length_ties_gaps_and_thicknesses(scenes, monkeypatch):
+    """With half of the effort; its better layouts are those of the search."""
+    spent, original = {}, scipy_methods.descend
+
+    def descend(solver, evaluator, start):
+        before = evaluator.effort
+        original(solver, evaluator, start)
+        spent[solver] = spent.get(solver, 0) + evaluator.effort - before
+        spent["all"] = evaluator.effort
+
+    monkeypatch.setattr(scipy_methods, "descend", descend)
+    for name, is_tied in (("length-both", True), ("length", False), ("both", False)):
+        spent.clear()
+        search(scenes[name], budget=3000, seed=1)
+        assert bool(spent) == is_tied
+        if is_tied:
+            assert 0.3 < spent["SLSQP"] / spent["all"] < 0.7
