@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -75,19 +74,3 @@ def test_annealed_cycles_are_bitwise_reproducible_and_never_lose_the_best(box, b
     assert "generations gained" in first.stop_reason
     assert box.violations(first.layout) == []
     assert first.score == pytest.approx(first.trace[-1][3], abs=2e-6)
-
-
-def test_an_assignment_with_few_changes_is_the_best():
-    random = np.random.default_rng(0)
-    kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
-    for changes in (0, 2, 3, 5):
-        prices = random.random((5, 3))
-        allowed = [
-            order for order in product(range(3), repeat=5)
-            if np.all(np.bincount(order, minlength=3) <= kinds)
-            and np.sum(np.array(order) != current) <= changes
-        ]  # fmt: skip
-        least = min(prices[np.arange(5), order].sum() for order in allowed)
-        assigned = assignment.assign(prices, kinds, current, changes)
-        assert tuple(assigned.tolist()) in allowed
-        assert prices[np.arange(5), assigned].sum() == pytest.approx(least)
