@@ -47,7 +47,7 @@ from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.core.types import Floats
 from domino_env.envs.spaces import DECAY_LENGTHS
-from domino_env.scenes.pool import POOL_SIZE, ScenePool
+from domino_env.scenes.pool import ScenePool
 
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
@@ -345,7 +345,7 @@ class Training(BaseCallback):
         self.tests: list[Scene] = []
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
-            pool = ScenePool(self.target, self.config.num_scenes or POOL_SIZE)
+            pool = ScenePool(self.target, self.config.num_scenes)
             numbers = range(len(pool))[: -POOL_SCENES - 1 : -1]  # the last ones, in reverse order
             self.scenes = [pool.scene(number) for number in numbers]
             with suppress(ValueError):  # raised if the distribution has no test set

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from domino_env.core.checks import require, require_choice
 from domino_env.core.models import plain
@@ -89,6 +90,10 @@ class SceneSource:
         (S,).
     uniform
         UNIFORM of each domino of the uniform baseline of each scene, (S, N).
+    kinds
+        Thicknesses of the kinds of a stock [m] and numbers of pieces of each scene, (S, 2, K).
+    pieces
+        Kinds of the pieces that are drawn in random order, (S, P); P = 0 without a hand.
     schedule
         Scheduled arrival times [s], and intervals scaled to [-1, 1], (S, N, 2); (S, 0, 2) without
         a schedule.
@@ -140,6 +145,8 @@ class SceneSource:
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, self.longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
         self.first_thickness, self.run_out_gap, self.score, self.speed = np.zeros((4, size))
+        self.kinds = np.zeros((size, *_kinds(self.first).shape))
+        self.pieces = np.zeros((size, len(piece_kinds(self.first))), np.int16)
         self.outcome, self.reach = np.full(size, int(Outcome.PROPAGATED)), np.ones(size)
         scheduled = 0 if self.first.tempo is None else self.longest
         self.schedule = np.zeros((size, scheduled, 2))
@@ -204,7 +211,7 @@ class SceneSource:
         baseline, layout = scene.uniform(), scene.uniform().layout
         times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
         if scene.hand and speed > 0.0:  # means over orders of the pieces
-            times = UniformLayouts(scene).mean_arrival_times(layout.spacing)
+            times = _mean_arrival_times(scene)
             speed = baseline.score if scene.scoring.is_mean_speed else speed
         positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
@@ -271,6 +278,7 @@ class SceneSource:
         self.scenes[i], self.rules[i] = scene, _make_rules(scene, self.rtol)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
+        self.kinds[i], self.pieces[i] = _kinds(scene), piece_kinds(scene)
         self.run_out_gap[i] = 0.0 if scene.run_out is None else scene.run_out.spacing
         tempo = scene.tempo
         if tempo is not None:
@@ -313,8 +321,6 @@ class SceneSource:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.longest + self.run_out
-        kinds = _kinds(scene)
-        pieces = int(kinds[1].sum()) if scene.hand else 0
         features = () if self.distribution is None else self.distribution.features
         own_height = scene.growth is not None or "height" in features
         # a power of two for the whole chain, or for the part that influences the wave
@@ -328,9 +334,9 @@ class SceneSource:
             uniform=self.uniform,
             schedule=self.schedule,
             closeness=closeness(longest),
-            kinds=kinds,
-            box=np.tile(kinds[1], (num_envs, 1)),
-            order=np.zeros((num_envs, pieces), np.int16),
+            kinds=self.kinds,
+            box=np.zeros((num_envs, self.kinds.shape[2])),
+            order=np.zeros((num_envs, self.pieces.shape[1]), np.int16),
             errors=np.zeros((num_envs if scene.placement else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
             states=np.zeros(num_envs, STATE),
@@ -358,6 +364,23 @@ def _kinds(scene: Scene) -> Floats:
     box = scene.stock.without(scene.first_thickness)
     kinds = np.array([box.thickness, box.count], dtype=np.float64)
     return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
+
+
+def piece_kinds(scene: Scene, taken: Floats | None = None) -> NDArray[np.int16]:
+    """Return the kinds (P,) of the pieces that are drawn in random order; empty without a hand.
+
+    taken: thicknesses of the dominoes placed so far [m]; None for the first one alone.
+    """
+    if not scene.hand or scene.stock is None or not scene.free_thickness:
+        return np.zeros(0, np.int16)
+    left = scene.stock.without(*([scene.first_thickness] if taken is None else taken)).dominoes
+    return np.searchsorted(_kinds(scene)[0], left).astype(np.int16)
+
+
+@lru_cache(maxsize=32)  # scenes; evaluations store a scene for several environments
+def _mean_arrival_times(scene: Scene) -> Floats:
+    """Return the mean arrival times (N,) [s] of the uniform baseline over orders of the pieces."""
+    return UniformLayouts(scene).mean_arrival_times(scene.uniform().layout.spacing)
 
 
 @lru_cache(maxsize=8)  # distributions

@@ -20,7 +20,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.episodes import EpisodeResults, placed_layout
-from domino_env.envs.sources import Generators, SceneSource
+from domino_env.envs.sources import Generators, SceneSource, piece_kinds
 from domino_env.envs.spaces import action_entries, check_actions
 from domino_env.kernels.step import environment as kernels
 from domino_env.kernels.step.batch import BEGINNING, RUNNING
@@ -138,12 +138,10 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         self.observation_layout = source.observation_layout
         self._batch = source.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
-        self._pieces = self._remaining_kinds(np.array([source.first.first_thickness]))
-        if self._batch.order.shape[1]:
-            self._batch.order[:] = self._pieces
         # before the first reset, all environments have one scene of those that are sampled
         self._batch.scene[:] = source.sample(np.random.default_rng(0))
         source.load(self._batch.scene[:1])
+        self._batch.order[:] = source.pieces[self._batch.scene]
         source.begin_layouts(self._batch, np.arange(self.num_envs))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
@@ -315,18 +313,15 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             if len(errors):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
             if order.shape[1]:
-                given = starts.get(env)
-                pieces = self._pieces if given is None else self._remaining_kinds(given.thickness)
+                given, index = starts.get(env), self._batch.scene[env]
+                pieces = self.source.pieces[index]
+                if given is not None:
+                    pieces = piece_kinds(scene, given.thickness)
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
                 if given is not None:
-                    placed = np.searchsorted(self._batch.kinds[0], given.thickness[1:] - SAME_KIND)
+                    kinds = self.source.kinds[index, 0]
+                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_KIND)
                     order[env, : len(placed)] = placed
-
-    def _remaining_kinds(self, taken: Floats) -> NDArray[np.int16]:
-        """Return the kind of each piece in the stock, without dominoes of thicknesses `taken`."""
-        stock, kinds = self.source.first.stock, self._batch.kinds[0]
-        left = np.empty(0) if stock is None else stock.without(*taken).dominoes
-        return np.searchsorted(kinds, left).astype(np.int16)
 
     def check_options(self, options: dict[str, Any] | None, *others: str) -> dict[str, Any]:
         """Return a copy of the options of a reset, after a check of their names.
@@ -640,7 +635,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             time=float(time),
             uniform_speed=float(self.source.speed[self._batch.scene[env]]),
             wave=wave,
-            hand=batch.kinds[0, kinds],
+            hand=batch.kinds[batch.scene[env], 0, kinds],
         )
 
     def render(self) -> tuple[Any, ...] | None:

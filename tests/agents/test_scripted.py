@@ -38,8 +38,6 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(name):
     (lambda: evaluate("sprint", "sprint-thickness"), "choose a scene with the same free variables"),
     (lambda: evaluate("sprnt"), r"policy = 'sprnt': did you mean 'sprint'\? .*archive"),
     (lambda: evaluate(3), "run = 3: give the name of a policy, or a folder"),
-    (lambda: ScriptedPolicy("plan").build(de.load_scene("draw").replace(count=30)),
-     '40 dominoes of scene "draw"; use the policy rule'),
     (lambda: ScriptedPolicy("rule").build(de.load_scene("stock")), "draws no pieces in random"),
     (lambda: ScriptedPolicy("rule").build(DRAWN.replace(spacing=(0.02, 0.02))), "give .*free gaps"),
     (lambda: ScriptedPolicy("controller").build(DRAWN_ON_TIME), "without a hand; use another"),
