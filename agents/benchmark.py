@@ -59,6 +59,11 @@ TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorit
 TEST_SEEDS = EVALUATION_SEEDS[:32]  # of episodes in each random scene of a test set
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
+COLUMNS = (  # of the file of the runs
+    "scene", "algorithm", "seed", "revision", "uniform", "score", "normalised_score", "steps",
+    "simulations", "gradients", "updates", "processor_seconds", "key", "scene_hash", "versions",
+    "trace",
+)  # fmt: skip
 STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and the least gain
 
 

@@ -211,7 +211,7 @@ class SceneSource:
         baseline, layout = scene.uniform(), scene.uniform().layout
         times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
         if scene.hand and speed > 0.0:  # means over orders of the pieces
-            times = _mean_arrival_times(scene)
+            times = _mean_arrival_times(scene, float(layout.spacing[0]))
             speed = baseline.score if scene.scoring.is_mean_speed else speed
         positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
@@ -377,10 +377,10 @@ def piece_kinds(scene: Scene, taken: Floats | None = None) -> NDArray[np.int16]:
     return np.searchsorted(_kinds(scene)[0], left).astype(np.int16)
 
 
-@lru_cache(maxsize=32)  # scenes; evaluations store a scene for several environments
-def _mean_arrival_times(scene: Scene) -> Floats:
-    """Return the mean arrival times (N,) [s] of the uniform baseline over orders of the pieces."""
-    return UniformLayouts(scene).mean_arrival_times(scene.uniform().layout.spacing)
+@lru_cache(maxsize=1024)  # scenes; evaluations store them again and again
+def _mean_arrival_times(scene: Scene, gap: float) -> Floats:
+    """Return the mean arrival times (N,) [s] of equal gaps [m] over orders of the pieces."""
+    return UniformLayouts(scene).mean_arrival_times(np.full(scene.count - 1, gap))
 
 
 @lru_cache(maxsize=8)  # distributions

@@ -69,6 +69,7 @@ class ScenePool:
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
         self._file = None if table is not None else _cache_file(distribution)
         self._seconds, self._told = 0.0, False  # of computing baselines
+        self._scenes: dict[int, Scene] = {}
         if self._file is not None:
             for line in _read_lines(self._file, 3 + self.numbers.shape[1]):
                 if line[0] < size:
@@ -109,14 +110,18 @@ class ScenePool:
         return [self._scene(i) for i in indices]
 
     def _scene(self, i: int) -> Scene:
-        name = f"{self.distribution.name}-{i}"
-        return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
+        """Return scene i, the same object every time, which keeps its uniform baseline."""
+        if i not in self._scenes:
+            scene = self.distribution.scene(self.numbers[i], f"{self.distribution.name}-{i}")
+            self._scenes[i] = scene.with_uniform(self.points[i])
+        return self._scenes[i]
 
     def _sample(self, i: int) -> None:
         rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
         while not score > 0.0:  # scenes whose baseline scores 0 or less are skipped
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
+            self._scenes.pop(i, None)
             score = self._scene(i).uniform().score
         self.features[i] = self.distribution.scale(self.numbers[i])
 
