@@ -45,7 +45,7 @@ FILES = REPORT, RUNS, SUMMARY, INTERVALS, CURVES
 WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
 LEAST_SEEDS = 5  # trainings of an algorithm on a scene
-MOST_ERRORS = 20  # that are listed
+MOST_ERRORS = 5  # that are listed
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 
 
@@ -109,10 +109,9 @@ def read_runs(path: Path) -> list[TaskResult]:
                 errors.append(f"line {number}: {error}")
         errors += _errors_of_seeds(runs)
         if errors:
-            more = f"\nand {len(errors) - MOST_ERRORS} more" * (len(errors) > MOST_ERRORS)
-            raise ValueError(
-                "\n".join([amount(len(errors), "error"), *errors[:MOST_ERRORS]]) + more
-            )
+            more = [f"{len(errors) - MOST_ERRORS} more"] * (len(errors) > MOST_ERRORS)
+            listed = "; ".join([*errors[:MOST_ERRORS], *more])
+            raise ValueError(f"{amount(len(errors), 'error')}: {listed}")
     return runs
 
 
@@ -154,10 +153,14 @@ def _read_run(line: dict[str, str]) -> TaskResult:
                 f"{name} = {line[name]}: in scene '{target.name}' it is {value:.5f} for a score of "
                 f"{line['score']}; do not edit the file of `domino benchmark`"
             )
+    try:
+        entries = json.loads(line["trace"])
+    except ValueError as error:
+        raise ValueError(f"trace: not JSON ({error}); copy the whole line") from None
     trace: Trace = dict(
         zip(
             ("steps", "seconds", "score"),
-            map(list, zip(*json.loads(line["trace"]), strict=True)),
+            map(list, zip(*entries, strict=True)),
             strict=True,
         )
     )

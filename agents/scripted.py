@@ -23,7 +23,7 @@ from optimize.searching import search
 
 RAMPS = 4000  # approximate number of ramps that are sampled
 BEST_RAMPS = 20  # number of best ramps around which others are sampled
-PLANNING = 60  # evaluations of a search for a plan
+PLANNING = 40  # evaluations of a search for a plan
 NO_HIT = 1e3  # [s] lateness of a domino that is not hit
 GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 

@@ -29,7 +29,7 @@ from domino_env.scenes.pool import DIGITS, SEEDS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
 SCENES = Path(scene_base.__file__).parent
-SIZES = {"test": 200, "validation": 100}  # [scenes]
+SIZES = {"test": 200, "validation": 100}  # [scenes]; half as many if episodes are random
 RANDOM_POOL = 512  # [scenes] if episodes are random
 # scenes of the benchmark, and steps in each, on which the revision depends
 BENCHMARK = (
@@ -136,8 +136,8 @@ def write_distribution(name: str) -> None:
         scores = [pool.scene(i).uniform().score for i in bar]
         table = np.column_stack([pool.numbers, pool.points, scores])
         _write_table(distribution, "pool", (*POINT, "score"), table.tolist())
-    for kind, number in SIZES.items():
-        scenes = []
+    for kind, most in SIZES.items():
+        scenes, number = list[list[float]](), most // 2 if is_random else most
         for i in progress_bar(None, iterable=range(number), total=number, unit=f" {kind} scenes"):
             numbers = distribution.sample_numbers(np.random.default_rng([SEEDS[kind], i]), DIGITS)
             point = best_point(distribution.scene(numbers), quick=is_random)

@@ -174,7 +174,8 @@ def load_test_set(name: str, kind: str = "test") -> list[Scene]:
     Returns
     -------
     list of Scene
-        200 scenes, or 100 for validation, with their uniform baselines.
+        200 scenes, 100 for validation, with their uniform baselines; half as many if episodes in
+        one scene are random.
 
     Raises
     ------
