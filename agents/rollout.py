@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,8 @@ class Rollout(SceneResult):
         Score in the unit of the scene; under placement noise or with pieces in random order, the
         mean over episodes with `evaluation_seeds`.
     uniform
-        The uniform baseline, `Scene.uniform()`, with which environments compare too.
+        The uniform baseline, `Scene.uniform()`. If it is scored without the placement errors of
+        episodes, its score is the mean over the same seeds.
     seconds
         Time to build the layout [s], without the simulation of the baseline; see
         `domino_env.compiled`.
@@ -138,6 +139,9 @@ def make_rollout(
     if len(seeds) > 1:
         scores = scene.score_placed(layout, seeds) if scores is None else scores
         score = float(scores.mean())
+        if not scene.hand and scene.scoring.placement is None:  # scored without placement errors
+            mean = scene.score_placed(uniform.layout, seeds).mean()
+            uniform = replace(uniform, score=float(mean))
     return Rollout(scene, layout, wave, score, uniform, seconds, simulations)
 
 
