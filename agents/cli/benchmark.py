@@ -90,9 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _command(arguments: argparse.Namespace) -> str:
     """Return the command line of the page, with the options that the results depend on."""
     words = ["domino", "benchmark", *arguments.scenes]
-    for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
+    names = ("algorithms", "seeds", "steps", "seconds")  # of runs
+    for name in (*(names if arguments.check is None else ("check",)), "out", "workers"):
         value = getattr(arguments, name)
         if value is not None and str(value) != DEFAULT_FOLDER:
             text = {list: ",".join, float: "{:g}".format}.get(type(value), str)
             words += [f"--{name}", text(value)]
-    return shlex.join(words)
+    return shlex.join(words + ["--page"] * (arguments.check is not None))

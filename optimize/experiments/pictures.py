@@ -103,12 +103,13 @@ def _label_ends(axes: Axes, ends: Mapping[str, float], colours: Mapping[str, str
         for name, y in ends.items()
     }
     names = sorted(places, key=lambda name: places[name])
-    heights = np.array([places[name] for name in names])
-    index = np.arange(len(names)) * min(LABEL_DISTANCE, 1.0 / max(len(names) - 1, 1))
-    heights = np.maximum.accumulate(heights - index) + index  # apart, upwards
-    heights = heights - max(float(heights[-1]) - 1.0, 0.0) if len(names) else heights
-    for k in range(len(names) - 2, -1, -1):  # and down again from the top
-        heights[k] = min(heights[k], heights[k + 1] - (index[1] - index[0]))
+    heights = [places[name] for name in names]
+    least = min(LABEL_DISTANCE, 1.0 / max(len(names) - 1, 1))
+    for k in range(1, len(names)):  # apart upwards, then downwards from the top
+        heights[k] = max(heights[k], heights[k - 1] + least)
+    heights[-1:] = [min(height, 1.0) for height in heights[-1:]]
+    for k in range(len(names) - 2, -1, -1):
+        heights[k] = min(heights[k], heights[k + 1] - least)
     for name, y in zip(names, heights, strict=True):
         axes.text(
             1.02, y, name, transform=axes.transAxes, color=colours[name], fontsize=7, va="center"
