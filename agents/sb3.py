@@ -43,7 +43,7 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.files import errors_with_path, write_bytes, write_text
 from domino_env.core.models import plain
 from domino_env.core.progress import leave_out, notice, progress_bar
-from domino_env.core.results import versions
+from domino_env.core.results import revision, versions
 from domino_env.core.tables import write_csv
 from domino_env.core.types import Floats
 from domino_env.envs.spaces import DECAY_LENGTHS
@@ -526,7 +526,7 @@ class Training(BaseCallback):
             updates *= -(-model.n_steps * model.n_envs // model.batch_size)
         self.write_json(
             files.SUMMARY, finished=not interrupted, scene=self.target.name,
-            algorithm=self.config.algorithm, seed=self.config.seed, **result,
+            algorithm=self.config.algorithm, seed=self.config.seed, revision=revision(), **result,
             steps=model.num_timesteps, seconds=seconds, processor_seconds=processor_seconds,
             simulations=self.simulations,
             gradients=noisy_layouts * (self.config.algorithm == "apg"), updates=updates,
