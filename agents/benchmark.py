@@ -276,9 +276,18 @@ def benchmark_tasks(
         BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
         for target in targets
-        for name in (*filter(is_learner, algorithms), *others(target, algorithms))
+        for name in (*learners(target, algorithms), *others(target, algorithms))
         if seed == FIRST_SEED or name not in SCRIPTED
     ]
+
+
+def learners(target: Target, algorithms: Sequence[str]) -> list[str]:
+    """Return the learning algorithms that can learn in a target.
+
+    APG does not if scenes are sampled and episodes are random.
+    """
+    excluded = {"apg"} if isinstance(target, SceneDistribution) and is_random(target) else set()
+    return [name for name in algorithms if is_learner(name) and name not in excluded]
 
 
 def others(target: Target, algorithms: Sequence[str]) -> list[str]:

@@ -62,6 +62,7 @@ ADDED = {
 }
 """First pattern that fits the beginning of a command, and the options that it gets."""
 PARSED = {
+    "benchmark --check": "a table of the reader, see tests/agents/test_benchmark.py",
     "accuracy --stability": "minutes",
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
@@ -249,7 +250,7 @@ FILLED = re.compile(r"<!-- \w+ -->\n.*?<!-- end -->", re.DOTALL)  # by `docs/pag
 
 def test_hand_written_pages_are_short_and_name_the_next_page():
     written = {p: FILLED.sub("", text) for p, text in PAGES.items() if p not in GENERATED}
-    assert sum(len(text.split()) for text in written.values()) <= 26_900
+    assert sum(len(text.split()) for text in written.values()) <= 27_600
     assert PAGES["README.md"].count("\n") <= 110
     for page, text in written.items():
         assert text.count("\n") <= 150, page

@@ -22,6 +22,7 @@ from agents.benchmark import (
     ends_of_scale,
     learning_curve,
     normalised_score,
+    read_target,
     references,
     target_hash,
 )
@@ -210,7 +211,11 @@ def test_random_scenes_have_the_references_that_can_build_them():
     tasks = benchmark_tasks(["jitter", "tempo-noise", "draw"], ["ramp"], 1)
     names = "plan", "plan", "controller", "plan", "rule"
     assert tuple(task.method for task in tasks) == names
-    assert ends_of_scale(tasks[0].target) == (de.load_scene("jitter").uniform().score, -np.inf)
+    for name, reacting in (("varied-draw", "rule"), ("varied-tempo", "controller")):
+        tasks = benchmark_tasks([name], ["apg", "ppo", "cma"], 1)  # APG cannot learn there
+        assert [task.method for task in tasks] == ["ppo", "plan", reacting]
+    jitter = read_target(de.load_scene("jitter").to_toml())
+    assert ends_of_scale(jitter) == (de.load_scene("jitter").uniform().score, -np.inf)
     for name, numbers in references().items():
         scores = np.array([numbers[key] for key in ("zero", "one", "hindsight")])
         zero, one, hindsight = normalised_score(scores, name)
