@@ -8,12 +8,11 @@ from __future__ import annotations
 import csv
 import platform
 import re
-import subprocess
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
 
@@ -21,15 +20,15 @@ import msgspec
 import numpy as np
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
-from agents.draw import shipped_references
-from agents.evaluation import has_test_set, read_search_scores
+from agents.evaluation import evaluate_gains, has_test_set, read_search_scores
 from agents.policy import CONFIG, PROGRESS, ScenePolicy, read_summary
-from agents.rollout import is_random
+from agents.rollout import EVALUATION_SEEDS, is_random
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from agents.third_party import load_fit, train_third_party
 from agents.training import train
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require_choice
+from domino_env.core.files import read_json
 from domino_env.core.models import plain
 from domino_env.core.results import versions
 from domino_env.core.types import Floats
@@ -45,15 +44,26 @@ from optimize.methods import registry
 from optimize.searching import compile_simulations
 
 Target = Scene | SceneDistribution
-SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied", "draw", "tempo-noise")
+# sampled scenes and random episodes first; fixed scenes, on which a search is better, after them
+SCENES = (
+    "varied-draw", "varied-tempo", "varied", "draw", "tempo-noise",
+    "sprint", "course", "sprint-thickness", "ideal",
+)  # fmt: skip
+REFERENCES = Path(__file__).with_name("references.json")
+BUDGETS = 30_000, 2_000_000  # [steps] of the classes in which trainings are compared
 BASELINES = ("ramp", "cma", "auto")  # scripted policy and searches without learning
 SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
 ENVIRONMENT = "DominoChain-v2"  # its version fixes rewards, observations and scenes
 TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorithm of `domino train`
+TEST_SEEDS = EVALUATION_SEEDS[:32]  # of episodes in each random scene of a test set
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
-PERFECT_TEMPO = 1.0  # score without errors of the arrival times
+COLUMNS = (  # of the file of the runs
+    "scene", "algorithm", "seed", "revision", "uniform", "score", "normalised_score", "steps",
+    "simulations", "gradients", "updates", "processor_seconds", "key", "scene_hash", "versions",
+    "trace",
+)  # fmt: skip
 STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and the least gain
 
 
@@ -134,6 +144,10 @@ class BenchmarkTask(Task):
         work: dict[str, int]
         if is_learner(self.method):
             policy, trace, work = self._train()
+            if isinstance(target, SceneDistribution) and is_random(target):
+                gains = evaluate_gains(policy.policy, target, scenes, TEST_SEEDS)
+                trace["score"][-1] = gain = float(np.median(np.maximum(gains, STOPPED_GAIN)))
+                return self.make_result(trace, gain, 0.0, gain, None, **work)
             rollouts = [policy.build(scene) for scene in scenes]
         elif self.method in SCRIPTED:
             start, scripted = clock(), ScriptedPolicy(self.method)
@@ -177,7 +191,7 @@ class BenchmarkTask(Task):
         return ScenePolicy.load(folder), learning_curve(folder), work
 
     def software_versions(self) -> dict[str, str]:
-        """Return versions of packages, the commit and the processor."""
+        """Return the revision, the versions of packages and the processor."""
         return machine_versions()
 
     def _search_all(self, scenes: Sequence[Scene]) -> TaskResult:
@@ -262,9 +276,18 @@ def benchmark_tasks(
         BenchmarkTask(target.to_toml(), name, seed, None, seconds, {}, steps)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
         for target in targets
-        for name in (*filter(is_learner, algorithms), *others(target, algorithms))
+        for name in (*learners(target, algorithms), *others(target, algorithms))
         if seed == FIRST_SEED or name not in SCRIPTED
     ]
+
+
+def learners(target: Target, algorithms: Sequence[str]) -> list[str]:
+    """Return the learning algorithms that can learn in a target.
+
+    APG does not if scenes are sampled and episodes are random.
+    """
+    excluded = {"apg"} if isinstance(target, SceneDistribution) and is_random(target) else set()
+    return [name for name in algorithms if is_learner(name) and name not in excluded]
 
 
 def others(target: Target, algorithms: Sequence[str]) -> list[str]:
@@ -273,7 +296,8 @@ def others(target: Target, algorithms: Sequence[str]) -> list[str]:
     References are the open-loop plan and, if there is one, a policy that reacts to what is random.
     """
     if is_random(target):
-        return ["plan", *(["rule"] if target.hand else ["controller"] * (target.tempo is not None))]
+        scene = target if isinstance(target, Scene) else target.first
+        return ["plan", *(["rule"] if scene.hand else ["controller"] * (scene.tempo is not None))]
     return [name for name in algorithms if not is_learner(name)]
 
 
@@ -319,12 +343,8 @@ def target_hash(target: Target) -> str:
 
 @lru_cache(1)
 def machine_versions() -> dict[str, str]:
-    """Return the versions of packages, the commit and the processor by name."""
+    """Return the revision, the versions of packages and the processor by name."""
     values = versions("torch", "stable-baselines3", "sb3-contrib")
-    with suppress(OSError, subprocess.CalledProcessError):  # no repository
-        command, folder = ["git", "describe", "--always", "--dirty"], Path(__file__).parent
-        output = subprocess.check_output(command, cwd=folder, text=True, stderr=subprocess.DEVNULL)
-        values["commit"] = output.strip()
     values["processor"] = platform.processor() or platform.machine()
     with suppress(OSError):  # only Linux has this file
         models = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text("utf-8"))
@@ -332,15 +352,49 @@ def machine_versions() -> dict[str, str]:
     return values
 
 
-def best_known_score(result: TaskResult) -> float:
-    """Return the best known score of a result's target; -inf if there is none."""
-    return _best_known(read_target(result.scene))
+@cache
+def references() -> dict[str, dict[str, float]]:
+    """Return the scores of `references.json` by scene: "zero", "one" and "hindsight".
+
+    In a scene with random episodes, "zero" and "one" are normalised as 0 and 1. Values of a scene
+    distribution are median gains in its test set.
+    """
+    return dict(read_json(REFERENCES))
+
+
+def ends_of_scale(target: Target) -> tuple[float, float]:
+    """Return the scores of a target that are normalised as 0 and 1; the second -inf if unknown.
+
+    They are those of `references` in random scenes; else the score of the uniform baseline and the
+    best known score, for a scene distribution median gains in its test set.
+    """
+    if is_random(target):
+        ends = references().get(target.name)
+        if ends is not None and load_any(target.name) == target:
+            return ends["zero"], ends["one"]
+        return uniform_score(target), -np.inf
+    if isinstance(target, Scene):
+        return uniform_score(target), scene_score(target)
+    best = -np.inf
+    if has_test_set(target):
+        tests = load_test_set(target.name)
+        scores = read_search_scores(target.name, len(tests))
+        if scores is not None:
+            indices = np.flatnonzero(np.isfinite(scores))
+            gains = [scores[i] / tests[i].uniform().score - 1.0 for i in indices]
+            best = float(np.median(gains))
+    return 0.0, best
+
+
+def uniform_score(target: Target) -> float:
+    """Return the score of the uniform baseline; 0 for a scene distribution, as scores are gains."""
+    return target.uniform().score if isinstance(target, Scene) else 0.0
 
 
 def normalised_score(
     score: Floats | float, scene: str | Path | Scene | SceneDistribution
 ) -> Floats:
-    """Return (score - uniform) / (best known - uniform), which can be averaged over scenes.
+    """Return (score - zero) / (one - zero), which can be averaged over scenes.
 
     Returns of episodes have other units in other scenes, and other best values.
 
@@ -356,8 +410,9 @@ def normalised_score(
     Returns
     -------
     ndarray
-        0 for the uniform baseline and 1 for the best known layout; with random episodes 1 for the
-        score if all that is random were known. 0 if the uniform baseline is best known.
+        0 for the uniform baseline and 1 for the best known layout. With random episodes, 0 for the
+        best open-loop plan if there is a single scene, and 1 for the best known policy. 0 if the
+        uniform baseline is best known.
 
     Raises
     ------
@@ -371,37 +426,12 @@ def normalised_score(
     1.0
     """
     target = scene if isinstance(scene, Target) else load_any(scene)
-    best = _best_known(target)
-    if best == -np.inf:
+    zero, one = ends_of_scale(target)
+    if one == -np.inf:
         raise ValueError(
             f"scene '{target.name}' has no best known score: compare with `optimize.search` instead"
         )
-    uniform = 0.0
-    if isinstance(target, Scene):
-        uniform = SCRIPTED["uniform"](target).uniform.score
-    return normalise(score, uniform, best)
-
-
-def _best_known(target: Target) -> float:
-    """Return the best known score of a target; -inf if there is none.
-
-    For a scene distribution it is the median gain in the test set, for a random scene the score
-    with all that is random known, which is known for `draw` and for schedules.
-    """
-    if is_random(target):
-        if target.tempo is not None:
-            return PERFECT_TEMPO
-        return float(shipped_references()["hindsight"]) if target == load_any("draw") else -np.inf
-    if isinstance(target, Scene):
-        return scene_score(target)
-    if not has_test_set(target):
-        return -np.inf
-    tests = load_test_set(target.name)
-    scores = read_search_scores(target.name, len(tests))
-    if scores is None:
-        return -np.inf
-    indices = np.flatnonzero(np.isfinite(scores))
-    return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in indices]))
+    return normalise(score, zero, one)
 
 
 def _gain(gain: float | None) -> float:

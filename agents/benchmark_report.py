@@ -2,42 +2,51 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from agents.benchmark import TRACE_POINTS, best_known_score, is_learner, read_target, target_hash
-from agents.scripted import SCRIPTED
-from domino_env.core.files import write_text
+from agents.benchmark import (
+    BUDGETS,
+    COLUMNS,
+    FIRST_SEED,
+    SCENES,
+    TRACE_POINTS,
+    ends_of_scale,
+    is_learner,
+    read_target,
+    references,
+    target_hash,
+    uniform_score,
+)
+from domino_env import Scene
+from domino_env.core.checks import require_choice
+from domino_env.core.files import amount, errors_with_path, write_text
+from domino_env.core.results import revision
 from domino_env.core.tables import markdown_table, write_csv
+from domino_env.scenes.distribution import load_any
 from optimize.experiments import estimates
-from optimize.experiments.experiment import Experiment, best_of_problems
+from optimize.experiments.experiment import Experiment, best_of_problems, group_runs
 from optimize.experiments.report import failures_section
+from optimize.experiments.store import write_table
 from optimize.experiments.task import TaskResult, Trace
 
-RUNS, REPORT, INTERVALS = "benchmark.csv", "benchmark.md", "benchmark-reached.png"
-# pictures of scores over processor time and over dominoes placed
-OVER_CLOCK = {"seconds": "benchmark-seconds.png", "steps": "benchmark-steps.png"}
-FILES = REPORT, RUNS, INTERVALS, *OVER_CLOCK.values()
-TIMES = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
+RUNS, SUMMARY, REPORT = "benchmark.csv", "benchmark-summary.csv", "benchmark.md"
+INTERVALS, CURVES = "benchmark-reached.png", "benchmark-steps.png"
+FILES = REPORT, RUNS, SUMMARY, INTERVALS, CURVES
 WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
-COLUMNS = (
-    "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", *WORK,
-    "processor_seconds", "key", "scene_hash", "versions", "trace",
-)  # fmt: skip
+EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
+LEAST_SEEDS = 5  # trainings of an algorithm on a scene
+MOST_ERRORS = 5  # that are listed
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
-# text of the section of a scene distribution
-SAMPLED = (
-    "Every episode of a training has a new scene. Scores, also in the curves, are median gains "
-    "over the uniform baselines in the test set. The best known score, {}, is that of searches "
-    "with 2,500 evaluations per scene. A search method searches in each scene of the test set; its "
-    "time is the sum over these scenes."
-)
 
 
 def write(experiment: Experiment, folder: Path, command: str) -> None:
@@ -54,36 +63,137 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     """
     from optimize.experiments.pictures import draw_intervals, draw_over_clock
 
-    lines = (
-        (
-            r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
-            round(float(experiment.normalise(r, r.score)), 5),
-            *(r.work.get(name, 0) for name in WORK), round(r.seconds, 4),
-            r.key, target_hash(read_target(r.scene)), json.dumps(r.versions), _trace_text(r.trace),
-        )
-        for r in experiment.results
-    )  # fmt: skip
-    write_csv(folder / RUNS, COLUMNS, lines)
+    write_csv(folder / RUNS, COLUMNS, (_line(experiment, run) for run in experiment.results))
+    write_table(folder / SUMMARY, list(_summary_lines(experiment)))
     write_text(folder / REPORT, page(experiment, command))
     learning = [name for name in experiment.methods if is_learner(name)]
     draw_intervals(experiment, folder / INTERVALS, learning)
-    for clock, picture in OVER_CLOCK.items():
-        draw_over_clock(experiment, clock, folder / picture, learning)
+    draw_over_clock(experiment, "steps", folder / CURVES, learning)
 
 
-def _trace_text(trace: Trace) -> str:
-    """Return at most `TRACE_POINTS` entries of a trace: [steps, seconds, score], as JSON."""
-    entries = list(zip(trace["steps"], trace["seconds"], trace["score"], strict=True))
+def _line(experiment: Experiment, run: TaskResult) -> tuple[Any, ...]:
+    """Return the cells of a run in the order of `COLUMNS`."""
+    versions = dict(run.versions)
+    own_revision = versions.pop("revision", EARLIER)
+    entries = list(zip(*(run.trace[x] for x in ("steps", "seconds", "score")), strict=True))
     indices = np.unique(np.linspace(0, len(entries) - 1, TRACE_POINTS).round().astype(int))
-    chosen = [entries[i] for i in indices]
-    return json.dumps([(n, round(t, 4), float(f"{score:.7g}")) for n, t, score in chosen])
+    trace = [(n, round(t, 4), float(f"{x:.7g}")) for n, t, x in (entries[i] for i in indices)]
+    return (
+        run.scene_name, run.method, run.seed, own_revision, run.uniform_score, run.score,
+        round(float(experiment.normalise(run, run.score)), 5),
+        *(run.work.get(name, 0) for name in WORK), round(run.seconds, 4), run.key,
+        target_hash(read_target(run.scene)), json.dumps(versions), json.dumps(trace),
+    )  # fmt: skip
+
+
+def read_runs(path: Path) -> list[TaskResult]:
+    """Read and check the runs of a file such as `RUNS`.
+
+    Raises
+    ------
+    ValueError
+        If columns are missing or a line is invalid; the message has the first `MOST_ERRORS` errors,
+        each with line, column, value, accepted values and what to do.
+    """
+    runs, errors = [], list[str]()
+    with errors_with_path(path), path.open(newline="", encoding="utf-8") as file:
+        lines = csv.DictReader(file)
+        if missing := [name for name in COLUMNS if name not in (lines.fieldnames or ())]:
+            raise ValueError(
+                f"without the columns {', '.join(missing)}: write it by `domino benchmark`"
+            )
+        for number, line in enumerate(lines, 2):
+            try:
+                runs.append(_read_run(line))
+            except ValueError as error:
+                errors.append(f"line {number}: {error}")
+        errors += _errors_of_seeds(runs)
+        if errors:
+            more = [f"{len(errors) - MOST_ERRORS} more"] * (len(errors) > MOST_ERRORS)
+            listed = "; ".join([*errors[:MOST_ERRORS], *more])
+            raise ValueError(f"{amount(len(errors), 'error')}: {listed}")
+    return runs
+
+
+def _read_run(line: dict[str, str]) -> TaskResult:
+    """Return the run of a line by column; raise ValueError for an invalid value."""
+    require_choice("scene", line["scene"], SCENES)
+    if line["revision"] not in (revision(), EARLIER):
+        raise ValueError(
+            f"revision = '{line['revision']}': these are environments of revision {revision()}, "
+            "with other scenes or rewards; run it again with this version"
+        )
+    target, own_hash = load_any(line["scene"]), line["scene_hash"]
+    if own_hash != target_hash(target):
+        raise ValueError(
+            f"scene_hash = '{own_hash}': scene '{target.name}' has {target_hash(target)}; run it "
+            "with the shipped scene and its test set"
+        )
+    ranges = {
+        "seed": (FIRST_SEED, 2**32 - 1), "uniform": (0.0, math.inf), "score": (-1.0, math.inf),
+        "normalised_score": (-math.inf, math.inf), "processor_seconds": (0.0, math.inf),
+    } | dict.fromkeys(WORK, (0, math.inf))  # fmt: skip
+    values = {}
+    for name, (low, high) in ranges.items():
+        kind = int if name in ("seed", *WORK) else float
+        try:
+            values[name] = value = kind(line[name])
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high or (math.isinf(value) and name != "normalised_score"):
+            word = "a whole number" if kind is int else "a number"
+            raise ValueError(f"{name} = '{line[name]}': give {word} from {low:g} to {high:g}")
+    uniform, (zero, one) = uniform_score(target), ends_of_scale(target)
+    expected = float(estimates.normalise(values["score"], zero, one))
+    for name, value, tolerance in (
+        ("uniform", uniform, 1e-6), ("normalised_score", expected, 1e-4)
+    ):  # fmt: skip
+        if not abs(values[name] - value) <= tolerance:
+            raise ValueError(
+                f"{name} = {line[name]}: in scene '{target.name}' it is {value:.5f} for a score of "
+                f"{line['score']}; do not edit the file of `domino benchmark`"
+            )
+    try:
+        entries = json.loads(line["trace"])
+    except ValueError as error:
+        raise ValueError(f"trace: not JSON ({error}); copy the whole line") from None
+    trace: Trace = dict(
+        zip(
+            ("steps", "seconds", "score"),
+            map(list, zip(*entries, strict=True)),
+            strict=True,
+        )
+    )
+    score = values["score"]
+    gain = score if not uniform else None
+    if isinstance(target, Scene):
+        gain = target.gain(score, uniform)
+    return TaskResult(
+        key=line["key"], scene_name=target.name, method=line["algorithm"], seed=values["seed"],
+        score=score, uniform_score=uniform, gain=gain, seconds=values["processor_seconds"],
+        work={name: values[name] for name in WORK}, trace=trace, scene=target.to_toml(),
+        versions={"revision": line["revision"], **json.loads(line["versions"])},
+    )  # fmt: skip
+
+
+def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
+    """Yield a sentence for each algorithm on a scene with repeated or too few seeds."""
+    for (scene, method), group in group_runs(runs, "scene_name", "method").items():
+        seeds = Counter(run.seed for run in group)
+        if repeated := [str(seed) for seed, times in seeds.items() if times > 1]:
+            yield f"{method} on {scene}: seed {', '.join(repeated)} has several lines; keep one"
+        if is_learner(method) and len(seeds) < LEAST_SEEDS:
+            yield (
+                f"{method} on {scene}: {amount(len(seeds), 'seed')}; run at least {LEAST_SEEDS} "
+                f"(--seeds {LEAST_SEEDS}, better 10)"
+            )
 
 
 def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
     """Return an experiment with the stored runs of its study added.
 
     Its own runs, or later ones, replace those of the same scene, method and seed. Runs on an
-    earlier scene of the same name are left out.
+    earlier scene of the same name are left out. Scenes are in the order of `SCENES`.
 
     Raises
     ------
@@ -96,123 +206,101 @@ def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -
         raise ValueError("no run has a result yet: leave out --page")
     scenes = {run.scene_name: run.scene for run in runs}
     latest = {(r.scene, r.method, r.seed): r for r in runs if r.scene == scenes[r.scene_name]}
-    results = tuple(latest.values())
-    best = best_of_problems(results, best_known_score, fixed=True)
-    return replace(experiment, results=results, best=best)
+    order = {name: i for i, name in enumerate(SCENES)}
+    results = sorted(latest.values(), key=lambda run: order.get(run.scene_name, len(order)))
+    ends = {run.problem: ends_of_scale(read_target(run.scene)) for run in results}
+    best = best_of_problems(results, lambda run: ends[run.problem][1], fixed=True)
+    zero = {problem: low for problem, (low, _) in ends.items()}
+    return replace(experiment, results=tuple(results), best=best, zero=zero)
 
 
 def page(experiment: Experiment, command: str) -> str:
     """Return the page in Markdown; see `write` for the arguments."""
-    sections = [_scene_section(experiment, scene) for scene in experiment.problems]
-    lines = [*chain(*sections)][1:] + failures_section(experiment)
-    machines = Counter(
-        ", ".join(f"{name} {value}" for name, value in r.versions.items())
-        for r in experiment.results
-    )
-    firsts = [next(r for r in experiment.results if r.problem == p) for p in experiment.problems]
-    hashes = [(f"`{r.problem}`", target_hash(read_target(r.scene))) for r in firsts]
+    scales = []
+    for scene in experiment.problems:
+        run = next(r for r in experiment.results if r.problem == scene)
+        hindsight = references().get(scene, {}).get("hindsight")
+        ends = experiment.zero[scene], experiment.best[scene], hindsight
+        numbers = ("" if x is None else _score_text(run, x) for x in ends)
+        scales.append((f"`{scene}`", *numbers, f"`{target_hash(read_target(run.scene))}`"))
+    revisions = Counter(run.versions.get("revision", EARLIER) for run in experiment.results)
     return PAGE.read_text("utf-8").format(
-        summary="\n".join(_summary_table(experiment)),
-        overview="\n\n".join(_overview(experiment)),
-        work="\n".join(_work_table(experiment)),
-        scenes="\n".join(lines),
+        summary="\n".join(tables(experiment)),
+        scales="\n".join(markdown_table(("scene", "0 %", "100 %", "hindsight", "hash"), scales)),
+        failures="\n".join(failures_section(experiment)),
         command=command,
         runs=len(experiment.results),
         minutes=sum(r.seconds for r in experiment.results) / 60.0,
-        hashes="\n".join(markdown_table(("scene", "hash"), hashes)),
-        made="\n".join(f"- {number} runs: {text}" for text, number in machines.items()),
+        revisions=", ".join(f"{number} of revision {name}" for name, number in revisions.items()),
         least=estimates.LEAST_RUNS,
     )
 
 
-def _summary_table(experiment: Experiment) -> list[str]:
-    """Return a table of the interquartile means of each algorithm on each scene."""
+def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
+    """Return titled parts: trainings until each budget, and methods that need no training."""
+    learners = [run for run in experiment.results if is_learner(run.method)]
+    whole = replace(experiment, results=tuple(learners))
+    parts = []
+    for earlier, budget in pairwise((0, *BUDGETS)):
+        shortest = {m: min(run.work["steps"] for run in whole.runs(m)) for m in whole.methods}
+        runs = [run for run in learners if shortest[run.method] > earlier]
+        part = replace(whole, results=tuple(runs)).until("steps", budget)
+        if part.results:
+            parts.append((f"Trainings until {budget:,} steps:", part))
+    others = [run for run in experiment.results if not is_learner(run.method)]
+    if others:
+        title = "Methods that need no training, to their ends:"
+        parts.append((title, replace(experiment, results=tuple(others))))
+    return parts
+
+
+def tables(experiment: Experiment) -> list[str]:
+    """Return titled tables of trainings until each budget and of methods that need no training."""
+    parts = ([title, "", *table(part), ""] for title, part in _classes(experiment))
+    return [*chain.from_iterable(parts)][:-1]
+
+
+def table(experiment: Experiment) -> list[str]:
+    """Return a Markdown table: a line for each algorithm, with its mean score on each scene."""
     lines = []
-    for name in experiment.rank([m for m in experiment.methods if is_learner(m)]):
-        runs = {scene: experiment.runs(name, scene) for scene in experiment.problems}
-        cells = (
-            f"{float(experiment.mean_score(name, s).value):.1%}" if runs[s] else ""
-            for s in experiment.problems
-        )
-        lines.append((f"`{name}`", *cells))
-    return list(markdown_table(("algorithm", *experiment.problems), lines))
-
-
-def _overview(experiment: Experiment) -> list[str]:
-    """Return a titled table for each group of algorithms with the same scenes, if several."""
-    groups: dict[str, list[str]] = {}
     for name in experiment.rank(()):
-        if name in SCRIPTED:  # one run on a scene, in its section
-            continue
-        scenes = sorted({r.problem for r in experiment.runs(name)})
-        if len(scenes) > 1 or len(experiment.problems) == 1:  # else in the section of the scene
-            groups.setdefault(", ".join(scenes), []).append(name)
-    return [
-        f"{scenes}:\n\n" + "\n".join(table(experiment, names))
-        for scenes, names in sorted(groups.items(), key=lambda group: -len(group[1]))
-    ]
+        runs, scores = experiment.runs(name), experiment.final_scores(name)
+        counts = sorted({len(experiment.runs(name, scene)) for scene in {r.problem for r in runs}})
+        cells = (
+            f"{float(experiment.mean_score(name, scene).value):.0%}"
+            if experiment.runs(name, scene) else ""
+            for scene in experiment.problems
+        )  # fmt: skip
+        statistics = (estimates.middle_mean, estimates.median, estimates.mean)
+        lines.append((
+            f"`{name}`", *cells,
+            *(_estimate_text(estimates.estimate(statistic, scores)) for statistic in statistics),
+            " to ".join(map(str, dict.fromkeys((counts[0], counts[-1])))),
+            f"{np.median([r.work['steps'] for r in runs]):,.0f}",
+            f"{float(f'{np.median([r.seconds for r in runs]):.2g}'):g} s",
+        ))  # fmt: skip
+    means = "interquartile mean", "median", "mean", "runs", "steps", "processor time"
+    return markdown_table(("algorithm", *experiment.problems, *means), lines)
 
 
-def table(
-    experiment: Experiment, names: Iterable[str] | None = None, scene: str | None = None
-) -> list[str]:
-    """Return a Markdown table of algorithms, sorted by score, with learning algorithms first.
-
-    Parameters
-    ----------
-    experiment
-        The benchmark.
-    names
-        Names of the algorithms; None for all.
-    scene
-        Name of the scene whose runs are shown, with the worst and the best score; None for the runs
-        in all scenes.
-
-    Returns
-    -------
-    list of str
-        Lines of the table.
-    """
-    columns = ["algorithm", "runs", "interquartile mean", "processor time"]
-    columns += [f"after {time:g} s" for time in TIMES]
-    columns += ["past uniform", "optimality gap", *["worst, best score"] * (scene is not None)]
-    selection = set(experiment.methods if names is None else names)
-    lines = []
-    for name in experiment.rank([m for m in experiment.methods if is_learner(m)], scene):
-        if name not in selection:
-            continue
-        runs, scores = experiment.runs(name, scene), experiment.final_scores(name, scene)
-        past = sum(r.score > r.uniform_score for r in runs)
-        early = [experiment.score_after(name, time, scene) for time in TIMES]
-        line = [
-            f"`{name}`", len(runs), _estimate_text(experiment.mean_score(name, scene)),
-            _seconds_text(float(np.median([r.seconds for r in runs]))),
-            *(f"{score:.1%}" if np.isfinite(score) else "–" for score in early),
-            f"{past} of {len(runs)}",
-            _estimate_text(estimates.estimate(estimates.optimality_gap, scores)),
-        ]  # fmt: skip
-        if scene is not None:
-            worst, best = (choose(r.score for r in runs) for choose in (min, max))
-            line.append(f"{_score_text(runs[0], worst)}, {_score_text(runs[0], best)}")
-        lines.append(line)
-    return list(markdown_table(columns, lines))
-
-
-def _work_table(experiment: Experiment) -> list[str]:
-    """Return a table of the ranges of steps, simulations, updates and times of each algorithm."""
-    lines = []
-    for name in experiment.methods:
-        runs = experiment.runs(name)
-        counts = ((r.work.get(count, 0) for r in runs) for count in WORK)
-        work = (_ends_text("{:,.0f}".format, values) for values in counts)
-        lines.append((f"`{name}`", *work, _ends_text(_seconds_text, (r.seconds for r in runs))))
-    return list(markdown_table(("algorithm", *WORK, "processor time"), lines))
-
-
-def _ends_text(format_value: Callable[[float], str], values: Iterable[float]) -> str:
-    """Format the smallest and the largest value, or the only one."""
-    ordered = sorted(values)
-    return " to ".join(dict.fromkeys(map(format_value, (ordered[0], ordered[-1]))))
+def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
+    """Yield the numbers of each algorithm on each scene, of each part of `_classes`."""
+    for title, part in _classes(experiment):
+        for (scene, method), runs in group_runs(part.results, "problem", "method").items():
+            line: dict[str, Any] = {"scene": scene, "algorithm": method}
+            line |= {"budget": title.partition(":")[0], "runs": len(runs)}
+            line |= {name: float(np.median([r.work.get(name, 0) for r in runs])) for name in WORK}
+            line["processor_seconds"] = float(np.median([r.seconds for r in runs]))
+            for name in ("middle_mean", "median", "mean"):
+                statistic: Callable[..., Any] = getattr(estimates, name)
+                result = estimates.estimate(statistic, part.final_scores(method, scene))
+                line[name] = float(result.value)
+                low, high = result.interval or (np.nan, np.nan)
+                line |= {f"{name}_low": float(low), f"{name}_high": float(high)}
+            scores = [run.score for run in runs]
+            line |= {"worst_score": min(scores), "best_score": max(scores)}
+            line["past_uniform"] = sum(run.score > run.uniform_score for run in runs)
+            yield line
 
 
 def _estimate_text(result: estimates.Estimate) -> str:
@@ -224,21 +312,6 @@ def _estimate_text(result: estimates.Estimate) -> str:
     return f"{value} ({100.0 * low:.1f} to {100.0 * high:.1f})"
 
 
-def _seconds_text(seconds: float) -> str:
-    """Format a time with its unit."""
-    return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
-
-
-def _scene_section(experiment: Experiment, scene: str) -> list[str]:
-    """Return the section of a scene as lines of Markdown."""
-    result = next(r for r in experiment.results if r.problem == scene)
-    best = _score_text(result, experiment.best[scene])
-    text = f"Uniform baseline {result.uniform_score:.5f}, best known {best}."
-    if not result.uniform_score:  # scenes are sampled
-        text = SAMPLED.format(best)
-    return ["", f"## {scene}", "", text, "", *table(experiment, None, scene)]
-
-
 def _score_text(result: TaskResult, score: float) -> str:
     """Format a score on the problem of a result; a gain if scenes are sampled (uniform 0)."""
-    return f"{score:.5f}" if result.uniform_score else f"{score:+.2%}"
+    return f"{score:.5f}" if result.uniform_score else f"{score:+z.2%}"

@@ -10,7 +10,8 @@ pieces in hand, the one with the nearest thickness is taken.
 
 `docs/draw_references.py` fits both to the orders of `SELECTION_SEEDS` of the scene "draw" and
 writes `draw.json` beside this file. The file also has the mean score [m/s] of layouts that were
-optimised with the order known in advance ("hindsight").
+optimised with the order known in advance ("hindsight"). For other scenes, `fit_gaps` adapts the
+gaps of the rule; without its reaction to pieces, it is an open loop.
 """
 
 from __future__ import annotations
@@ -21,15 +22,19 @@ from pathlib import Path
 import numpy as np
 
 from agents.network import Policy
-from domino_env import DominoChain, Scene
+from agents.rollout import SELECTION_SEEDS
+from domino_env import DominoChain, DominoChainVector, Scene
 from domino_env.core.files import read_json
 from domino_env.core.types import Floats, Singles
 from domino_env.envs.spaces import gap_entries
+from optimize.methods.gradient.local_search import LocalSearch
 
 PATH = Path(__file__).with_name("draw.json")
 # numbers of knots: of the desired thickness, of the gap, and of its derivatives with respect to the
 # thickness of the placed piece and to that of the piece before it
 KNOTS = 7, 10, 4, 4
+GRADIENTS = 40  # largest number of gradients of `fit_gaps`
+WIDEST = 2.0  # size up to which `fit_gaps` changes coefficients
 
 
 @cache
@@ -103,8 +108,7 @@ def rule_sizes(scene: Scene, coefficients: Floats) -> Policy:
 
     def sizes(observation: Singles) -> Floats:
         n = np.rint(observation[..., parts["placed"].start] * pairs)
-        # from 0 to 1, dense near both ends
-        position = 0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs)
+        position = _position(n, pairs)
         desired, gap, by_piece, by_last = (_interpolate(position, values) for values in curves)
         distance = np.abs(kinds - np.clip(desired, -1.0, 1.0)[..., None])
         distance[~(observation[..., parts["hand"]] > 0.0)] = np.inf
@@ -114,6 +118,65 @@ def rule_sizes(scene: Scene, coefficients: Floats) -> Policy:
         return np.stack([gap + by_piece * piece + by_last * last, desired], axis=-1)
 
     return sizes
+
+
+def fit_gaps(scene: Scene, coefficients: Floats, *, reacts: bool = True) -> Floats:
+    """Return a rule (25,) with gaps that are optimised by exact gradients on the planning orders.
+
+    Parameters
+    ----------
+    scene
+        A scene with a hand.
+    coefficients
+        (25,) rule to begin at, with the uniform baseline for its gaps; its desired thicknesses, on
+        which the order of the pieces depends, are kept.
+    reacts
+        If False, gaps do not depend on pieces.
+
+    Raises
+    ------
+    ValueError
+        For the reasons of `require_choices`.
+    """
+    require_choices(scene)
+    pairs, knots = scene.count - 1, np.cumsum(KNOTS)[:-1]
+    position = _position(np.arange(pairs), pairs)
+    sizes = np.zeros((pairs, 2))
+    sizes[:, 1] = _interpolate(position, coefficients[: knots[0]])
+    env = DominoChainVector(len(SELECTION_SEEDS), scene)
+    env.reset(seed=list(SELECTION_SEEDS))
+    thickness = env.place_all(np.tile(to_actions(scene, sizes), (env.num_envs, 1, 1)))[1]
+    first = np.full((env.num_envs, 1), scene.first_thickness)
+    last = relative(np.hstack([first, thickness[:, :-1]]), scene.thickness)
+    factors = np.ones_like(last), relative(thickness, scene.thickness), last
+    # derivatives of the gaps (S, N-1) with respect to the coefficients, relative sizes
+    basis = np.concatenate(
+        [
+            factor[..., None] * _interpolate(position[:, None], np.eye(number))
+            for factor, number in zip(factors, KNOTS[1:], strict=True)
+        ],
+        axis=-1,
+    )
+    widths = np.full(basis.shape[-1], WIDEST)
+    widths[KNOTS[1] :] *= reacts
+    start = np.zeros(len(widths))
+    start[: KNOTS[1]] = relative(scene.uniform().layout.spacing[:1], scene.spacing)
+    low, high = scene.spacing
+    search = LocalSearch(0.5 + 0.5 * start / WIDEST)
+    while not search.done and search.evaluations < GRADIENTS:
+        relative_gaps = basis @ (widths * (2.0 * search.candidate - 1.0))
+        gaps = low + 0.5 * (np.clip(relative_gaps, -1.0, 1.0) + 1.0) * (high - low)
+        result = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
+        assert result.gradient is not None
+        by_gap = result.gradient.spacing * (np.abs(relative_gaps) < 1.0) * (high - low)
+        gradient = widths * np.einsum("sn,snk->k", by_gap, basis) / len(gaps)
+        search.update(float(result.score.mean()), gradient)
+    return np.concatenate([coefficients[: knots[0]], widths * (2.0 * search.design - 1.0)])
+
+
+def _position(n: Floats, pairs: int) -> Floats:
+    """Return positions from 0 to 1, dense near both ends, after n of some gaps."""
+    return np.asarray(0.5 + 0.5 * np.log((n + 1.0) / (pairs - n)) / np.log(pairs))
 
 
 def _interpolate(position: Floats, values: Floats) -> Floats:

@@ -14,7 +14,7 @@ from agents.archives import load_archive
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, find_folder, policy_names, read_summary
-from agents.rollout import SELECTION_SEEDS, Rollout, last_infos
+from agents.rollout import SELECTION_SEEDS, Rollout, is_random, last_infos
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
 from domino_env.core.checks import require, require_choice
@@ -29,6 +29,7 @@ from optimize.methods.registry import Method
 from optimize.searching import compile_simulations
 
 SAME_GAIN = 1e-9  # a layout beats the uniform baseline if its gain is larger
+EPISODES = 4  # of each random scene in a training's evaluations
 LEAST_GAIN = 1e-4  # smallest gain of a search from which normalised scores are computed
 SEARCH_SCORES = Path(__file__).with_name("searched.csv")  # scores of searches in the test sets
 
@@ -134,9 +135,14 @@ def agent(run: str) -> Method:
 
 
 def evaluate_gains(
-    policy: Policy, distribution: SceneDistribution, scenes: Sequence[Scene]
+    policy: Policy,
+    distribution: SceneDistribution,
+    scenes: Sequence[Scene],
+    seeds: range = SELECTION_SEEDS[:EPISODES],
 ) -> Floats:
     """Return the gains of the layouts that a policy builds in a batch of scenes.
+
+    In random scenes, they are those of mean scores over episodes.
 
     Parameters
     ----------
@@ -146,15 +152,22 @@ def evaluate_gains(
         The scene distribution of the training.
     scenes
         S scenes of this distribution; their sampled numbers may be outside its ranges.
+    seeds
+        Seeds of the episodes in each scene, if they are random.
 
     Returns
     -------
     ndarray
-        (S,) gains over the uniform baselines; at most -1 if the wave stops. In random scenes, that
-        of scene i is of the episode with seed i.
+        (S,) gains over the uniform baselines; at most -1 if the wave stops.
     """
-    env, reset = DominoChainVector(len(scenes), distribution), {"scene": list(scenes)}
-    return np.array(last_infos(policy, env, "gain", seed=SELECTION_SEEDS[0], options=reset))
+    if not is_random(distribution):
+        env, options = DominoChainVector(len(scenes), distribution), {"scene": list(scenes)}
+        return np.array(last_infos(policy, env, "gain", options=options))
+    options = {"scene": [scene for scene in scenes for _ in seeds]}
+    env = DominoChainVector(len(options["scene"]), distribution)
+    scores = last_infos(policy, env, "score", seed=[*seeds] * len(scenes), options=options)
+    means = np.reshape(scores, (-1, len(seeds))).mean(axis=1)
+    return gains_over(scenes, means, np.array([scene.uniform().score for scene in scenes]))
 
 
 def read_search_scores(name: str, number: int) -> Floats | None:
@@ -234,9 +247,13 @@ class ScenesEvaluation:
 
     def gains(self, name: str = "policy") -> Floats:
         """Return the gains (S,) over the uniform baselines; at most -1 if a wave stops."""
-        scores, criterion = self.scores[name], self.scenes[0].criterion
-        gains = criterion.gain(np.maximum(scores, 0.0), self.uniform)
-        return np.where(scores > 0.0, gains, scores / self.uniform - 1.0)
+        return gains_over(self.scenes, self.scores[name], self.uniform)
+
+
+def gains_over(scenes: Sequence[Scene], scores: Floats, uniform: Floats) -> Floats:
+    """Return the gains (S,) of scores over those of uniform baselines; at most -1 of failures."""
+    gains = scenes[0].criterion.gain(np.maximum(scores, 0.0), uniform)
+    return np.where(scores > 0.0, gains, scores / uniform - 1.0)
 
 
 def choose_scenes(

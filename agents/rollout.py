@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +38,8 @@ class Rollout(SceneResult):
         Score in the unit of the scene; under placement noise or with pieces in random order, the
         mean over episodes with `evaluation_seeds`.
     uniform
-        The uniform baseline, with its mean score over the same seeds.
+        The uniform baseline, `Scene.uniform()`. If it is scored without the placement errors of
+        episodes, its score is the mean over the same seeds.
     seconds
         Time to build the layout [s], without the simulation of the baseline; see
         `domino_env.compiled`.
@@ -144,8 +145,9 @@ def make_rollout(
     if len(seeds) > 1:
         scores = scene.score_placed(layout, seeds) if scores is None else scores
         score = float(scores.mean())
-        mean = scene.score_placed(uniform.layout, seeds).mean()
-        uniform = replace(uniform, score=float(mean))
+        if not scene.hand and scene.scoring.placement is None:  # scored without placement errors
+            mean = scene.score_placed(uniform.layout, seeds).mean()
+            uniform = replace(uniform, score=float(mean))
     return Rollout(scene, layout, wave, score, uniform, seconds, simulations)
 
 
@@ -211,9 +213,10 @@ def last_infos(policy: Policy, env: DominoChainVector, key: str, **reset: Any) -
     return values
 
 
-def is_random(target: Scene | SceneDistribution) -> TypeGuard[Scene]:
-    """Return True for a scene whose episodes differ, by placement noise or an order of pieces."""
-    return isinstance(target, Scene) and len(evaluation_seeds(target)) > 1
+def is_random(target: Scene | SceneDistribution) -> bool:
+    """Return True if episodes in one scene differ, by placement noise or an order of pieces."""
+    scene = target if isinstance(target, Scene) else target.first
+    return len(evaluation_seeds(scene)) > 1
 
 
 def evaluation_seeds(scene: Scene) -> range:

@@ -9,18 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
-from agents.draw import open_loop, shipped_references
+from agents.draw import fit_gaps, open_loop, shipped_references
 from agents.draw import rule as rule_policy
 from agents.rollout import Rollout, build, evaluation_seeds, make_rollout
 from domino_env.core.checks import require_type
 from domino_env.core.types import Floats, Ints
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.placement import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
 from optimize.experiments.best_known import best_known
+from optimize.searching import search
 
 RAMPS = 4000  # approximate number of ramps that are sampled
 BEST_RAMPS = 20  # number of best ramps around which others are sampled
+PLANNING = 40  # evaluations of a search for a plan
 NO_HIT = 1e3  # [s] lateness of a domino that is not hit
 GAP_TOLERANCE = 1e-8  # [m] tolerance of the gaps that the controller solves for
 
@@ -77,22 +80,23 @@ def _ramps(scene: Scene, parameters: Floats) -> LayoutBatch:
 def plan(scene: Scene) -> Rollout:
     """Build the best known layout without reaction to observations.
 
-    If pieces are drawn in random order, take a fixed sequence of gaps and desired thicknesses.
+    If pieces are drawn in random order, take a fixed sequence of gaps and desired thicknesses: the
+    shipped one in the scene "draw", else one of `agents.draw.fit_gaps`. With placement noise, a
+    scene without a best known layout is searched with `PLANNING` evaluations.
 
     Raises
     ------
     ValueError
-        If no best known layout of the scene is shipped, or no sequence for its number of dominoes.
+        If no best known layout of a scene without placement noise is shipped.
     """
+    references = shipped_references()
+    if scene.hand and scene == load_scene("draw"):
+        return build(open_loop(scene, references["plan"]), scene)
     if scene.hand:
-        actions = shipped_references()["plan"]
-        if len(actions) != scene.count - 1:
-            raise ValueError(
-                f"scene '{scene.name}' has {scene.count} dominoes: the shipped plan is for the "
-                f'{len(actions) + 1} dominoes of scene "draw"; use the policy rule'
-            )
-        return build(open_loop(scene, actions), scene)
+        return build(rule_policy(scene, fit_gaps(scene, references["rule"], reacts=False)), scene)
     record = best_known().get(scene.name)
+    if record is None and scene.placement is not None:
+        return make_rollout(scene, search(scene, budget=PLANNING, seed=0).layout)
     if record is None or scene.violations(record.layout):
         raise ValueError(
             f"no best known layout of scene '{scene.name}' is shipped: use another policy"
@@ -102,6 +106,8 @@ def plan(scene: Scene) -> Rollout:
 
 def rule(scene: Scene) -> Rollout:
     """Choose gaps and desired thicknesses from position and pieces, by `agents.draw.rule`.
+
+    The shipped rule is for the scene "draw"; for others, `agents.draw.fit_gaps` adapts its gaps.
 
     Raises
     ------
@@ -114,14 +120,17 @@ def rule(scene: Scene) -> Rollout:
             f"scene '{scene.name}' draws no pieces in random order: rule chooses among those in "
             "hand; use another policy"
         )
-    return build(rule_policy(scene, shipped_references()["rule"]), scene)
+    coefficients = shipped_references()["rule"]
+    if scene != load_scene("draw"):
+        coefficients = fit_gaps(scene, coefficients)
+    return build(rule_policy(scene, coefficients), scene)
 
 
 def controller(scene: Scene) -> Rollout:
     """Choose each gap so that, without its placement error, the next domino is hit on schedule.
 
-    Thicknesses are those of `plan`. If no gap within the bounds meets the schedule, the nearest
-    bound is taken.
+    Thicknesses are those of `plan` if they are free. If no gap within the bounds meets the
+    schedule, the nearest bound is taken.
 
     Raises
     ------
@@ -129,16 +138,17 @@ def controller(scene: Scene) -> Rollout:
         If the hits of the scene have no schedule, if it draws its pieces in random order, or for
         the reasons of `plan`.
     """
-    tempo, planned = scene.tempo, plan(scene).layout
+    tempo = scene.tempo
     if tempo is None or scene.hand:
         raise ValueError(
             f"scene '{scene.name}' has the objective {scene.objective} and a hand of {scene.hand}: "
             'controller keeps the schedule of objective = "tempo" without a hand; use another one'
         )
+    planned = plan(scene) if scene.free_thickness else uniform(scene)
     generators = map(np.random.default_rng, evaluation_seeds(scene))
     errors = np.array([scene.placement_errors(generator) for generator in generators])
     episodes = np.arange(len(errors))
-    thickness = np.tile(planned.thickness[1:], (len(errors), 1))
+    thickness = np.tile(planned.layout.thickness[1:], (len(errors), 1))
     gaps, (low, high) = np.empty(errors.shape), scene.spacing
     start, simulations = time.perf_counter(), 0
     for n, due in enumerate(tempo.schedule(scene.count)):

@@ -1,6 +1,9 @@
-"""Write agents/draw.json, references of the scene "draw": python docs/draw_references.py.
+"""Write references of scenes with random episodes: python docs/draw_references.py [sampled].
 
-It takes four minutes and fits three references:
+With "sampled" it writes those of `varied-draw` and `varied-tempo` into agents/references.json, in
+six minutes: median gains of the rule and of the controller in the test set, and of hindsight.
+
+Without, it writes agents/draw.json. It takes four minutes and fits three references:
 
 - rule: its 25 coefficients, by CMA-ES;
 - open loop: a fixed sequence of gaps and desired thicknesses, by exact gradients and by exchanges;
@@ -13,16 +16,29 @@ Rule and open loop are fitted to the orders of `SELECTION_SEEDS`.
 from __future__ import annotations
 
 import json
+import sys
 from itertools import permutations
 
 import cma
 import numpy as np
 
-from agents.draw import KNOTS, PATH, open_loop, relative, rule, rule_sizes, to_actions
+from agents.benchmark import REFERENCES
+from agents.draw import (
+    KNOTS,
+    PATH,
+    fit_gaps,
+    open_loop,
+    relative,
+    rule,
+    rule_sizes,
+    shipped_references,
+    to_actions,
+)  # fmt: skip
 from agents.network import Policy
 from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, episode_scores, last_infos
-from domino_env import DominoChain, DominoChainVector, Scene, load_scene
-from domino_env.core.files import write_text
+from agents.scripted import ScriptedPolicy
+from domino_env import DominoChain, DominoChainVector, Scene, load_scene, load_test_set
+from domino_env.core.files import read_json, write_text
 from domino_env.core.types import Floats, Ints
 from optimize.methods.gradient.local_search import LocalSearch
 from optimize.methods.search.cma_es import cma_options
@@ -33,6 +49,7 @@ PREFERENCES = -0.75, -0.25, 0.25, 0.75  # relative thicknesses: every ranking of
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
 ROUNDS = 40
+HINDSIGHT_SEEDS, HINDSIGHT_ROUNDS = EVALUATION_SEEDS[:4], 2  # in each sampled scene
 GAIN = 1e-5  # a smaller relative gain of a round ends the search
 
 
@@ -224,6 +241,26 @@ def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats
     return np.concatenate(origin), np.concatenate(sequences)
 
 
+def sampled_references() -> None:
+    """Write the references of sampled scenes with random episodes."""
+    gains: dict[str, list[tuple[float, float]]] = {}
+    for name, policy in (("varied-draw", "rule"), ("varied-tempo", "controller")):
+        for scene in load_test_set(name):
+            rollout, best = ScriptedPolicy(policy).build(scene), 1.0  # without errors of arrival
+            if scene.hand:
+                fitted = rule(scene, fit_gaps(scene, shipped_references()["rule"]))
+                best = float(
+                    hindsight(scene, HINDSIGHT_SEEDS, [fitted], HINDSIGHT_ROUNDS)[0].mean()
+                )
+            gain = scene.gain(best, scene.uniform().score)
+            gains.setdefault(name, []).append((rollout.gain or -1.0, gain or -1.0))
+    document = read_json(REFERENCES)
+    for name, values in gains.items():
+        one, best = np.median(values, axis=0).tolist()
+        document[name] = {"zero": 0.0, "one": one, "hindsight": best}
+    write_text(REFERENCES, json.dumps(document, indent=1) + "\n")
+
+
 def main() -> None:
     """Fit rule, open loop and hindsight to the scene "draw", and write them."""
     scene, rng = load_scene("draw"), np.random.default_rng(0)
@@ -243,4 +280,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sampled_references() if sys.argv[1:] == ["sampled"] else main()

@@ -1,34 +1,46 @@
 """Write the files that ship with scenes: ``python docs/shipped_scenes.py``.
 
-Writes the JSON Schema of scene files and the uniform baselines of the shipped scenes; with names of
-distributions, ``python docs/shipped_scenes.py varied``, their pools and test sets instead.
+Writes the JSON Schema of scene files, the uniform baselines of the shipped scenes and the revision
+of the environments; with names of distributions, ``python docs/shipped_scenes.py varied``, their
+pools, test and validation sets instead.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from domino_env import DominoChainVector
+from domino_env.core import results
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
 from domino_env.scenes import tables
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.ranges import Range
-from domino_env.scenes.io.reading import SCHEMA, load_scene, scene_names
+from domino_env.scenes.io.reading import SCHEMA, load_scene, read_named, scene_names
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.pool import DIGITS, ScenePool, make_stamp
+from domino_env.scenes.pool import DIGITS, SEEDS, ScenePool, make_stamp
 from domino_env.scenes.uniform import POINTS_FILE, best_point, stamp
 
 SCENES = Path(tables.__file__).parent
-TEST_SEED, TEST_SIZE = 1, 200  # scene i of a test set has the seed [TEST_SEED, i]
+SIZES = {"test": 200, "validation": 100}  # [scenes]; half as many if episodes are random
+RANDOM_POOL = 512  # [scenes] if episodes are random
+# scenes of the benchmark, and steps in each, on which the revision depends
+BENCHMARK = (
+    "sprint", "course", "sprint-thickness", "ideal", "draw", "tempo-noise", "varied",
+    "varied-draw", "varied-tempo",
+)  # fmt: skip
+REVISION_STEPS = 160  # two of the longest episodes
 POINT = ("uniform gap", "uniform thickness")  # columns of files: `best_point` [m]
 # tables in which a number may be a range
-RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable"
+RANGE_TABLES = "RowTable", "RangeTable", "PhysicsTable", "Tempo"
 # relations between the keys of a table, which its class checks
 RELATIONS: dict[str, dict[str, Any]] = {
     "SceneFile": {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]},
@@ -52,6 +64,8 @@ def scene_schema() -> dict[str, Any]:
             kinds = [kind.get("type") for kind in field.get("anyOf", [field])]
             if "number" in kinds or "integer" in kinds:
                 definitions[name]["properties"][key] = _number_or_range(field)
+    kinds = definitions["Stock"]["properties"]["thickness"]
+    kinds["items"] = _number_or_range(kinds["items"])
     definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
     scene["properties"]["objective"]["enum"] = [*OBJECTIVES]
@@ -88,31 +102,59 @@ def write_scenes() -> None:
         for name, scene in scenes.items()
     }
     write_text(SCENES / "shipped" / POINTS_FILE, json.dumps(baselines, indent=1) + "\n")
+    write_text(Path(results.__file__).with_name("revision.txt"), compute_revision() + "\n")
+
+
+def compute_revision() -> str:
+    """Return a digest of the scenes of the benchmark, and of observations and rewards in them.
+
+    Numbers are rounded to six digits, as the last bits depend on processor and compiler.
+    """
+    words: list[object] = []
+    for name in BENCHMARK:
+        document, _, _ = read_named(name)
+        words.append({k: v for k, v in document.items() if k not in ("name", "title")})
+        folder = SCENES / "distributions"
+        words += [file.read_text("utf-8") for file in sorted(folder.glob(f"{name}.*.csv"))]
+        env, rng = DominoChainVector(2, name), np.random.default_rng(0)
+        totals = env.reset(seed=0)[0].astype(np.float64)
+        returns = np.zeros(2)
+        for _ in range(REVISION_STEPS):
+            actions = rng.uniform(-0.3, 0.3, env.action_space.shape)
+            observations, rewards, *_ = env.step(actions)
+            totals, returns = totals + observations, returns + rewards
+        words += [f"{x:.6g}" for x in (*totals.ravel().tolist(), *returns.tolist())]
+    return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def write_distribution(name: str) -> None:
-    """Write the test set of a distribution, and its pool if policies are trained on it."""
+    """Write the test and validation set, and the pool of a distribution that is trained on."""
     distribution = load_distribution(name)
-    columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
-    entries_of = {"test": (columns, _test_scenes(distribution, TEST_SIZE))}
+    # the baseline of a scene with random episodes is slow to compute
+    is_random = distribution.first.hand > 0 or distribution.first.placement is not None
     if name != "varied-beyond":
+        pool = ScenePool(distribution, RANDOM_POOL if is_random else None)
         bar = progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes")
         scores = [pool.scene(i).uniform().score for i in bar]
         table = np.column_stack([pool.numbers, pool.points, scores])
-        entries_of["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
-    for kind, (columns, entries) in entries_of.items():
-        lines = [make_stamp(distribution), ",".join(columns)]
-        lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
-        write_text(SCENES / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
+        _write_table(distribution, "pool", (*POINT, "score"), table.tolist())
+    for kind, most in SIZES.items():
+        scenes, number = list[list[float]](), most // 2 if is_random else most
+        for i in progress_bar(None, iterable=range(number), total=number, unit=f" {kind} scenes"):
+            numbers = distribution.sample_numbers(np.random.default_rng([SEEDS[kind], i]), DIGITS)
+            point = best_point(distribution.scene(numbers), quick=is_random)
+            scenes.append([*numbers, *point])
+        _write_table(distribution, kind, POINT, scenes)
 
 
-def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[float]]:
-    """Return the sampled numbers of test scenes, each with `best_point` of the scene."""
-    scenes = []
-    for i in progress_bar(None, iterable=range(number), total=number, unit=" test scenes"):
-        numbers = distribution.sample_numbers(np.random.default_rng([TEST_SEED, i]), DIGITS)
-        scenes.append([*numbers, *best_point(distribution.scene(numbers))])
-    return scenes
+def _write_table(
+    distribution: SceneDistribution, kind: str, columns: Sequence[str], table: list[list[float]]
+) -> None:
+    """Write the sampled numbers and other columns of the scenes of a distribution."""
+    lines = [make_stamp(distribution), ",".join((*distribution.features, *columns))]
+    lines += [",".join(f"{x:.16g}" for x in line) for line in table]
+    file = SCENES / "distributions" / f"{distribution.name}.{kind}.csv"
+    write_text(file, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

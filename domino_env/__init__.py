@@ -19,7 +19,7 @@ import lazy_loader
 
 from domino_env.core.results import register as register_drawings
 
-__version__ = "0.4.0"
+__version__ = "0.5.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 register_drawings({

@@ -64,6 +64,7 @@ ADDED = {
 }
 """First pattern that fits the beginning of a command, and the options that it gets."""
 PARSED = {
+    "benchmark --check": "a table of the reader, see tests/agents/test_benchmark.py",
     "accuracy --stability": "minutes",
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",

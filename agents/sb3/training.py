@@ -26,10 +26,10 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.files import write_bytes, write_text
 from domino_env.core.models import plain
 from domino_env.core.progress import leave_out, notice, progress_bar
-from domino_env.core.results import versions
+from domino_env.core.results import revision, versions
 from domino_env.core.tables import write_csv
 from domino_env.core.types import Floats
-from domino_env.scenes.pool import POOL_SIZE, ScenePool
+from domino_env.scenes.pool import ScenePool
 
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
@@ -69,7 +69,7 @@ class Training(BaseCallback):
         self.tests: list[Scene] = []
         self.simulations = 0
         if isinstance(self.target, SceneDistribution):
-            pool = ScenePool(self.target, self.config.num_scenes or POOL_SIZE)
+            pool = ScenePool(self.target, self.config.num_scenes)
             numbers = range(len(pool))[: -POOL_SCENES - 1 : -1]  # the last ones, in reverse order
             self.scenes = [pool.scene(number) for number in numbers]
             with suppress(ValueError):  # raised if the distribution has no test set
@@ -250,7 +250,7 @@ class Training(BaseCallback):
             updates *= -(-model.n_steps * model.n_envs // model.batch_size)
         self.write_json(
             files.SUMMARY, finished=not interrupted, scene=self.target.name,
-            algorithm=self.config.algorithm, seed=self.config.seed, **result,
+            algorithm=self.config.algorithm, seed=self.config.seed, revision=revision(), **result,
             steps=model.num_timesteps, seconds=seconds, processor_seconds=processor_seconds,
             simulations=self.simulations,
             gradients=noisy_layouts * (self.config.algorithm == "apg"), updates=updates,

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 from enum import Enum
+from importlib import resources
 from typing import Any
 
 _DRAWINGS: dict[str, str] = {}  # kind of result → "module:function"
@@ -75,8 +76,17 @@ def as_json(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def revision() -> str:
+    """Return the revision of the environments: a digest of scenes, waves and rewards.
+
+    Two versions of the code with the same behaviour have the same revision.
+    `docs/shipped_scenes.py` computes and writes it.
+    """
+    return resources.files("domino_env.core").joinpath("revision.txt").read_text("ascii").strip()
+
+
 def versions(*others: str) -> dict[str, str]:
-    """Return the versions of Python and of packages on which the last bits of results depend.
+    """Return the revision, and the versions of Python and of packages that results depend on.
 
     Parameters
     ----------
@@ -87,7 +97,7 @@ def versions(*others: str) -> dict[str, str]:
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version
 
-    installed = {"python": platform.python_version()}
+    installed = {"revision": revision(), "python": platform.python_version()}
     for name in ("domino-chains", "numpy", "scipy", "numba", "cma", *others):
         with suppress(PackageNotFoundError):
             installed[name] = version(name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from domino_env.core.types import Floats, Ints
@@ -78,7 +80,7 @@ class Baselines:
         baseline, layout = scene.uniform(), scene.uniform().layout
         times, speed = baseline.wave.arrival_times, baseline.wave.mean_speed
         if scene.hand and speed > 0.0:  # means over orders of the pieces
-            times = UniformLayouts(scene).mean_arrival_times(layout.spacing)
+            times = _mean_arrival_times(scene, float(layout.spacing[0]))
             speed = baseline.score if scene.scoring.is_mean_speed else speed
         positions = baseline.wave.layout.positions
         if not speed > 0.0:  # the wave of the baseline stops
@@ -145,3 +147,9 @@ class Baselines:
         rules["score_unit"] = unit
         tables.uniform["time_left"][i, :count] = times[count - 1 + tables.run_out] - times[:count]
         self.scenes[i], self.results[i] = scene, result
+
+
+@lru_cache(maxsize=1024)  # scenes; evaluations store them again and again
+def _mean_arrival_times(scene: Scene, gap: float) -> Floats:
+    """Return the mean arrival times (N,) [s] of equal gaps [m] over orders of the pieces."""
+    return UniformLayouts(scene).mean_arrival_times(np.full(scene.count - 1, gap))

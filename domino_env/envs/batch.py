@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from domino_env.core.checks import require
 from domino_env.core.models import plain
@@ -49,6 +50,10 @@ class SceneTables:
         scene is fixed.
     uniform
         UNIFORM of each domino of the uniform baseline of each scene, (S, N).
+    kinds
+        Thicknesses of the kinds of a stock [m] and numbers of pieces of each scene, (S, 2, K).
+    pieces
+        Kinds of the pieces that are drawn in random order, (S, P); P = 0 without a hand.
     schedule
         Scheduled arrival times [s], and intervals scaled to [-1, 1], (S, N, 2); (S, 0, 2) without
         a schedule.
@@ -65,6 +70,8 @@ class SceneTables:
         self.layout = ObservationLayout(self.first, window, len(self.observed))
         self.rules, self.uniform = np.zeros(size, RULES), np.zeros((size, longest), UNIFORM)
         self.features = np.zeros((size, len(self.observed)), np.float32)
+        self.kinds = np.zeros((size, *self.first.space.kinds.shape))
+        self.pieces = np.zeros((size, len(piece_kinds(self.first))), np.int16)
         # thickness of the first domino, and gap of the run-out, of each scene [m]
         self.first_thickness, self.run_out_gap = np.zeros((2, size))
         self.schedule = np.zeros((size, 0 if self.first.tempo is None else longest, 2))
@@ -78,6 +85,7 @@ class SceneTables:
         self.rules[i] = _make_rules(scene, self.rtol)
         self.features[i] = np.clip(features[self.observed], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i] = scene.first_thickness
+        self.kinds[i], self.pieces[i] = scene.space.kinds, piece_kinds(scene)
         self.run_out_gap[i] = 0.0 if scene.run_out is None else scene.run_out.spacing
         tempo = scene.tempo
         if tempo is not None:
@@ -106,8 +114,6 @@ class SceneTables:
     def new_batch(self, num_envs: int) -> Batch:
         """Return the arrays of environments before their first reset; scenes are shared."""
         scene, longest = self.first, self.uniform.shape[1] + self.run_out
-        kinds = scene.space.kinds
-        pieces = int(kinds[1].sum()) if scene.hand else 0
         own_height = scene.growth is not None or "height" in self.names
         # a power of two for the whole chain, or for the part that influences the wave
         ring_size = 1 << min(longest, MAX_RING - 1).bit_length()
@@ -120,9 +126,9 @@ class SceneTables:
             uniform=self.uniform,
             schedule=self.schedule,
             closeness=closeness(longest),
-            kinds=kinds,
-            box=np.tile(kinds[1], (num_envs, 1)),
-            order=np.zeros((num_envs, pieces), np.int16),
+            kinds=self.kinds,
+            box=np.zeros((num_envs, self.kinds.shape[2])),
+            order=np.zeros((num_envs, self.pieces.shape[1]), np.int16),
             errors=np.zeros((num_envs if scene.placement else 0, longest - 1)),
             rings=np.zeros((num_envs, ring_size), contact),
             states=np.zeros(num_envs, STATE),
@@ -141,6 +147,17 @@ class SceneTables:
             places=np.zeros((num_envs, longest)),
             curve=scene.ground.curve,
         )
+
+
+def piece_kinds(scene: Scene, taken: Floats | None = None) -> NDArray[np.int16]:
+    """Return the kinds (P,) of the pieces that are drawn in random order; empty without a hand.
+
+    taken: thicknesses of the dominoes placed so far [m]; None for the first one alone.
+    """
+    if not scene.hand or scene.stock is None or not scene.free_thickness:
+        return np.zeros(0, np.int16)
+    left = scene.stock.without(*([scene.first_thickness] if taken is None else taken)).dominoes
+    return np.searchsorted(scene.space.kinds[0], left).astype(np.int16)
 
 
 def _make_rules(scene: Scene, rtol: float) -> tuple[Any, ...]:

@@ -20,7 +20,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.baselines import Baselines
-from domino_env.envs.batch import SceneTables
+from domino_env.envs.batch import SceneTables, piece_kinds
 from domino_env.envs.catalogue import Catalogue, Generators
 from domino_env.envs.episodes import EpisodeResults, placed_layout
 from domino_env.envs.spaces import action_entries, check_actions
@@ -143,12 +143,10 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         self.observation_layout = self._tables.layout
         self._batch = self._tables.new_batch(self.num_envs)
         self._episodes = self._batch.episodes
-        self._pieces = self._remaining_kinds(np.array([first.first_thickness]))
-        if self._batch.order.shape[1]:
-            self._batch.order[:] = self._pieces
         # before the first reset, all environments have one scene of those that are sampled
         self._batch.scene[:] = self.catalogue.sample(np.random.default_rng(0))
         self.baselines.load(self._batch.scene[:1])
+        self._batch.order[:] = self._tables.pieces[self._batch.scene]
         self._tables.begin_layouts(self._batch, np.arange(self.num_envs))
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
         self._over = np.zeros(self.num_envs, np.bool_)  # environments whose episode is over
@@ -321,18 +319,15 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
             if len(errors):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
             if order.shape[1]:
-                given = starts.get(env)
-                pieces = self._pieces if given is None else self._remaining_kinds(given.thickness)
+                given, index = starts.get(env), self._batch.scene[env]
+                pieces = self._tables.pieces[index]
+                if given is not None:
+                    pieces = piece_kinds(scene, given.thickness)
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
                 if given is not None:
-                    placed = np.searchsorted(self._batch.kinds[0], given.thickness[1:] - SAME_KIND)
+                    kinds = self._tables.kinds[index, 0]
+                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_KIND)
                     order[env, : len(placed)] = placed
-
-    def _remaining_kinds(self, taken: Floats) -> NDArray[np.int16]:
-        """Return the kind of each piece in the stock, without dominoes of thicknesses `taken`."""
-        stock, kinds = self.catalogue.first.stock, self._batch.kinds[0]
-        left = np.empty(0) if stock is None else stock.without(*taken).dominoes
-        return np.searchsorted(kinds, left).astype(np.int16)
 
     def check_options(self, options: dict[str, Any] | None, *others: str) -> dict[str, Any]:
         """Return a copy of the options of a reset, after a check of their names.
@@ -648,7 +643,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
                 int(batch.scene[env]), placed + 1 if wave is None else wave.hit
             ),
             wave=wave,
-            hand=batch.kinds[0, kinds],
+            hand=batch.kinds[batch.scene[env], 0, kinds],
         )
 
     def render(self) -> tuple[Any, ...] | None:

@@ -12,7 +12,15 @@ from domino_env.core.files import errors_with_path
 from domino_env.core.types import Floats
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
-from domino_env.scenes.io.ranges import COUNT, PUSH, Place, fill_in, has_ranges, read_ranges
+from domino_env.scenes.io.ranges import (
+    COUNT,
+    PUSH,
+    Place,
+    entries,
+    fill_in,
+    has_ranges,
+    read_ranges,
+)
 from domino_env.scenes.io.reading import read_named, scene_from_document
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.tables import format_toml
@@ -244,10 +252,12 @@ class SceneDistribution:
             For a scene that differs from the sampled ones in more than the sampled numbers.
         """
         checks.require_type("scene", scene, Scene, "a Scene of this distribution")
-        tables = scene.document()
+        tables = _with_entries(scene.document())
         units = self._units(scene.height, scene.physics.gravity)
         missing = any(key not in tables.get(table, ()) for table, key in self.ranges)
-        if missing or self._fixed_part(tables) != self._fixed_part(self.first.document()):
+        if missing or self._fixed_part(tables) != self._fixed_part(
+            _with_entries(self.first.document())
+        ):
             raise ValueError(
                 f"scene '{scene.name}' differs from those of '{self.name}' in more than "
                 f"{', '.join(self.features)}: give one that differs in these alone"
@@ -295,6 +305,11 @@ class SceneDistribution:
             if low < high:
                 scaled[..., v] = 2.0 * (x - low) / (high - low) - 1.0
         return scaled
+
+
+def _with_entries(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document with the values of lists in tables as keys of their own."""
+    return {name: entries(x) if isinstance(x, dict) else x for name, x in document.items()}
 
 
 def _some_uniform_succeeds(scene: Scene) -> bool:

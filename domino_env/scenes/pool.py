@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from domino_env.core.checks import require_choice
 from domino_env.core.files import one_line, raise_with_path
 from domino_env.core.progress import UNNOTICED, notice
 from domino_env.core.types import Bools, Floats, Ints
@@ -25,8 +26,9 @@ from domino_env.scenes.io.reading import DISTRIBUTIONS
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_point
 
-POOL_SIZE = 4096  # [scenes]
+POOL_SIZE = 4096  # [scenes] of distributions whose pool is not stored
 TRAINING_SEED = 0  # scene i of a pool has the seed [TRAINING_SEED, i]
+SEEDS = {"test": 1, "validation": 2}  # scene i of these sets has the seed [seed, i]
 DIGITS = 5  # significant digits of sampled numbers, for legible files
 
 
@@ -42,7 +44,7 @@ class ScenePool:
     distribution
         Distribution from which the scenes are sampled.
     size
-        Number of scenes.
+        Number of scenes; None for the stored ones, or else `POOL_SIZE`.
 
     Attributes
     ----------
@@ -55,17 +57,19 @@ class ScenePool:
         (size, V) numbers scaled by `SceneDistribution.scale`.
     """
 
-    def __init__(self, distribution: SceneDistribution, size: int = POOL_SIZE) -> None:
+    def __init__(self, distribution: SceneDistribution, size: int | None = None) -> None:
         self.distribution = distribution
+        table = _load_table(distribution, "pool")
+        size = size or (POOL_SIZE if table is None else len(table))
         self.numbers = np.full((size, len(distribution.features)), np.nan)
         self.points = np.full((size, 2), np.nan)
-        table = _load_table(distribution, "pool")
         if table is not None:
             n = min(size, len(table))
             # the last three columns are the point and the score
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
         self._file = None if table is not None else _cache_file(distribution)
         self._seconds, self._told = 0.0, False  # of computing baselines
+        self._scenes: dict[int, Scene] = {}
         if self._file is not None:
             for line in _read_lines(self._file, 3 + self.numbers.shape[1]):
                 if line[0] < size:
@@ -106,14 +110,18 @@ class ScenePool:
         return [self._scene(i) for i in indices]
 
     def _scene(self, i: int) -> Scene:
-        name = f"{self.distribution.name}-{i}"
-        return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
+        """Return scene i, the same object every time, which keeps its uniform baseline."""
+        if i not in self._scenes:
+            scene = self.distribution.scene(self.numbers[i], f"{self.distribution.name}-{i}")
+            self._scenes[i] = scene.with_uniform(self.points[i])
+        return self._scenes[i]
 
     def _sample(self, i: int) -> None:
         rng, score = np.random.default_rng([TRAINING_SEED, i]), 0.0
         while not score > 0.0:  # scenes whose baseline scores 0 or less are skipped
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
+            self._scenes.pop(i, None)
             score = self._scene(i).uniform().score
         self.features[i] = self.distribution.scale(self.numbers[i])
 
@@ -152,38 +160,44 @@ def _read_lines(file: Path, columns: int) -> list[Floats]:
     return [line for line in lines if len(line) == columns]
 
 
-def load_test_set(name: str) -> list[Scene]:
-    """Load a test set: scenes sampled independently of those of the training.
+def load_test_set(name: str, kind: str = "test") -> list[Scene]:
+    """Load a test or validation set: scenes sampled independently of those of the training.
 
     Parameters
     ----------
     name
         Name of a shipped distribution. All numbers of the scenes of "varied-beyond" are out of the
         ranges of "varied".
+    kind
+        "test", or "validation" for the scenes on which hyperparameters are chosen.
 
     Returns
     -------
     list of Scene
-        200 scenes with their uniform baselines.
+        200 scenes, 100 for validation, with their uniform baselines; half as many if episodes in
+        one scene are random.
 
     Raises
     ------
     ValueError
-        For a distribution without a test set.
+        For another kind, and for a distribution without such a set.
     """
+    require_choice("kind", kind, SEEDS)
     distribution = load_distribution(name)
-    table = _load_table(distribution, "test")
+    table = _load_table(distribution, kind)
     if table is None:
-        raise_with_path(distribution.file, "no test set ships with it: name another, as 'varied'")
+        raise_with_path(
+            distribution.file, f"no {kind} set ships with it: name another, as 'varied'"
+        )
     # the last two columns are the point
     return [
-        distribution.scene(line[:-2], f"{distribution.name}-test-{i}").with_uniform(line[-2:])
+        distribution.scene(line[:-2], f"{distribution.name}-{kind}-{i}").with_uniform(line[-2:])
         for i, line in enumerate(table)
     ]
 
 
 def _load_table(distribution: SceneDistribution, kind: str) -> Floats | None:
-    """Load the shipped table "pool" or "test"; None if this distribution has none."""
+    """Load the shipped table "pool", "test" or "validation"; None if this distribution has none."""
     file = DISTRIBUTIONS / f"{distribution.name}.{kind}.csv"
     lines = file.read_text("utf-8").splitlines() if file.is_file() else [""]
     if lines[0] != make_stamp(distribution):

@@ -209,9 +209,9 @@ def make_document(scene: Any) -> dict[str, Any]:
     tables: dict[str, Any] = {name: getattr(scene, name) for name in TOP + TABLES} | {
         "row": {name: getattr(scene, name) for name in ROW},
         "spacing": _range_document(scene.spacing, of),
+        "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
         "thickness": None if scene.stock else _range_document(scene.thickness, of),
         "growth": scene.growth and dict(zip(("min", "max"), scene.growth, strict=True)),
-        "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
     }
     names = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
     tables |= dict.fromkeys(names, scene.settings)

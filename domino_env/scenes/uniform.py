@@ -56,6 +56,7 @@ BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))  # for long layouts, scored by 
 RANDOM = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)
 # the error of the score is of second order in that of the gap
 QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)
+QUICK_RANDOM = Fineness(48, 12, (2, 2), 5, 3.0, 3e-5, 1e-6)
 # scores on a floor have errors of about 3e-4
 FREE_STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)
 
@@ -159,7 +160,9 @@ def best_point(scene: Any, *, quick: bool = False, seconds: float | None = None)
     if scene.simulator.is_slow:
         return _best_free_standing(layouts, math.inf if seconds is None else seconds)[0]
     is_random = scene.scoring.placement is not None or scene.hand > 0
-    fineness = QUICK if quick else RANDOM if is_random else FULL
+    fineness = FULL if not is_random else RANDOM
+    if quick:
+        fineness = QUICK if not is_random else QUICK_RANDOM
     points = grid(_axes(layouts, fineness))
     if layouts.extendable and not quick and scene.count * len(points) > MAX_GRID:
 

@@ -81,15 +81,14 @@ def middle_mean(problems: Sequence[Floats]) -> Floats:
     return mean
 
 
-def optimality_gap(problems: Sequence[Floats]) -> Floats:
-    """Return the mean amount (...) by which normalised scores (..., R) are below 1."""
-    return np.asarray(np.mean([np.maximum(1.0 - p, 0.0).mean(axis=-1) for p in problems], axis=0))
+def median(problems: Sequence[Floats]) -> Floats:
+    """Return the mean over the problems of the medians (...) of results (..., R)."""
+    return np.asarray(np.mean([np.median(p, axis=-1) for p in problems], axis=0))
 
 
-def performance_profile(problems: Sequence[Floats], targets: Floats) -> Estimate:
-    """Estimate the fraction (T,) of the runs whose results (R,) exceed each target (T,)."""
-    exceeds = [(np.asarray(runs) > targets[:, None]).astype(np.float64) for runs in problems]
-    return estimate(lambda parts: np.mean([p.mean(axis=-1) for p in parts], axis=0), exceeds)
+def mean(problems: Sequence[Floats]) -> Floats:
+    """Return the mean (...) of results (..., R), problems of equal weight."""
+    return np.asarray(np.mean([p.mean(axis=-1) for p in problems], axis=0))
 
 
 def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:

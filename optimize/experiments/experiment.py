@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
 from domino_env.core.checks import require_choice
 from domino_env.core.results import dataclass_repr
 from domino_env.core.types import Floats
-from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean, normalise
+from optimize.experiments.estimates import Estimate, interquartile_mean, normalise
 from optimize.experiments.task import Task, TaskResult
 
 SMALLEST_SHORTFALL = 1e-7  # relative; a smaller one is within the tolerance of the searches
@@ -35,8 +36,8 @@ class Experiment:
     """Results of problems × methods × settings × seeds.
 
     A problem is a scene, or a point of a sweep: a scene with labels. A normalised score is
-    (score - uniform) / (best known - uniform): 0 for the uniform baseline, 1 for the best known
-    layout.
+    (score - zero) / (best - zero): 0 for the uniform baseline, or another reference, and 1 for the
+    best known layout.
 
     Attributes
     ----------
@@ -50,6 +51,8 @@ class Experiment:
         Tasks that failed.
     interrupted
         True if Ctrl-C ended the experiment.
+    zero
+        Score of each problem that is 0 if normalised, where it is not that of the uniform baseline.
     """
 
     tasks: tuple[Task, ...]
@@ -57,6 +60,7 @@ class Experiment:
     best: dict[str, float]
     failures: tuple[Failure, ...] = ()
     interrupted: bool = False
+    zero: dict[str, float] = field(default_factory=dict)
 
     __repr__ = dataclass_repr
 
@@ -170,7 +174,8 @@ class Experiment:
         scores
             Scores of any shape.
         """
-        return normalise(scores, result.uniform_score, self.best[result.problem])
+        zero = self.zero.get(result.problem, result.uniform_score)
+        return normalise(scores, zero, self.best[result.problem])
 
     def final_scores(self, method: str, problem: str | None = None) -> list[Floats]:
         """Return the normalised scores (R,) of the final layouts on each problem, or on one."""
@@ -180,28 +185,22 @@ class Experiment:
         """Estimate the interquartile mean of the normalised scores, on all problems or on one."""
         return interquartile_mean(self.final_scores(method, problem))
 
-    def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
-        """Return the interquartile mean of the normalised best scores after a time.
+    def until(self, clock: str, limit: float) -> Experiment:
+        """Return the experiment with all runs cut at a time on a clock of their traces.
 
-        Parameters
-        ----------
-        method
-            Name of the method.
-        seconds
-            Time [s].
-        problem
-            Name of a problem; None for all.
-
-        Returns
-        -------
-        float
-            The mean; -inf if runs that count in it have no layout yet.
+        Runs that have no score until then are left out.
         """
-
-        def score(result: TaskResult) -> Floats:
-            return self.normalise(result, self.best_scores(result, np.array(seconds), "seconds"))
-
-        return float(middle_mean(_by_problem(self.runs(method, problem), score)))
+        results = []
+        for run in self.results:
+            end = int(np.searchsorted(run.trace[clock], limit, side="right"))
+            if end:
+                trace = {name: values[:end] for name, values in run.trace.items()}
+                work = run.work | {name: int(trace[name][-1]) for name in run.work if name in trace}
+                score, seconds = trace["score"][-1], trace["seconds"][-1]
+                results.append(
+                    replace_fields(run, trace=trace, work=work, score=score, seconds=seconds)
+                )
+        return replace(self, results=tuple(results))
 
     def curve(
         self, method: str, clock: str, problem: str | None = None, earliest: float = 1e-9

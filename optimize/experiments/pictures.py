@@ -15,7 +15,6 @@ from domino_env.core import plot_style
 from domino_env.core.colours import BEST_KNOWN, FAINT, UNIFORM
 from domino_env.core.files import amount
 from domino_env.core.types import Floats
-from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label
 
@@ -26,12 +25,12 @@ Prepare = Callable[[Axes, str], None]  # sets the scales of a panel, given its t
 
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"  # in subtitles, before the number of seeds
-ACROSS, LEGEND_COLUMNS = 2, 6  # panels, and names in the legend, side by side
+ACROSS = 2  # panels side by side
+LABEL_DISTANCE = 0.07  # of the names of lines, in heights of a panel
 MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
 ENDS = LOWEST, HIGHEST = -0.12, 1.06  # normalised scores that are drawn
-PROFILE_TARGETS = np.linspace(LOWEST, 1.0, 251)  # normalised scores
-SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
+SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["0", "50 %", "80 %", "100 %"])
 CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
 EARLIEST = {"seconds": 1e-2, "steps": 200.0}  # first time that is drawn, on each clock
 
@@ -65,27 +64,24 @@ def draw_curves(
     dashed
         Methods whose lines are dashed.
     """
-    # sizes of a panel, and of the legend below them [in]
-    legend = 0.2 + 0.2 * (len(methods) // LEGEND_COLUMNS + 1)
-    figure, all_axes = plot_style.new_panels(
-        len(panels), ACROSS, (4.6, 2.9), (0.0, legend), *headings
-    )
+    figure, all_axes = plot_style.new_panels(len(panels), ACROSS, (4.6, 2.9), (0.0, 0.0), *headings)
     lines = plot_style.method_lines(methods)
-    handles: dict[str, Any] = {}
     for (title, curves), axes in zip(panels.items(), all_axes, strict=True):
         plot_style.style(axes, title)
         axes.set_ylabel(labels[1] if axes in all_axes[::ACROSS] else "")
         prepare(axes, title)
         axes.set_xlabel(labels[0])
+        ends: dict[str, float] = {}  # last y of each method with a colour
         for method, (x, y, band) in curves.items():
             if method not in methods:
-                handles["others"] = axes.plot(x, y, color=FAINT, lw=0.9, zorder=1.0)[0]
+                axes.plot(x, y, color=FAINT, lw=0.9, zorder=1.0)
                 continue
+            ends[method] = y[-1]
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
             if isinstance(x[0], str):  # no lines between words
                 spread = np.abs(np.array(band) - y)
-                handles[method] = axes.errorbar(x, y, spread, fmt="o", color=line["color"])
+                axes.errorbar(x, y, spread, fmt="o", color=line["color"])
                 continue
             marked: Any = None if len(x) <= MAX_MARKERS else [-1]  # the last is visible if alone
             line |= {"marker": "o", "markersize": 3.5, "markevery": marked}
@@ -93,13 +89,31 @@ def draw_curves(
                 axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             if x[0] == x[-1]:  # one score at one time, such as that of a scripted policy
                 axes.axhline(y[0], color=line["color"], lw=0.8, ls=line["linestyle"], zorder=1.5)
-            handles[method] = axes.plot(x, y, **line)[0]
-    names = [name for name in (*methods, "others") if name in handles]
-    figure.legend(
-        [handles[name] for name in names], names, loc="outside lower center",
-        ncols=LEGEND_COLUMNS, **plot_style.LEGEND,
-    )  # fmt: skip
+            axes.plot(x, y, **line)
+        _label_ends(axes, ends, {method: lines[method]["color"] for method in ends})
     plot_style.write_png(figure, path)
+
+
+def _label_ends(axes: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) -> None:
+    """Write the names of lines at the right edge of a panel, near their last y and apart."""
+    to_axes = axes.transData + axes.transAxes.inverted()
+    left = axes.get_xlim()[0]
+    places = {
+        name: float(np.clip(np.nan_to_num(to_axes.transform((left, y))[1]), 0.0, 1.0))
+        for name, y in ends.items()
+    }
+    names = sorted(places, key=lambda name: places[name])
+    heights = [places[name] for name in names]
+    least = min(LABEL_DISTANCE, 1.0 / max(len(names) - 1, 1))
+    for k in range(1, len(names)):  # apart upwards, then downwards from the top
+        heights[k] = max(heights[k], heights[k - 1] + least)
+    heights[-1:] = [min(height, 1.0) for height in heights[-1:]]
+    for k in range(len(names) - 2, -1, -1):
+        heights[k] = min(heights[k], heights[k + 1] - least)
+    for name, y in zip(names, heights, strict=True):
+        axes.text(
+            1.02, y, name, transform=axes.transAxes, color=colours[name], fontsize=7, va="center"
+        )
 
 
 def draw_over_time(experiment: Experiment, path: Path) -> None:
@@ -237,22 +251,20 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Colle
 def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -> None:
     """Draw the interquartile means with their intervals, and the performance profiles.
 
-    There is a panel of means for each problem. The panel of all problems and the profiles have the
-    methods with runs on each. Colours are those of `draw_over_clock`.
+    There is a panel of means for each problem; that of all problems has the methods with runs on
+    each. Colours are those of `draw_over_clock`.
     """
     overview: list[str | None] = [None] if len(experiment.problems) > 1 else []
     problems = [*overview, *experiment.problems]
     methods = experiment.rank(first)
     lines = plot_style.method_lines(methods)
-    complete = [name for name in methods if name in experiment.complete_methods]
     figure, panels = plot_style.new_panels(
-        len(problems) + 1, ACROSS, (4.6, 2.9), headline="Normalised scores at the end of the runs",
+        len(problems), ACROSS, (4.6, 2.9), headline="Normalised scores at the end of the runs",
         subtitle="interquartile means; 95 % intervals of five or more runs",
     )  # fmt: skip
-    profile = panels.pop(1)
     for problem, axes in zip(problems, panels, strict=True):
         names = experiment.rank((), problem)[::-1]
-        names = names if problem else [name for name in names if name in complete]
+        names = names if problem else [n for n in names if n in experiment.complete_methods]
         for y, name in enumerate(names):
             mean, colour = experiment.mean_score(name, problem), lines[name]["color"]
             if mean.interval is not None:
@@ -265,20 +277,7 @@ def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -
         axes.set_yticks(range(len(names)), names)
         axes.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
         axes.axvline(1.0, color=BEST_KNOWN, linestyle=":", linewidth=1)
-    for name in complete:
-        fraction = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
-        profile.plot(PROFILE_TARGETS, fraction.value, label=name, **lines[name])
-        if fraction.interval is not None:
-            colour = lines[name]["color"]
-            profile.fill_between(
-                PROFILE_TARGETS, *fraction.interval, color=colour, alpha=0.12, linewidth=0
-            )
-    plot_style.style(profile, "all scenes: fraction of runs with a higher score")
-    profile.set_ylim(0.0, 1.02)
-    profile.set_xlim(*ENDS)
-    profile.legend(loc="lower left", **plot_style.LEGEND)
-    for axes in (*panels, profile):
-        axes.set_xticks([0.0, 0.5, 1.0], ["uniform", "50 %", "best known"])
+        axes.set_xticks([0.0, 0.5, 1.0], ["0", "50 %", "100 %"])
         axes.set_xlabel("normalised score")
     plot_style.write_png(figure, path)
 

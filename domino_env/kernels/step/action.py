@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from domino_env.kernels.jit import always_inline, entry_point, internal
-from domino_env.kernels.step.batch import rules_of, uniform_of
+from domino_env.kernels.step.batch import kinds_of, rules_of, uniform_of
 
 SLOPE = 1.0  # derivative of the logarithm of a value with respect to its entry, at 0
 
@@ -117,10 +117,11 @@ def restock(batch, b, given):
     """Put all pieces back into the box, and draw the hand after `given` dominoes."""
     if batch.box.shape[1] == 0:
         return
+    kinds = kinds_of(batch, b)
     for k in range(batch.box.shape[1]):  # an assignment of arrays compiles messages of shapes
-        batch.box[b, k] = batch.kinds[1, k]
+        batch.box[b, k] = kinds[1, k]
     for n in range(given):
-        batch.box[b, nearest_kind(batch.kinds[0], batch.thickness[b, n + 1])] -= 1.0
+        batch.box[b, nearest_kind(kinds[0], batch.thickness[b, n + 1])] -= 1.0
     for j in range(given, min(given + rules_of(batch, b).hand, batch.order.shape[1])):
         batch.box[b, batch.order[b, j]] -= 1.0
 
@@ -128,7 +129,7 @@ def restock(batch, b, given):
 @always_inline
 def pieces_left(rules, batch, b):
     """Return the number of pieces in box and hand of environment b, and their thickness [m]."""
-    kinds, placed = batch.kinds[0], batch.episodes[b].placed
+    kinds, placed = kinds_of(batch, b)[0], batch.episodes[b].placed
     number, total = 0.0, 0.0
     for k in range(len(kinds)):
         number, total = number + batch.box[b, k], total + batch.box[b, k] * kinds[k]
@@ -197,9 +198,9 @@ def decode(action, rules, batch, b, n, distance, layout):
         if rules.hand > 0:
             k = take_from_hand(preferences, batch, b, n, rules.hand)
         else:
-            usual = nearest_kind(batch.kinds[0], uniform.thickness)
+            usual = nearest_kind(kinds_of(batch, b)[0], uniform.thickness)
             k = take_from_box(preferences, batch.box[b], usual)
-        thickness = batch.kinds[0, k]
+        thickness = kinds_of(batch, b)[0, k]
     elif rules.thickness_low < rules.thickness_high:
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         entry = action[len(action) - growths - 1]
@@ -238,9 +239,10 @@ def encode(rules, batch, b, spacing, n, distance, target, action):
         column -= 1
     low, high = thickness_bounds(rules, len(spacing) - n, distance)
     if kinds > 0:
-        least, largest = batch.kinds[0, 0], batch.kinds[0, kinds - 1]
+        sizes = kinds_of(batch, b)[0]
+        least, largest = sizes[0], sizes[kinds - 1]
         for k in range(kinds):
-            difference = abs(batch.kinds[0, k] - thickness) / (largest - least)
+            difference = abs(sizes[k] - thickness) / (largest - least)
             action[column + 1 - kinds + k] = 1.0 - 2.0 * min(difference, 1.0)
     elif rules.thickness_low < rules.thickness_high:
         action[column] = entry_for(thickness, low, high, uniform.thickness)

@@ -67,7 +67,7 @@ class Batch(NamedTuple):
     uniform: NDArray[np.record]  # (S, N) UNIFORM
     schedule: NDArray[np.float64]  # (S, N, 2) arrival times [s]; intervals, -1 to 1; or (S, 0, 2)
     closeness: NDArray[np.float32]  # (N, C) exp(-k / c) of k dominoes to an end, for C lengths c
-    kinds: NDArray[np.float64]  # (2, K) thicknesses of a stock, and numbers of pieces
+    kinds: NDArray[np.float64]  # (S, 2, K) thicknesses of a stock, and numbers of pieces
     box: NDArray[np.float64]  # (B, K) pieces of a stock that are still in the box; or (B, 0)
     order: NDArray[np.int16]  # (B, P) kinds of all pieces, those placed, in hand, to draw; (B, 0)
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
@@ -94,6 +94,12 @@ def rules_of(batch, b):
 def uniform_of(batch, b):
     """Return the uniform baseline (N,) of environment b."""
     return batch.uniform[batch.scene[b]]
+
+
+@always_inline
+def kinds_of(batch, b):
+    """Return thicknesses [m] and numbers of pieces (2, K) of the stock of environment b."""
+    return batch.kinds[batch.scene[b]]
 
 
 @always_inline

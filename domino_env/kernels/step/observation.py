@@ -6,7 +6,7 @@ from domino_env.kernels.arrays import PROPAGATED, record_type
 from domino_env.kernels.ground import height_and_slope as ground_at
 from domino_env.kernels.ground import piece_at
 from domino_env.kernels.jit import always_inline, internal
-from domino_env.kernels.step.batch import OVER, rules_of, schedule_of, uniform_of
+from domino_env.kernels.step.batch import OVER, kinds_of, rules_of, schedule_of, uniform_of
 
 # sizes at which these parts are clipped
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0
@@ -133,13 +133,14 @@ def observe(batch, b, layout, observation):
         grown = math.log(layout.height[placed] / layout.height[0])
         observation[start.height] = min(grown / most, 1.0) if most > 0.0 else 0.0
     if start.hand >= 0:
-        for k in range(batch.kinds.shape[1]):
+        for k in range(batch.box.shape[1]):
             observation[start.hand + k] = 0.0
         for j in range(placed, min(placed + rules.hand, batch.order.shape[1])):
             observation[start.hand + batch.order[b, j]] += 1.0 / rules.hand
     if start.stock >= 0:
-        for k in range(batch.kinds.shape[1]):
-            observation[start.stock + k] = batch.box[b, k] / max(batch.kinds[1, k], 1.0)
+        kinds = kinds_of(batch, b)
+        for k in range(batch.box.shape[1]):
+            observation[start.stock + k] = batch.box[b, k] / max(kinds[1, k], 1.0)
     observation[start.placed] = placed / pairs
     for j in range(batch.closeness.shape[1]):
         observation[start.near_start + j] = batch.closeness[placed, j]

@@ -9,7 +9,7 @@ from msgspec import Meta
 from domino_env.core.models import LARGEST, Number, Table, about, read_model
 
 Place = tuple[str, str]
-"""Table and key of a number in a scene's file."""
+"""Table and key of a number in a scene's file, "thickness[0]" for the first one of a list."""
 
 COUNT, PUSH = ("row", "count"), ("physics", "push")
 SCALABLE_PLACES = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
@@ -71,8 +71,11 @@ def read_ranges(document: dict[str, Any]) -> dict[Place, Range]:
     ranges: dict[Place, Range] = {}
     for table, key in _find_ranges(document):
         place, name = (table, key), f"{table}.{key}"
-        ranges[place] = sampled = read_model(Range, document[table][key], name)
-        if sampled.of is not None and (place not in SCALABLE_PLACES or "of" in document[table]):
+        ranges[place] = sampled = read_model(Range, entries(document[table])[key], name)
+        is_size = place in SCALABLE_PLACES or (table == "stock" and key.startswith("thickness["))
+        if table == "stock" and not is_size:
+            raise ValueError(f"{name}: only thicknesses may have ranges; give one number")
+        if sampled.of is not None and (not is_size or "of" in document[table]):
             raise ValueError(
                 f"{name}.of = 'height': only for a push or metres along the chain; leave it out"
             )
@@ -99,8 +102,25 @@ def fill_in(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, 
     """Return the document of a scene, with numbers in place of the ranges."""
     tables = {key: dict(x) if isinstance(x, dict) else x for key, x in document.items()}
     for (table, key), value in numbers.items():
-        tables[table][key] = int(value) if (table, key) == COUNT else value
+        name, _, index = key.rstrip("]").partition("[")
+        if index:
+            tables[table][name] = list(tables[table][name])
+            tables[table][name][int(index)] = value
+        else:
+            tables[table][key] = int(value) if (table, key) == COUNT else value
     return tables
+
+
+def entries(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a table by key; those of a list by "key[0]", "key[1]", …."""
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        values |= (
+            {f"{key}[{i}]": x for i, x in enumerate(value)}
+            if isinstance(value, list)
+            else {key: value}
+        )
+    return values
 
 
 def _find_ranges(document: dict[str, Any]) -> list[Place]:
@@ -109,6 +129,6 @@ def _find_ranges(document: dict[str, Any]) -> list[Place]:
         (name, key)
         for name, table in document.items()
         if isinstance(table, dict)
-        for key, value in table.items()
+        for key, value in entries(table).items()
         if isinstance(value, dict)
     ]

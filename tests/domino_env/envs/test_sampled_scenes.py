@@ -44,6 +44,27 @@ def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
         np.testing.assert_allclose(rewards_again, same_rewards, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["varied-draw", "varied-tempo"])
+def test_random_episodes_in_sampled_scenes_are_those_of_the_same_fixed_scenes(name):
+    """Every environment has its own box or schedule."""
+    scenes = de.load_test_set(name, "validation")[:3]
+    env, actions = de.DominoChainVector(3, name), actions_of(de.DominoChain(scenes[0]), 0)
+    env.reset(seed=[5, 6, 7], options={"scene": scenes})
+    infos = [{} for _ in scenes]
+    rewards, k = np.zeros((3, 40)), 0
+    while not all(infos):
+        action = np.tile(actions(k), (3, 1))
+        _, rewards[:, k], ended, info = env.advance(action)
+        for j, b in enumerate(np.flatnonzero(ended)):
+            infos[b] = infos[b] or {key: info[key][j] for key in ("layout", "score")}
+        k += 1
+    for b, scene in enumerate(scenes):
+        _, _, alone, info = play(de.DominoChain(scene), actions, seed=5 + b)
+        np.testing.assert_allclose(rewards[b, : len(alone)], alone, rtol=0.0, atol=1e-9)
+        np.testing.assert_array_equal(infos[b]["layout"].thickness, info["layout"].thickness)
+        assert infos[b]["score"] == pytest.approx(info["score"], rel=1e-12)
+
+
 def test_features_of_the_sampled_scene_are_observed():
     env = de.DominoChain(SMALL)
     for seed in range(20):

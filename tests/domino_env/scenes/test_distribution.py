@@ -8,7 +8,7 @@ from sampled_scenes import TEXT, small_scenes
 
 import domino_env as de
 from domino_env.scenes import distribution
-from domino_env.scenes.pool import ScenePool
+from domino_env.scenes.pool import ScenePool, load_test_set
 from domino_env.scenes.uniform import best_point
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
@@ -24,8 +24,11 @@ def test_stored_scenes_are_valid_and_equal_to_newly_sampled_ones(name):
     drawn_from = de.load_distribution(name)
     written = de.SceneDistribution(tomllib.loads(drawn_from.to_toml()), "another")
     assert written == drawn_from
-    scenes = de.load_test_set(name)
-    assert len(scenes) == len(set(scenes)) == 200
+    is_random = name in ("varied-draw", "varied-tempo")
+    tests, validation = (load_test_set(name, kind) for kind in ("test", "validation"))
+    assert (len(tests), len(validation)) == ((100, 50) if is_random else (200, 100))
+    scenes = [*tests, *validation]
+    assert len(set(scenes)) == len(scenes)
     for scene in scenes:
         assert out_of_range(drawn_from, scene) == 0
     assert scenes[0].uniform().score > 0.0
@@ -46,6 +49,22 @@ def test_scenes_with_a_stock_are_sampled():
     scene = de.DominoChain(drawn_from).reset(seed=0)[1]["scene"]
     assert scene.stock == de.load_scene("stock").stock
     assert 0.1 <= scene.physics.friction <= 0.4
+
+
+def test_thicknesses_of_a_box_and_the_schedule_are_sampled():
+    for name, places in (
+        ("varied-draw", {"stock thickness[0]", "stock thickness[2]"}),
+        ("varied-tempo", {"tempo from", "tempo to"}),
+    ):
+        drawn_from = de.load_distribution(name)
+        scenes = [drawn_from.sample(seed) for seed in range(2)]
+        assert places < set(drawn_from.features)
+        for scene in scenes:
+            again = drawn_from.scene(drawn_from.numbers(scene), scene.name)
+            assert again.document() == scene.document()
+        assert scenes[0].settings != scenes[1].settings or scenes[0].stock != scenes[1].stock
+        with pytest.raises(ValueError, match="differs from those of"):
+            drawn_from.numbers(scenes[0].replace(density=900.0))
 
 
 def test_numbers_of_the_test_set_beyond_the_ranges_are_out_of_range():
@@ -90,6 +109,8 @@ def test_a_scene_has_the_numbers_it_was_made_from():
     ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': only for"),
     ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
     ("0.012}", '0.012, min_ratio = 1, of = "height"}', "give `of` in both min and max"),
+    ("[thickness]", "[stock]\ncount = [{min = 3, max = 9}]\n[thickness]",
+     r"stock.count\[0\]: only thicknesses may have ranges"),
 ])  # fmt: skip
 def test_invalid_ranges_are_rejected(old, new, words):
     assert old in TEXT

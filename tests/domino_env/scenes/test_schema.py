@@ -7,6 +7,7 @@ import jsonschema
 import pytest
 
 import domino_env as de
+from domino_env.core.results import revision, versions
 from domino_env.scenes.io.reading import DISTRIBUTIONS, SCHEMA, scene_from_document
 
 SHIPPED = sorted([*SCHEMA.parent.glob("*.toml"), *DISTRIBUTIONS.glob("*.toml")])
@@ -18,6 +19,12 @@ def test_the_shipped_schema_is_up_to_date(script):
     made = script("docs/shipped_scenes.py").scene_schema()
     assert made == KEPT, "run `python docs/shipped_scenes.py`"
     jsonschema.Draft202012Validator.check_schema(KEPT)
+
+
+def test_the_revision_of_the_environments_is_up_to_date(script):
+    """It differs if scenes, observations or rewards do, and then earlier results do not compare."""
+    made = script("docs/shipped_scenes.py").compute_revision()
+    assert made == revision() == versions()["revision"], "run `python docs/shipped_scenes.py`"
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
