@@ -59,8 +59,8 @@ class EpisodeResults:
 
     def __init__(self, baselines: Baselines, batch: Batch, envs: NDArray[np.intp]) -> None:
         episodes, scenes = batch.episodes[envs], batch.scene[envs]
-        rules, uniform = batch.rules[scenes], baselines.results[scenes]
-        self._scenes, self._rtol = baselines.scenes[scenes], float(rules["rtol"][0])
+        rules, uniform = batch.rules, baselines.results  # by scene; whole records are read slowly
+        self._scenes, self._rtol = baselines.scenes[scenes], float(rules["rtol"][scenes[0]])
         self._are_sampled = len(batch.rules) > 1
         # entries beyond the placed dominoes are not used
         self._placed: list[int] = episodes["placed"].tolist()
@@ -73,16 +73,19 @@ class EpisodeResults:
         is_cut = episodes["phase"] == RUNNING  # the dominoes placed so far have all been hit
         is_uniform = episodes["as_uniform"] & ~is_cut
         hits = episodes["placed"] + 1
-        self.reach[is_cut] = (hits / (rules["count"] + rules["run_out"]))[is_cut]
+        if is_cut.any():
+            row_count = rules["count"][scenes] + rules["run_out"][scenes]
+            self.reach[is_cut] = (hits / row_count)[is_cut]
         self._simulate(np.flatnonzero(episodes["uncertain"] & ~is_uniform).tolist())
         if is_uniform.any():
-            self.score[is_uniform] = uniform["score"][is_uniform]
-            self.outcome[is_uniform] = uniform["outcome"][is_uniform]
-            self.reach[is_uniform] = uniform["reach"][is_uniform]
-        baseline, sums = uniform["score"], episodes["reward_sum"]
-        self.gain = self._gain(baseline, rules["score_unit"])
+            same = scenes[is_uniform]
+            self.score[is_uniform] = uniform["score"][same]
+            self.outcome[is_uniform] = uniform["outcome"][same]
+            self.reach[is_uniform] = uniform["reach"][same]
+        baseline, sums = uniform["score"][scenes], episodes["reward_sum"]
+        self.gain = self._gain(baseline, rules["score_unit"][scenes])
         # without an expected gain, a failure returns less than every success
-        expected = np.where(rules["rewards_steps"], np.minimum(sums, 0.0), -100.0)
+        expected = np.where(rules["rewards_steps"][scenes], np.minimum(sums, 0.0), -100.0)
         failure = expected - LEAST_LOSS * (1.0 - self.score)
         has_failed = (self.score <= 0.0) & (baseline > 0.0)
         self.last_rewards = np.where(has_failed, failure, 100.0 * self.gain) - sums

@@ -383,7 +383,7 @@ def test_a_copy_is_independent(kind, copied):
     env = kind(scene="gentle")
     env.reset(seed=1)
     rng = np.random.default_rng(0)
-    for _ in range(0 if kind is de.DominoLayout else 5):
+    for _ in range(0 if env.longest_episode == 1 else 5):
         env.step(rng.uniform(0.0, 1.0, env.action_space.shape))
     twin = copied(env)
     action = rng.uniform(0.0, 1.0, env.action_space.shape)

@@ -16,7 +16,7 @@ import domino_env as de
 from domino_env.envs import ENVIRONMENTS
 from domino_env.envs.arguments import as_scene, plain_argument
 
-CHAIN, LAYOUT = ENVIRONMENTS
+CHAIN, LAYOUT = [*ENVIRONMENTS][:2]
 NUMBERS = {"score", "gain", "outcome"}
 SAMPLED = small_scenes()
 
