@@ -133,7 +133,7 @@ def _read_run(line: dict[str, str]) -> TaskResult:
         "seed": (FIRST_SEED, 2**32 - 1), "uniform": (0.0, math.inf), "score": (-1.0, math.inf),
         "normalised_score": (-math.inf, math.inf), "processor_seconds": (0.0, math.inf),
     } | dict.fromkeys(WORK, (0, math.inf))  # fmt: skip
-    values = {}
+    values: dict[str, Any] = {}
     for name, (low, high) in ranges.items():
         kind = int if name in ("seed", *WORK) else float
         try:

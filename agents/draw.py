@@ -140,7 +140,7 @@ def fit_gaps(scene: Scene, coefficients: Floats, *, reacts: bool = True) -> Floa
     """
     require_choices(scene)
     pairs, knots = scene.count - 1, np.cumsum(KNOTS)[:-1]
-    position = _position(np.arange(pairs), pairs)
+    position = _position(np.arange(pairs, dtype=np.float64), pairs)
     sizes = np.zeros((pairs, 2))
     sizes[:, 1] = _interpolate(position, coefficients[: knots[0]])
     env = DominoChainVector(len(SELECTION_SEEDS), scene)
