@@ -56,7 +56,7 @@ SEEDS = 10
 FIRST_SEED = 100  # hyperparameters were chosen with smaller seeds
 ENVIRONMENT = "DominoChain-v2"  # its version fixes rewards, observations and scenes
 TRAININGS = Path("runs/benchmark")  # one folder for each training of an algorithm of `domino train`
-TEST_SEEDS = EVALUATION_SEEDS[:32]  # of episodes in each random scene of a test set
+EPISODES = 32  # in each random scene of a test set
 SEARCH_TIME_RATIO = 0.04  # time limit of each search in a test set over that in a single scene
 TRACE_POINTS = 60  # entries of the trace of searches in a test set, and in the table of runs
 COLUMNS = (  # of the file of the runs
@@ -145,7 +145,7 @@ class BenchmarkTask(Task):
         if is_learner(self.method):
             policy, trace, work = self._train()
             if isinstance(target, SceneDistribution) and is_random(target):
-                gains = evaluate_gains(policy.policy, target, scenes, TEST_SEEDS)
+                gains = evaluate_gains(policy.policy, target, scenes, EPISODES, EVALUATION_SEEDS[0])
                 trace["score"][-1] = gain = float(np.median(np.maximum(gains, STOPPED_GAIN)))
                 return self.make_result(trace, gain, 0.0, gain, None, **work)
             rollouts = [policy.build(scene) for scene in scenes]

@@ -242,8 +242,8 @@ def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
     whole = replace(experiment, results=tuple(learners))
     parts = []
     for earlier, budget in pairwise((0, *BUDGETS)):
-        shortest = {m: min(run.work["steps"] for run in whole.runs(m)) for m in whole.methods}
-        runs = [run for run in learners if shortest[run.method] > earlier]
+        # trainings for an earlier budget may exceed it by the rest of a rollout
+        runs = [run for run in learners if run.work["steps"] > 2 * earlier]
         part = replace(whole, results=tuple(runs)).until("steps", budget)
         if part.results:
             parts.append((f"Trainings until {budget:,} steps:", part))
@@ -261,10 +261,19 @@ def tables(experiment: Experiment) -> list[str]:
 
 
 def table(experiment: Experiment) -> list[str]:
-    """Return a Markdown table: a line for each algorithm, with its mean score on each scene."""
+    """Return a Markdown table: a line for each algorithm, with its mean score on each scene.
+
+    Means over scenes are over those on which all algorithms have runs; if there is none, over those
+    of each algorithm.
+    """
     lines = []
-    for name in experiment.rank(()):
-        runs, scores = experiment.runs(name), experiment.final_scores(name)
+    shared = set(experiment.problems)
+    for name in experiment.methods:
+        shared &= {run.problem for run in experiment.runs(name)}
+    common = [run for run in experiment.results if run.problem in shared or not shared]
+    compared = replace(experiment, results=tuple(common))
+    for name in compared.rank(()):
+        runs, scores = experiment.runs(name), compared.final_scores(name)
         counts = sorted({len(experiment.runs(name, scene)) for scene in {r.problem for r in runs}})
         cells = (
             f"{float(experiment.mean_score(name, scene).value):.0%}"

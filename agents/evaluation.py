@@ -138,7 +138,8 @@ def evaluate_gains(
     policy: Policy,
     distribution: SceneDistribution,
     scenes: Sequence[Scene],
-    seeds: range = SELECTION_SEEDS[:EPISODES],
+    episodes: int = EPISODES,
+    first_seed: int = SELECTION_SEEDS[0],
 ) -> Floats:
     """Return the gains of the layouts that a policy builds in a batch of scenes.
 
@@ -152,8 +153,11 @@ def evaluate_gains(
         The scene distribution of the training.
     scenes
         S scenes of this distribution; their sampled numbers may be outside its ranges.
-    seeds
-        Seeds of the episodes in each scene, if they are random.
+    episodes
+        Number of episodes in each scene, if they are random.
+    first_seed
+        Seed of the first of these episodes; the others have the seeds after it, so that scenes do
+        not share what is random.
 
     Returns
     -------
@@ -163,10 +167,10 @@ def evaluate_gains(
     if not is_random(distribution):
         env, options = DominoChainVector(len(scenes), distribution), {"scene": list(scenes)}
         return np.array(last_infos(policy, env, "gain", options=options))
-    options = {"scene": [scene for scene in scenes for _ in seeds]}
+    options = {"scene": [scene for scene in scenes for _ in range(episodes)]}
     env = DominoChainVector(len(options["scene"]), distribution)
-    scores = last_infos(policy, env, "score", seed=[*seeds] * len(scenes), options=options)
-    means = np.reshape(scores, (-1, len(seeds))).mean(axis=1)
+    scores = last_infos(policy, env, "score", seed=first_seed, options=options)
+    means = np.reshape(scores, (-1, episodes)).mean(axis=1)
     return gains_over(scenes, means, np.array([scene.uniform().score for scene in scenes]))
 
 

@@ -225,7 +225,8 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Colle
     """
     panels: dict[str, dict[str, Curve]] = {}
     complete = set(experiment.complete_methods)
-    overview = [None] if len(experiment.problems) > 1 else []  # None for all problems
+    # None for all problems, if several methods have runs on each
+    overview = [None] if len(experiment.problems) > 1 and len(complete) > 1 else []
     for problem, method in product([*overview, *experiment.problems], experiment.methods):
         if experiment.runs(method, problem) and (problem or method in complete):
             times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
@@ -254,7 +255,8 @@ def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -
     There is a panel of means for each problem; that of all problems has the methods with runs on
     each. Colours are those of `draw_over_clock`.
     """
-    overview: list[str | None] = [None] if len(experiment.problems) > 1 else []
+    several = len(experiment.problems) > 1 and len(experiment.complete_methods) > 1
+    overview: list[str | None] = [None] if several else []
     problems = [*overview, *experiment.problems]
     methods = experiment.rank(first)
     lines = plot_style.method_lines(methods)
