@@ -60,7 +60,8 @@ def race() -> Iterator[Image.Image]:
         f"Sixty dominoes, then the same forty: {gain:.1%} faster over {1e3 * row.length:.0f} mm"
     )
     scale = Scale.fitting(row.length, scene.height, WIDTH, STRIP_HEIGHT)
-    gaps = draw_gaps(row, equal.spacing[0], scale, "better gaps", best.spacing.max())
+    designed, highest = best.count - 1, best.spacing.max()
+    gaps = draw_gaps(row, equal.spacing[0], scale, "better gaps", highest, designed=designed)
     for image in frames(compared, RACE_RATE, SLOW, WIDTH, heading):
         yield stack_strips([image, gaps])
 
@@ -142,7 +143,13 @@ def placements(
 
 
 def draw_gaps(
-    layout: Layout, equal: float, scale: Scale, name: str, highest: float, latest: int = -1
+    layout: Layout,
+    equal: float,
+    scale: Scale,
+    name: str,
+    highest: float,
+    latest: int = -1,
+    designed: int | None = None,
 ) -> Image.Image:
     """Draw the gaps of a layout at their places, as a panel below a strip that does not move.
 
@@ -160,6 +167,8 @@ def draw_gaps(
         Largest gap of all panels of an animation [m].
     latest
         Index of a gap that is drawn larger; -1 for none.
+    designed
+        Number of gaps beside which the line of the uniform baseline is drawn; None for the width.
 
     Returns
     -------
@@ -173,8 +182,9 @@ def draw_gaps(
     levels = np.arange(0.0, highest, 0.02 if highest > 0.03 else 0.01)  # of the grid [m]
     for level in levels:
         draw.line([(0, base - level * rise), (w, base - level * rise)], fill=PALE)
-    draw.line([(0, base - equal * rise), (w, base - equal * rise)], fill=INK, width=ZOOM)
     x = left_end(layout, scale) * ZOOM + layout.positions * k
+    ends = (0.0, w) if designed is None else (float(x[0]), float(x[designed]))
+    draw.line([(end, base - equal * rise) for end in ends], fill=INK, width=ZOOM)
     heights = base - layout.spacing * rise
     points = [(float(a), float(b)) for a, b in zip(0.5 * (x[:-1] + x[1:]), heights, strict=True)]
     draw.line(points, fill=FALLEN_COLOUR, width=ZOOM, joint="curve")

@@ -365,8 +365,8 @@ def _require_pattern(sounds: _Sounds, model: _Model, fit: _Fit, seconds: float) 
     count = model.layout.count
     if heard[0] >= SILENT or hits[0] < 0.0:
         raise ValueError(
-            f"the recording begins after the push: the first hit heard is that of domino "
-            f"{heard[0] + 1} of {count}; record the whole chain"
+            "the recording begins after the push, or is of another layout: the first hit heard is "
+            f"that of domino {heard[0] + 1} of {count}; record the whole chain"
         )
     if heard[-1] + 1 <= count - 1 - SILENT or hits[-1] > seconds:
         raise ValueError(

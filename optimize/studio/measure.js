@@ -334,7 +334,7 @@ function requirePattern(sounds, model, fit, seconds) {
   if (heard.length < LEAST_HITS) fail(NO_PATTERN);
   const [first, last] = [heard[0], heard.at(-1)], part = fit.times.subarray(first, last + 2);
   if (contrast(sounds, part, fit.scale, seconds) < CHANCE || heard.length < LEAST_HEARD * (part.length - 1)) fail(NO_PATTERN);
-  if (first >= SILENT || hits[0] < 0) fail(`the recording begins after the push: the first hit heard is that of domino ${first + 1} of ${count}; record the whole chain`);
+  if (first >= SILENT || hits[0] < 0) fail(`the recording begins after the push, or is of another layout: the first hit heard is that of domino ${first + 1} of ${count}; record the whole chain`);
   if (last + 1 <= count - 1 - SILENT || hits.at(-1) > seconds) {
     fail(`the last hit heard is that of domino ${last + 1} of ${count}: the chain stopped there, or the recording was cut; only whole chains can be measured`);
   }
