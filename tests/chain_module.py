@@ -13,7 +13,6 @@ from wasmtime import _bindings as bindings
 
 import domino_env as de
 from domino_env.kernels import arrays
-from domino_env.physics.motion import PIECES
 from optimize.studio.wasm.build import MATHS, MODULE
 
 NO_FINALIZER = ctypes.CFUNCTYPE(None, ctypes.c_void_p)()
@@ -83,12 +82,6 @@ class Chain:
         parts = layout.count, int(not layout.is_flat), table(layout), setting(physics)
         self.call("pullback", *parts, tape, summary.event_count, bar, bars, by_physics)
         return bars, by_physics
-
-    def motion(self, layout: de.Layout, physics: de.Physics) -> Any:
-        """Return the samples of all falls."""
-        samples = np.zeros((layout.count, PIECES + 1), arrays.SNAPSHOT)
-        parts = layout.count, int(not layout.is_flat), table(layout), setting(physics)
-        return samples[: self.call("motion", *parts, samples)]
 
 
 def table(layout: de.Layout) -> Any:
