@@ -57,7 +57,7 @@ lowest newest:
 
 compat: $(VENV)/.dev
 	$(PIP) --group compat
-	$(BIN)/python -m pytest -n 2 tests/compat.py tests/domino_env/envs/test_interfaces.py
+	$(BIN)/python -m pytest -n 2 tests/compat.py
 
 bench: $(VENV)/.core
 	$(BIN)/python -m benchmarks

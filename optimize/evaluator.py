@@ -259,19 +259,12 @@ class Evaluator:
 
     # evaluation ---------------------------------------------------------------------------------
 
-    def evaluate(
-        self,
-        designs: Floats,
-        gradient: bool = False,
-        *,
-        rtol: float | None = None,
-        relaxed: bool = False,
-    ) -> Scores:
+    def evaluate(self, designs: Floats, gradient: bool = False) -> Scores:
         """Simulate design vectors and score them.
 
         Parameters
         ----------
-        designs, gradient, rtol, relaxed
+        designs, gradient
             See `Problem.evaluate`.
 
         Returns
@@ -292,7 +285,6 @@ class Evaluator:
         if not len(designs):
             raise ValueError("no designs are given: evaluate one or more")
         results: list[Scores] = []
-        rtol = self.problem.rtol if rtol is None else rtol
         # the same chunks with and without an executor: no result may depend on it
         size = max(1, self._chunk // GRADIENT_COST) if gradient else self._chunk
         batch = size if gradient or self._executor is None else self.batch_size
@@ -302,7 +294,7 @@ class Evaluator:
                 self.require_more()
                 end = start + int(min(batch, len(designs) - start, self.remaining))
                 chunks = [designs[i : min(i + size, end)] for i in range(start, end, size)]
-                outputs = self._evaluate(chunks, gradient, rtol, relaxed)
+                outputs = self._evaluate(chunks, gradient)
                 try:
                     for chunk, scores in zip(chunks, outputs, strict=True):
                         self._count(scores)
@@ -401,17 +393,15 @@ class Evaluator:
             self.falls += shorter.falls
         self.require_more()
 
-    def _evaluate(
-        self, chunks: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
-    ) -> Iterator[Scores]:
+    def _evaluate(self, chunks: Sequence[Floats], gradient: bool) -> Iterator[Scores]:
         """Yield the scores of one chunk after the other, from the journal if it has them."""
-        kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
+        kind = "gradient" if gradient else f"scores {self.problem.rtol}"
         chunks = list(chunks)
         results: Iterator[Scores]
         while chunks and (arrays := self._replay(kind, chunks[0])) is not None:
             chunks.pop(0)
             yield Scores(*arrays)
-        evaluate = partial(self.problem.evaluate, gradient=gradient, rtol=rtol, relaxed=relaxed)
+        evaluate = partial(self.problem.evaluate, gradient=gradient)
         with loss_as_error():
             if self._executor is None or len(chunks) < 2:
                 results = (evaluate(chunk, stop=self._stop) for chunk in chunks)

@@ -92,13 +92,7 @@ class Problem:
         self.dominoes = scene.row_count * scene.scoring.cost
 
     def evaluate(
-        self,
-        designs: Floats,
-        gradient: bool = False,
-        *,
-        rtol: float | None = None,
-        relaxed: bool = False,
-        stop: Callable[[], bool] | None = None,
+        self, designs: Floats, gradient: bool = False, *, stop: Callable[[], bool] | None = None
     ) -> Scores:
         """Simulate design vectors and score them; higher is better.
 
@@ -111,13 +105,8 @@ class Problem:
         designs
             (n,) a design vector, or (B, n) a batch.
         gradient
-            True to compute gradients too.
-        rtol
-            Relative error allowed in the arrival times, 1e-13 to 1e-3; None for that of the
-            problem. Gradients always use 1e-8.
-        relaxed
-            True to treat values from the stock as continuous in gradients; otherwise these
-            derivatives are 0.
+            True to compute gradients too, with a relative error of 1e-8 allowed in the arrival
+            times. Derivatives with respect to values from the stock are 0.
         stop
             Function that returns True to stop a simulation on a floor; None to run it to its end.
 
@@ -136,12 +125,11 @@ class Problem:
         checked = self.check(designs)
         single, designs = np.ndim(designs) == 1, checked
         values = self.values(designs)
-        rtol = GRADIENT_RTOL if gradient else self.rtol if rtol is None else rtol
-        scores = self.scene.evaluate(
-            self.scene.batch(*self.space.sizes(values), rtol), gradient, stop
-        )
+        rtol = GRADIENT_RTOL if gradient else self.rtol
+        batch = self.scene.batch(*self.space.sizes(values), rtol)
+        scores = self.scene.evaluate(batch, gradient, stop)
         if scores.gradient is not None:
-            gradients = self.design_gradient(designs, values, scores.gradient, relaxed=relaxed)
+            gradients = self.design_gradient(designs, values, scores.gradient)
             scores = replace(scores, gradient=gradients)
         return scores.squeeze() if single else scores
 
@@ -226,9 +214,7 @@ class Problem:
         """Return the values (B, P, N-1) of design vectors (B, n), after the rules are applied."""
         return self.space.project(self._targets(designs))
 
-    def design_gradient(
-        self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
-    ) -> Floats:
+    def design_gradient(self, designs: Floats, values: Floats, gradient: ScoreGradient) -> Floats:
         """Convert derivatives of scores to derivatives with respect to the design vectors.
 
         Parameters
@@ -239,17 +225,16 @@ class Problem:
             (B, P, N-1) their values, see `values`.
         gradient
             Derivatives with respect to the sizes.
-        relaxed
-            True to treat values from the stock as continuous; otherwise their derivative is 0,
-            because they do not change when a design vector changes a little.
 
         Returns
         -------
         ndarray
             (B, n) derivatives; where the rules bind, those of the nearest layout that keeps them.
+            Values from the stock have derivatives of 0, because they do not change when a design
+            vector changes a little.
         """
         by_value = self.space.sizes_vjp(values, gradient)
-        by_target = self.space.project_vjp(by_value, self._targets(designs), values, relaxed)
+        by_target = self.space.project_vjp(by_value, self._targets(designs), values)
         return np.asarray(by_target.reshape(designs.shape) * (self.high - self.low))
 
     def check(self, designs: ArrayLike, *, unbounded: bool = False) -> Floats:

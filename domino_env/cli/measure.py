@@ -33,11 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recordings", metavar="RECORDING", nargs="*", type=Path, help="recordings")
     for name, first, text in (
         ("layout", "LAYOUT", "layout file, .csv or .json, and its recordings"),
-        (
-            "uniform",
-            "COUNT,PITCH",
-            "number of dominoes and pitch [mm] of equal gaps, recordings",
-        ),
+        ("uniform", "COUNT,PITCH", "number of dominoes and pitch [mm] of equal gaps, recordings"),
     ):
         parser.add_argument(
             f"--{name}", nargs="+", action="append", metavar=(first, "RECORDING"), default=[],

@@ -172,10 +172,8 @@ class DominoLayoutVector(DominoChainVector):
         share_evenly(place_batch, self.num_envs, MIN_PER_THREAD, self._batch, ended, placements)
         if scene.length is not None:  # the nearest layouts of this length
             space, pairs = scene.space, scene.count - 1
-            gaps, thickness = (
-                self._batch.spacing[:, :pairs],
-                self._batch.thickness[:, 1:][:, :pairs],
-            )
+            gaps = self._batch.spacing[:, :pairs]
+            thickness = self._batch.thickness[:, 1 : 1 + pairs]
             gaps[:], thickness[:], _ = space.sizes(space.project(space.values(gaps, thickness)))
         rewards[envs], infos = self._end(envs)
         return observations, rewards, ended, infos

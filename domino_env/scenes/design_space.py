@@ -268,9 +268,7 @@ class DesignSpace:
             others[:] = summed.reshape(others.shape)
         return nearest
 
-    def project_vjp(
-        self, derivatives: Floats, targets: Floats, values: Floats, relaxed: bool = False
-    ) -> Floats:
+    def project_vjp(self, derivatives: Floats, targets: Floats, values: Floats) -> Floats:
         """Convert derivatives with respect to projected values to those by the targets.
 
         A given length ties all values; values at a bound do not move. If the targets are allowed
@@ -286,17 +284,12 @@ class DesignSpace:
             (B, P, N-1) values before the projection.
         values
             (B, P, N-1) their projection.
-        relaxed
-            True to return the derivatives unchanged with a stock, as if all values were continuous
-            and free.
 
         Returns
         -------
         ndarray
             (B, P, N-1) derivatives with respect to `targets`.
         """
-        if relaxed and self.kinds.size:
-            return derivatives
         is_discrete = self.is_discrete
         by_target = np.where(is_discrete, 0.0, derivatives)
         if self.total is None:

@@ -113,11 +113,8 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             spacing = add_errors(layouts.spacing, errors)
             drawn, errors = evaluate(replace(layouts, spacing=spacing), True), errors[:, None]
         is_free = layouts.spacing[:, None] + errors > LEAST_GAP  # False for gaps raised to it
-        by_draw = (
-            part.reshape(len(layouts), errors.shape[-2], layouts.count - 1)
-            for part in drawn.gradient
-        )
-        spacing, *others = by_draw
+        drawn_shape = len(layouts), errors.shape[-2], layouts.count - 1
+        spacing, *others = (part.reshape(drawn_shape) for part in drawn.gradient)
         parts = is_free * spacing, *others
         return scores.with_gradient(ScoreGradient(*(part.mean(axis=1) for part in parts)))
 

@@ -89,11 +89,8 @@ def read_compared(
         layout = read_layout(path, scene)
         require_drawable(one_line(str(path)), layout.count)
         name = one_line(path.resolve().name, MAX_NAME) if folder else layout_name(path)
-        wave, fitting, score = (
-            simulate(scene.row(layout) if scene else layout, physics),
-            scene,
-            None,
-        )
+        wave = simulate(scene.row(layout) if scene else layout, physics)
+        fitting, score = scene, None
         if scene and (violations := scene.violations(layout)):
             notice(f"{one_line(str(path))}: not a layout of scene '{scene.name}': {violations[0]}")
             fitting = None

@@ -110,10 +110,8 @@ def strip_svg(
             if label:
                 x, style = 0.5 * (rear[i] + front[i]) - begin, f'{ENGRAVED} text-anchor="middle"'
                 parts.append(_text(x, y + high - 4.0, label, style))
-    wide, total = (
-        _number(max(np.diff(cuts))),
-        _number(len(cuts) * (high + BETWEEN) - high - 2.0 * BETWEEN),
-    )
+    wide = _number(max(np.diff(cuts)))
+    total = _number(len(cuts) * (high + BETWEEN) - high - 2.0 * BETWEEN)
     size = f'width="{wide}mm" height="{total}mm" viewBox="0 0 {wide} {total}"'
     content = "\n".join(parts)
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{content}\n</svg>\n'

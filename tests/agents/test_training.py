@@ -71,29 +71,6 @@ def test_environments_keep_the_number_of_threads_of_torch():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
-def test_the_vector_environment_agrees_with_single_environments(sampled):
-    scene = small_scenes() if sampled else SMALL
-    batch, singles = DominoVecEnv(scene, 5), DummyVecEnv([lambda: de.DominoChain(scene)] * 5)
-    batch.seed(2)
-    singles.seed(2)
-    assert np.array_equal(batch.reset(), singles.reset())
-    rng, last = np.random.default_rng(0), "terminal_observation"
-    ended = 0
-    for _ in range(40):
-        actions = rng.uniform(-1.2, 1.2, (5, 1 + sampled)).astype(np.float32)
-        *answer, infos = batch.step(actions)
-        *single_answer, single_infos = singles.step(actions)
-        assert all(map(np.array_equal, answer, single_answer))
-        for b in np.flatnonzero(answer[2]):
-            info, expected = infos[b], single_infos[b]
-            assert np.array_equal(info[last], expected[last])
-            for key in ("score", "TimeLimit.truncated", "scene"):
-                assert info.get(key) == expected.get(key)
-            ended += 1
-    assert ended > 20
-
-
 def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor():
     options: dict[str, object] = {"window": 4, "rtol": 1e-5}
     batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)

@@ -91,17 +91,6 @@ def test_gradients_match_finite_differences(scenes, name):
     assert checked >= 10
 
 
-def test_pieces_of_a_stock_have_a_gradient_only_if_relaxed():
-    problem = Problem(RULED["stock"])
-    assert problem.space.is_discrete.sum() == 1
-    x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
-    exact, relaxed = (problem.evaluate(x, True, relaxed=relaxed) for relaxed in (False, True))
-    assert exact.score == relaxed.score > 0.0
-    assert np.all(exact.gradient[:, 8:] == 0.0)
-    assert np.all(relaxed.gradient[:, 8:] != 0.0)
-    assert np.array_equal(exact.gradient[:, :8], relaxed.gradient[:, :8])
-
-
 # searches ---------------------------------------------------------------------------------------
 
 

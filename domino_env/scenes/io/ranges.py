@@ -115,11 +115,10 @@ def entries(table: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a table by key; those of a list by "key[0]", "key[1]", …."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= (
-            {f"{key}[{i}]": x for i, x in enumerate(value)}
-            if isinstance(value, list)
-            else {key: value}
-        )
+        if isinstance(value, list):
+            values |= {f"{key}[{i}]": x for i, x in enumerate(value)}
+        else:
+            values[key] = value
     return values
 
 

@@ -228,27 +228,6 @@ def test_tensors_of_torch_take_infos_of_numbers(kind, mode):
     assert ends > 3
 
 
-@pytest.mark.filterwarnings("ignore::ResourceWarning")  # of Minari's temporary folder
-def test_minari_records_infos_of_numbers(tmp_path, monkeypatch):
-    minari = pytest.importorskip("minari")
-    pytest.importorskip("jax", reason="Minari's DataCollector needs jax")
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    env = gymnasium.make(CHAIN, scene=SMALL, info="numbers")
-    env = minari.DataCollector(env, record_infos=True, data_format="arrow")
-    gains = []
-    for seed in range(2):
-        env.reset(seed=seed)
-        over = False
-        while not over:
-            *_, over, _, info = env.step(env.action_space.sample())
-        gains.append(info["gain"])
-    with pytest.warns(UserWarning, match="None"):
-        env.create_dataset("small/random-v0")
-    recorded = [episode.infos["gain"] for episode in minari.load_dataset("small/random-v0")]
-    assert [values[-1] for values in recorded] == gains
-    assert all(len(values) == SMALL.count and not values[:-1].any() for values in recorded)
-
-
 # actions and options ------------------------------------------------------------------------------
 
 

@@ -1,15 +1,17 @@
-"""`kernels.js` and `ground.js` against Python: waves, motion, ground, floors and sentences."""
+"""`kernels.js`, `ground.js` and `chain.wasm` against Python: waves, motion, ground, sentences."""
 
 import math
 
 import numpy as np
 import pytest
+from golden_layouts import equal_layouts, odd_layouts, usual_layouts
 from page_modules import numbers, run_javascript, sizes
 from uneven_layouts import POINTS, uneven_layout
 
 import domino_env as de
 from domino_env.physics.motion import Motion
 from domino_env.rigid.simulation import simulate_standing
+from optimize.studio.wasm.build import MODULE, stamp_section
 
 FIELDS = {
     "arrivalTimes": "arrival_times", "releaseVelocity": "release_velocity",
@@ -29,6 +31,55 @@ LAYOUTS = [
 ]
 CASES = [(sizes(layout), numbers(physics)) for layout, physics in LAYOUTS]
 PARTS = [-0.1, 0.0, 0.21, 0.5, 0.77, 1.0, 1.5]  # of the duration of a motion
+
+
+def test_the_module_is_made_from_the_kernels_of_this_version():
+    assert MODULE.read_bytes().endswith(stamp_section()), "chain.wasm is old: run make wasm"
+
+
+def random_layouts():
+    """Return 500 pairs of layout and physics, of all kinds."""
+    rng = np.random.default_rng(60)
+    blocks = [
+        *(odd_layouts(rng, 10, None if k % 2 else 0.0) for k in range(12)),
+        *(usual_layouts(rng, 10, (0.25, 0.0, 0.6, 0.1)[k % 4]) for k in range(12)),
+        *(equal_layouts(rng, 10, (0.25, 0.0, 0.6, 0.1)[k % 4]) for k in range(8)),
+    ]
+    pairs = [(layout, physics) for _, physics, block in blocks for layout in block]
+    for seed in range(180):
+        physics = de.Physics(friction=rng.choice([0.0, 0.2, 0.5]), push=rng.uniform(2.0, 16.0))
+        pairs.append((uneven_layout(seed, int(rng.integers(2, 30)), seed % 3 == 0), physics))
+    return pairs
+
+
+def test_waves_and_gradients_of_random_layouts_equal_those_of_python():
+    cases, outcomes = [], set()
+    for layout, physics in random_layouts():
+        wave = de.simulate(layout, physics, gradient=True)
+        bar = np.where(np.isfinite(wave.arrival_times), np.linspace(0.5, 1.0, layout.count), 0.0)
+        cases.append((wave, bar))
+        outcomes.add(wave.outcome)
+    assert (len(cases), len(outcomes) >= 4) == (500, True)
+    answers = run_javascript(
+        """answer(data.map(([sizes, physics, bar]) => {
+          const { wave, ...bars } = kernels.gradient(layoutOf(sizes), physics, bar);
+          return { ...wave, bars };
+        }));""",
+        [(sizes(w.layout), numbers(w.physics), bar.tolist()) for w, bar in cases],
+    )
+    for (wave, bar), answer in zip(cases, answers, strict=True):
+        assert answer["outcome"] == wave.outcome.name
+        for name in ("hit", "toppled", "flushes", "releases"):
+            assert answer[name] == getattr(wave, name)
+        for name in ("arrivalTimes", "releaseVelocity", "impactVelocity"):
+            np.testing.assert_allclose(answer[name], getattr(wave, FIELDS[name]), rtol=1e-12)
+        margin = answer["stallMargin"]
+        np.testing.assert_allclose(margin, wave.stall_margin, rtol=1e-9, atol=1e-12)
+        expected = vars(wave.pullback(bar))
+        for name, values in answer["bars"].items():
+            known = expected[name]
+            slack = 1e-12 + 1e-9 * np.max(np.abs(known), initial=0.0)
+            np.testing.assert_allclose(values, known, rtol=1e-9, atol=slack)
 
 
 def test_waves_and_positions_have_the_values_and_sentences_of_python():
@@ -77,6 +128,7 @@ def test_free_standing_dominoes_are_those_of_python():
         (LAYOUTS[0][0], de.Physics(), 0.5),
         (LAYOUTS[0][0], de.Physics(), None),
         (uneven_layout(3, 6), de.Physics(push=14.0), 0.4),
+        (uneven_layout(3, 6), de.Physics(push=14.0), None),
         (LAYOUTS[2][0], de.Physics(push=0.5), 0.3),
     ]  # fmt: skip
     answers = run_javascript(
@@ -89,8 +141,8 @@ def test_free_standing_dominoes_are_those_of_python():
         for name in ("hit", "toppled", "propagated", "converged"):
             assert answer[name] == getattr(wave, name)
         assert answer["topples"] == wave.topples.tolist()
-        np.testing.assert_allclose(answer["arrivalTimes"], wave.arrival_times, rtol=1e-9)
-        np.testing.assert_allclose(answer["lean"], wave.lean, rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(answer["arrivalTimes"], wave.arrival_times, rtol=1e-12)
+        np.testing.assert_allclose(answer["lean"], wave.lean, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(answer["slid"], wave.slid, rtol=1e-5, atol=1e-9)
         np.testing.assert_allclose(answer["opened"], wave.opened, rtol=1e-5, atol=1e-9)
         assert answer["meanSpeed"] == pytest.approx(wave.mean_speed, rel=1e-9)

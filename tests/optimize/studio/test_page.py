@@ -184,12 +184,6 @@ def test_a_damaged_link_is_rejected(content: str | bytes) -> None:
         read_link(f"#design={content}")
 
 
-@pytest.mark.parametrize("name", ["sprint", "hills", "magnify", "stock"])
-def test_a_link_restores_scene_and_layout(name: str) -> None:
-    scene, layout = de.load_scene(name), best_known()[name].layout
-    assert read_link(make_link(scene, layout)) == (scene, layout)
-
-
 def test_the_command_keeps_the_page_and_a_notebook_shows_it(
     tmp_path: Path, output_of: Callable[..., str]
 ) -> None:

@@ -74,12 +74,6 @@ def test_the_search_begins_with_a_given_layout():
     assert answer["score"] == pytest.approx(best_known()["sprint"].score, rel=1e-6)
 
 
-def test_a_scene_that_is_not_searched_is_rejected_with_the_command_that_does():
-    document = de.load_scene("stock").document()
-    script = "await search(new Scene(kernels, data)).catch(({ message }) => answer(message));"
-    assert "domino optimize stock" in run_javascript(script, document)
-
-
 def test_the_worker_answers_messages_while_it_searches():
     """A search is stopped and keeps its best layout; errors are sentences."""
     sprint, stock = (de.load_scene(name).document() for name in ("sprint", "stock"))
