@@ -20,7 +20,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.baselines import Baselines
-from domino_env.envs.batch import SceneTables, piece_kinds
+from domino_env.envs.batch import SceneArrays, piece_kinds
 from domino_env.envs.catalogue import Catalogue, Generators
 from domino_env.envs.episodes import EpisodeResults, placed_layout
 from domino_env.envs.spaces import action_entries, check_actions
@@ -125,7 +125,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         limit = None if max_episode_steps == -1 else max_episode_steps  # -1 as in gymnasium.make
         require("max_episode_steps", limit, 1, whole=True, optional=True)
         self.catalogue = Catalogue(scene, num_envs, num_scenes, first_scene, hide)
-        self._tables = SceneTables(self.catalogue, rtol, window)
+        self._tables = SceneArrays(self.catalogue, rtol, window)
         self.num_envs, first = self.catalogue.num_envs, self.catalogue.first
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.VECTOR_MODES)
