@@ -30,6 +30,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave, simulate
 from domino_env.scenes.design_space import LENGTH_TOLERANCE
 from domino_env.scenes.distribution import SceneDistribution
+from domino_env.scenes.rules import SAME_THICKNESS
 from domino_env.scenes.scene import Scene
 
 Indices = NDArray[np.intp]  # (E,) indices of environments
@@ -37,7 +38,6 @@ Infos = dict[str, NDArray[Any]]
 
 MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 RTOL = 1e-6  # default relative error of the arrival times
-SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
 INFOS = ("all", "numbers")  # values of `info`
 CUT_INFOS = ("layout", "wave", "scene")  # keys of the infos of truncated episodes
 NO_OUTCOME = -1  # in place of an `Outcome`, before the end of an episode
@@ -326,7 +326,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
                 if given is not None:
                     kinds = self._tables.kinds[index, 0]
-                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_KIND)
+                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_THICKNESS)
                     order[env, : len(placed)] = placed
 
     def check_options(self, options: dict[str, Any] | None, *others: str) -> dict[str, Any]:
