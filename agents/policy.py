@@ -243,7 +243,8 @@ def find_environment(
     bounds
         See `ScenePolicy`.
     policy
-        The policy, whose actions show whether the same variables are free.
+        The policy. Its actions distinguish environments with equal observations, and show whether
+        the same variables are free.
 
     Raises
     ------
@@ -251,14 +252,19 @@ def find_environment(
         If there is none; the message has the arguments of an environment that explain the
         difference, if there are any.
     """
+    shape, alike = policy(np.zeros(bounds.shape[1], np.float32)).shape, list[Environment]()
     for environment in ENVIRONMENTS.values():
         with suppress(ValueError):  # it rejects such scenes
             if same_observations(bounds, observation_bounds(target, environment)):
-                return environment
+                if environment.make(target).action_space.shape == shape:
+                    return environment
+                alike.append(environment)
+    if alike:
+        return alike[0]
     expected = observation_bounds(target)
     first = target if isinstance(target, Scene) else target.first
     total = 0 if isinstance(target, Scene) else len(target.features)
-    same_variables = policy(np.zeros(bounds.shape[1], np.float32)).shape == (action_entries(first),)
+    same_variables = shape == (action_entries(first),)
     difference = ""
     for window, number in product(range(MAX_WINDOW + 1), range(MAX_FEATURES + 1)):
         space = ObservationLayout(first, window, number).space

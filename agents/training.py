@@ -127,7 +127,7 @@ def train(
     scene
         A scene or a scene distribution, the name of one, or the path of its file.
     algorithm
-        "apg", "ppo", "ars", "sac", "td3" or "tqc"; None for "ppo".
+        One of `agents.algorithms.ALGORITHMS`; None for "ppo".
     steps
         Least number of dominoes to place; None for that of the hyperparameters.
     seed

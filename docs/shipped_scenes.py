@@ -1,8 +1,8 @@
 """Write the files that ship with scenes: ``python docs/shipped_scenes.py``.
 
 Writes the JSON Schema of scene files, the uniform baselines of the shipped scenes and the revision
-of the environments; with names of distributions, ``python docs/shipped_scenes.py varied``, their
-pools, test and validation sets instead.
+of the environments; with ``--schema`` the JSON Schema alone; with names of distributions, ``python
+docs/shipped_scenes.py varied``, their pools, test and validation sets instead.
 """
 
 from __future__ import annotations
@@ -92,10 +92,14 @@ def _without_null(schema: Any) -> Any:
     return clean
 
 
-def write_scenes() -> None:
-    """Write the JSON Schema and the uniform baselines of the shipped scenes."""
+def write_schema() -> None:
+    """Write the JSON Schema of scene files."""
     schema = json.dumps(scene_schema(), indent=1, ensure_ascii=False)
     write_text(SCENES / "shipped" / SCHEMA.name, schema + "\n")
+
+
+def write_scenes() -> None:
+    """Write the uniform baselines of the shipped scenes, and the revision."""
     scenes = {name: load_scene(name) for name in scene_names()}
     baselines = {
         name: {"stamp": stamp(scene.document()), "point": best_point(scene).tolist()}
@@ -158,7 +162,10 @@ def _write_table(
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
+    names = [name for name in sys.argv[1:] if name != "--schema"]
+    for name in names:
         write_distribution(name)
+    if not names:
+        write_schema()
     if not sys.argv[1:]:
         write_scenes()

@@ -1,5 +1,6 @@
 """The documentation: its code, scenes and commands run; the files that it links exist."""
 
+import fnmatch
 import io
 import re
 import shlex
@@ -306,3 +307,26 @@ def test_links_lead_to_files_of_the_repository():
     for path, text in (pages | others).items():
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", FENCED.sub("", text)):
             assert (path.parent / target).exists(), f"{path.name}: {target}"
+
+
+MADE = {"result.png", "runs/NAME", "ppo-sprint.zip"}  # files that commands of these pages write
+
+
+def test_contributors_are_shown_files_and_names_that_exist():
+    folders = ("domino_env", "optimize", "agents", "tests", "docs", "examples", "benchmarks", ".ci")
+    paths = [*ROOT.glob("*"), *(path for name in folders for path in (ROOT / name).rglob("*"))]
+    names = [f"/{path.relative_to(ROOT).as_posix()}" for path in paths]
+    code = [
+        path for path in paths if path.suffix in (".py", ".js", ".toml") or path.stem == "Makefile"
+    ]
+    words = set(re.findall(r"\w+", " ".join(path.read_text("utf-8") for path in code)))
+    pages = {name: PAGES[name] for name in CONTRIBUTORS}
+    pages["CONTRIBUTING.md"] = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    file = re.compile(r".*/.*|.*\.(py|pyi|md|js|c|html|toml|json|csv|wasm|png|gif|zip|ipynb)")
+    for page, text in pages.items():
+        for word in set(" ".join(re.findall("`([^`]+)`", FENCED.sub("", text))).split()) - MADE:
+            if file.fullmatch(word):
+                assert fnmatch.filter(names, f"*/{word.rstrip('/')}"), f"{page}: no file {word}"
+            else:
+                missing = set(re.findall(r"[A-Za-z_]\w+", word)) - words
+                assert not missing, f"{page}: {word}, which the code has not"

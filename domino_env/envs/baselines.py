@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from domino_env.core.types import Floats, Ints
-from domino_env.envs.batch import SceneTables
+from domino_env.envs.batch import SceneArrays
 from domino_env.envs.catalogue import Catalogue
 from domino_env.envs.spaces import action_entries
 from domino_env.kernels.arrays import record_type
@@ -40,7 +40,7 @@ class Baselines:
         BASELINE of each scene, (S,): score, mean speed [m/s], reach and value of `Outcome`.
     """
 
-    def __init__(self, catalogue: Catalogue, tables: SceneTables) -> None:
+    def __init__(self, catalogue: Catalogue, tables: SceneArrays) -> None:
         self._catalogue, self._tables = catalogue, tables
         self.scenes = np.full(catalogue.size, None, object)
         self.results = np.zeros(catalogue.size, BASELINE)

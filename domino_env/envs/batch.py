@@ -24,7 +24,7 @@ Sizes = tuple[Floats, Floats, Floats]
 MAX_RING = 1024  # most dominoes stored behind the leader; some thirty influence the wave
 
 
-class SceneTables:
+class SceneArrays:
     """Arrays of the S scenes of a catalogue for the kernels, and batches of environments of them.
 
     Parameters

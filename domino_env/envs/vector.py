@@ -20,7 +20,7 @@ from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs import rendering
 from domino_env.envs.arguments import SceneLike, WritableSpec
 from domino_env.envs.baselines import Baselines
-from domino_env.envs.batch import SceneTables, piece_kinds
+from domino_env.envs.batch import SceneArrays, piece_kinds
 from domino_env.envs.catalogue import Catalogue, Generators
 from domino_env.envs.episodes import EpisodeResults, placed_layout
 from domino_env.envs.spaces import action_entries, check_actions
@@ -30,6 +30,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave, simulate
 from domino_env.scenes.design_space import LENGTH_TOLERANCE
 from domino_env.scenes.distribution import SceneDistribution
+from domino_env.scenes.rules import SAME_THICKNESS
 from domino_env.scenes.scene import Scene
 
 Indices = NDArray[np.intp]  # (E,) indices of environments
@@ -37,7 +38,6 @@ Infos = dict[str, NDArray[Any]]
 
 MIN_PER_THREAD = 128  # environments; their steps take at least ten times as long as waking a thread
 RTOL = 1e-6  # default relative error of the arrival times
-SAME_KIND = 1e-9  # [m] less than this below it, a thickness counts as that of a kind
 INFOS = ("all", "numbers")  # values of `info`
 CUT_INFOS = ("layout", "wave", "scene")  # keys of the infos of truncated episodes
 NO_OUTCOME = -1  # in place of an `Outcome`, before the end of an episode
@@ -125,7 +125,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
         limit = None if max_episode_steps == -1 else max_episode_steps  # -1 as in gymnasium.make
         require("max_episode_steps", limit, 1, whole=True, optional=True)
         self.catalogue = Catalogue(scene, num_envs, num_scenes, first_scene, hide)
-        self._tables = SceneTables(self.catalogue, rtol, window)
+        self._tables = SceneArrays(self.catalogue, rtol, window)
         self.num_envs, first = self.catalogue.num_envs, self.catalogue.first
         self.render_mode = render_mode
         self._renderer = rendering.Renderer(render_mode, rendering.VECTOR_MODES)
@@ -326,7 +326,7 @@ class DominoChainVector(WritableSpec, VectorEnv[Singles, Singles, NDArray[Any]])
                 order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
                 if given is not None:
                     kinds = self._tables.kinds[index, 0]
-                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_KIND)
+                    placed = np.searchsorted(kinds, given.thickness[1:] - SAME_THICKNESS)
                     order[env, : len(placed)] = placed
 
     def check_options(self, options: dict[str, Any] | None, *others: str) -> dict[str, Any]:
