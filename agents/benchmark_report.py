@@ -29,7 +29,7 @@ from agents.benchmark import (
 )
 from domino_env import Scene
 from domino_env.core.checks import require_choice
-from domino_env.core.files import amount, errors_with_path, write_text
+from domino_env.core.files import amount, errors_with_path, one_line, write_text
 from domino_env.core.results import revision
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_any
@@ -46,6 +46,7 @@ WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
 LEAST_SEEDS = 5  # trainings of an algorithm on a scene
 MOST_ERRORS = 5  # that are listed
+ROLLOUT = 1.03  # steps at the end of a training over those asked for, at most: whole rollouts
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 
 
@@ -153,18 +154,7 @@ def _read_run(line: dict[str, str]) -> TaskResult:
                 f"{name} = {line[name]}: in scene '{target.name}' it is {value:.5f} for a score of "
                 f"{line['score']}; do not edit the file of `domino benchmark`"
             )
-    try:
-        entries = json.loads(line["trace"])
-    except ValueError as error:
-        raise ValueError(f"trace: not JSON ({error}); copy the whole line") from None
-    trace: Trace = dict(
-        zip(
-            ("steps", "seconds", "score"),
-            map(list, zip(*entries, strict=True)),
-            strict=True,
-        )
-    )
-    score = values["score"]
+    trace, score = _read_trace(line, values), values["score"]
     gain = score if not uniform else None
     if isinstance(target, Scene):
         gain = target.gain(score, uniform)
@@ -172,8 +162,35 @@ def _read_run(line: dict[str, str]) -> TaskResult:
         key=line["key"], scene_name=target.name, method=line["algorithm"], seed=values["seed"],
         score=score, uniform_score=uniform, gain=gain, seconds=values["processor_seconds"],
         work={name: values[name] for name in WORK}, trace=trace, scene=target.to_toml(),
-        versions={"revision": line["revision"], **json.loads(line["versions"])},
+        versions={"revision": line["revision"], **dict(_read_json(line, "versions"))},
     )  # fmt: skip
+
+
+def _read_json(line: dict[str, str], name: str) -> Any:
+    """Return the value of a column in JSON."""
+    try:
+        return json.loads(line[name])
+    except ValueError as error:
+        raise ValueError(f"{name}: not JSON ({error}); copy the whole line") from None
+
+
+def _read_trace(line: dict[str, str], values: dict[str, Any]) -> Trace:
+    """Return the trace of a line; raise a ValueError if it does not lead to the values."""
+    entries, names = _read_json(line, "trace"), ("steps", "seconds", "score")
+    try:
+        table = np.array(entries, np.float64).reshape(-1, len(names))
+    except (TypeError, ValueError):
+        table = np.full((1, len(names)), np.nan)
+    steps, _, scores = table.T
+    ends = len(table) and abs(scores[-1] - values["score"]) <= 1e-5 * max(1.0, abs(scores[-1]))
+    ends = ends and steps[-1] <= values["steps"]
+    if not (np.isfinite(table).all() and np.all(np.diff(steps) >= 0.0) and ends):
+        raise ValueError(
+            f"trace = '{one_line(line['trace'], 60)}': give lists of steps, seconds and score with "
+            f"ascending steps, which end at {values['steps']} steps or before and at the score "
+            f"{line['score']}; copy the whole line"
+        )
+    return dict(zip(names, ([*column] for column in zip(*entries, strict=True)), strict=True))
 
 
 def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
@@ -244,7 +261,7 @@ def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
     for earlier, budget in pairwise((0, *BUDGETS)):
         # trainings for an earlier budget may exceed it by the rest of a rollout
         runs = [run for run in learners if run.work["steps"] > 2 * earlier]
-        part = replace(whole, results=tuple(runs)).until("steps", budget)
+        part = replace(whole, results=tuple(runs)).until("steps", ROLLOUT * budget)
         if part.results:
             parts.append((f"Trainings until {budget:,} steps:", part))
     others = [run for run in experiment.results if not is_learner(run.method)]
@@ -298,7 +315,9 @@ def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
         for (scene, method), runs in group_runs(part.results, "problem", "method").items():
             line: dict[str, Any] = {"scene": scene, "algorithm": method}
             line |= {"budget": title.partition(":")[0], "runs": len(runs)}
-            line |= {name: float(np.median([r.work.get(name, 0) for r in runs])) for name in WORK}
+            line |= {
+                name: float(np.median([r.work.get(name, np.nan) for r in runs])) for name in WORK
+            }
             line["processor_seconds"] = float(np.median([r.seconds for r in runs]))
             for name in ("middle_mean", "median", "mean"):
                 statistic: Callable[..., Any] = getattr(estimates, name)

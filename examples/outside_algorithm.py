@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 def fit(make_env, steps, seed):
     model = A2C(
-        "MlpPolicy", DummyVecEnv([make_env] * 8), gamma=1.0, seed=seed, device="cpu",
+        "MlpPolicy", DummyVecEnv([make_env] * 8), gamma=1.0, seed=10**6 + seed, device="cpu",
         policy_kwargs={"log_std_init": -1.2},  # first standard deviation 0.3 instead of 1
     )  # fmt: skip
     return model.learn(steps)

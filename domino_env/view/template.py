@@ -242,9 +242,9 @@ def _advice(
     if physics is not None:
         wave = simulate(layout, physics)
         steps.append(
-            f"{push} a friction of {physics.friction:g} between the dominoes, the last domino is hit "
-            f"after {wave.arrival_times[-1]:.3f} s in the model; most published rows differ from it by "
-            "less than 20 %; one that was timed by hand took 46 % less."
+            f"{push} a friction of {physics.friction:g} between the dominoes, the last domino is "
+            f"hit after {wave.arrival_times[-1]:.3f} s in the model; most published rows differ "
+            "from it by less than 20 %; one that was timed by hand took 46 % less."
             if wave.mean_speed > 0.0
             else f"In the model the wave stops: {wave.explanation}"
         )

@@ -195,7 +195,8 @@ class Experiment:
             end = int(np.searchsorted(run.trace[clock], limit, side="right"))
             if end:
                 trace = {name: values[:end] for name, values in run.trace.items()}
-                work = run.work | {name: int(trace[name][-1]) for name in run.work if name in trace}
+                work = {name: int(trace[name][-1]) for name in run.work if name in trace}
+                work = work if end < len(run.trace[clock]) else run.work
                 score, seconds = trace["score"][-1], trace["seconds"][-1]
                 results.append(
                     replace_fields(run, trace=trace, work=work, score=score, seconds=seconds)

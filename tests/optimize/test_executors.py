@@ -201,7 +201,10 @@ def test_impossible_executors_are_rejected(workers, dask, message):
 
 def test_the_message_names_the_missing_extra(monkeypatch):
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=r'"domino-chains\[dist\]"'), open_executor(dask="local"):
+    with (
+        pytest.raises(ImportError, match=r'pip install -e "\.\[dist\]"'),
+        open_executor(dask="local"),
+    ):
         pass
     with pytest.raises(ImportError, match=r'"domino-chains\[peers\]"'):
         registry.load("tpe")
