@@ -206,5 +206,5 @@ def test_the_message_names_the_missing_extra(monkeypatch):
         open_executor(dask="local"),
     ):
         pass
-    with pytest.raises(ImportError, match=r'"domino-chains\[peers\]"'):
+    with pytest.raises(ImportError, match=r'pip install -e "\.\[peers\]"'):
         registry.load("tpe")
