@@ -303,7 +303,7 @@ def others(target: Target, algorithms: Sequence[str]) -> list[str]:
 
 def is_learner(name: str) -> bool:
     """Return True for the name of a learning algorithm, shipped or third-party."""
-    return name in ALGORITHMS or ":" in name
+    return name in ALGORITHMS or load_fit(name) is not None
 
 
 def learning_curve(folder: Path) -> Trace:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.algorithms import ALGORITHMS
 from agents.benchmark import (
     BUDGETS,
     COLUMNS,
@@ -21,7 +22,6 @@ from agents.benchmark import (
     SCENES,
     TRACE_POINTS,
     ends_of_scale,
-    is_learner,
     read_target,
     references,
     target_hash,
@@ -38,6 +38,7 @@ from optimize.experiments.experiment import Experiment, best_of_problems, group_
 from optimize.experiments.report import failures_section
 from optimize.experiments.store import write_table
 from optimize.experiments.task import TaskResult, Trace
+from optimize.methods import registry
 
 RUNS, SUMMARY, REPORT = "benchmark.csv", "benchmark-summary.csv", "benchmark.md"
 INTERVALS, CURVES = "benchmark-reached.png", "benchmark-steps.png"
@@ -67,7 +68,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     write_csv(folder / RUNS, COLUMNS, (_line(experiment, run) for run in experiment.results))
     write_table(folder / SUMMARY, list(_summary_lines(experiment)))
     write_text(folder / REPORT, page(experiment, command))
-    learning = [name for name in experiment.methods if is_learner(name)]
+    learning = [name for name in experiment.methods if is_training(name)]
     draw_intervals(experiment, folder / INTERVALS, learning)
     draw_over_clock(experiment, "steps", folder / CURVES, learning)
 
@@ -193,13 +194,20 @@ def _read_trace(line: dict[str, str], values: dict[str, Any]) -> Trace:
     return dict(zip(names, ([*column] for column in zip(*entries, strict=True)), strict=True))
 
 
+def is_training(method: str) -> bool:
+    """Return True for a learning algorithm; the code of third-party ones is not imported."""
+    family, colon, _ = method.partition(":")
+    searches = *registry.METHODS, *registry.THIRD_PARTY, *registry.installed_families()
+    return method in ALGORITHMS or (bool(colon) and family not in searches)
+
+
 def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
     """Yield a sentence for each algorithm on a scene with repeated or too few seeds."""
     for (scene, method), group in group_runs(runs, "scene_name", "method").items():
         seeds = Counter(run.seed for run in group)
         if repeated := [str(seed) for seed, times in seeds.items() if times > 1]:
             yield f"{method} on {scene}: seed {', '.join(repeated)} has several lines; keep one"
-        if is_learner(method) and len(seeds) < LEAST_SEEDS:
+        if is_training(method) and len(seeds) < LEAST_SEEDS:
             yield (
                 f"{method} on {scene}: {amount(len(seeds), 'seed')}; run at least {LEAST_SEEDS} "
                 f"(--seeds {LEAST_SEEDS}, better 10)"
@@ -255,7 +263,7 @@ def page(experiment: Experiment, command: str) -> str:
 
 def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
     """Return titled parts: trainings until each budget, and methods that need no training."""
-    learners = [run for run in experiment.results if is_learner(run.method)]
+    learners = [run for run in experiment.results if is_training(run.method)]
     whole = replace(experiment, results=tuple(learners))
     parts = []
     for earlier, budget in pairwise((0, *BUDGETS)):
@@ -264,7 +272,7 @@ def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
         part = replace(whole, results=tuple(runs)).until("steps", ROLLOUT * budget)
         if part.results:
             parts.append((f"Trainings until {budget:,} steps:", part))
-    others = [run for run in experiment.results if not is_learner(run.method)]
+    others = [run for run in experiment.results if not is_training(run.method)]
     if others:
         title = "Methods that need no training, to their ends:"
         parts.append((title, replace(experiment, results=tuple(others))))

@@ -16,7 +16,6 @@ This module has the table of environments; the others are imported when an envir
 
 from __future__ import annotations
 
-import pkgutil
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -40,11 +39,18 @@ class Environment(NamedTuple):
 
     def make(self, scene: Any, **options: Any) -> Any:
         """Return a single environment."""
-        return pkgutil.resolve_name(f"{__name__}.{self.single}")(scene, **options)
+        return self._load(self.single)(scene, **options)
 
     def make_vec(self, num_envs: int, scene: Any, **options: Any) -> Any:
         """Return a vector environment."""
-        return pkgutil.resolve_name(f"{__name__}.{self.vector}")(num_envs, scene, **options)
+        return self._load(self.vector)(num_envs, scene, **options)
+
+    @staticmethod
+    def _load(name: str) -> Any:
+        """Import a class of this folder."""
+        from pkgutil import resolve_name
+
+        return resolve_name(f"{__name__}.{name}")
 
 
 CHAIN = Environment("DominoChain-v2", "chain:DominoChain", "vector:DominoChainVector")

@@ -168,11 +168,11 @@ PAIRS: dict[str, Any] = dict.fromkeys(("spacing", "thickness"), tuple[Size, Size
 PAIRS["growth"] = tuple[Ratio, Ratio]
 
 
-def read_tables(document: dict[str, Any]) -> SceneTables:
+def read_tables(document: Any) -> SceneTables:
     """Read the document of a scene; raise a ValueError for a wrong key or value."""
-    model = read_model(SceneFile, document)
-    require_choice("objective", model.objective, OBJECTIVES)
-    return model
+    if isinstance(document, dict) and "objective" in document:
+        require_choice("objective", document["objective"], OBJECTIVES)
+    return read_model(SceneFile, document)
 
 
 def check_types(scene: Any) -> dict[str, Any]:

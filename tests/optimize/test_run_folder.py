@@ -35,7 +35,8 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
         "evaluations": result.evaluations, "method": "l-bfgs", "total_time": summary["total_time"],
     }  # fmt: skip
     assert {name: summary[name] for name in expected} == expected
-    assert set(summary["versions"]) == {"python", "domino-chains", "numpy", "scipy", "numba", "cma"}
+    packages = {"python", "domino-chains", "numpy", "scipy", "numba", "cma"}
+    assert set(summary["versions"]) == packages | {"revision"}
 
 
 def test_a_method_that_fails_leaves_the_best_layout(scenes, tmp_path):
