@@ -55,6 +55,12 @@ def relative(sizes: Floats, bounds: tuple[float, float]) -> Floats:
     return np.asarray(2.0 * (sizes - low) / (high - low) - 1.0)
 
 
+def absolute(relative_sizes: Floats, bounds: tuple[float, float]) -> Floats:
+    """Return the sizes [m] of relative sizes within bounds [m]; inverse of `relative`."""
+    low, high = bounds
+    return np.asarray(low + 0.5 * (relative_sizes + 1.0) * (high - low))
+
+
 def require_choices(scene: Scene) -> None:
     """Raise ValueError for fixed gaps, a single kind of pieces, or fewer than three dominoes."""
     if not scene.space.spacing.is_free or not scene.free_thickness or scene.count < 3:
@@ -68,8 +74,7 @@ def require_choices(scene: Scene) -> None:
 
 def to_actions(scene: Scene, sizes: Floats) -> Floats:
     """Return the actions (…, 1 + K) for relative gaps and desired relative thicknesses (…, 2)."""
-    low, high = scene.spacing
-    gaps = low + 0.5 * (sizes[..., :1] + 1.0) * (high - low)
+    gaps = absolute(sizes[..., :1], scene.spacing)
     distance = np.abs(relative_kinds(scene) - np.clip(sizes[..., 1:], -1.0, 1.0))
     return np.concatenate([gap_entries(scene, gaps), 1.0 - distance], axis=-1)
 
@@ -165,7 +170,7 @@ def fit_gaps(scene: Scene, coefficients: Floats, *, reacts: bool = True) -> Floa
     search = LocalSearch(0.5 + 0.5 * start / WIDEST)
     while not search.done and search.evaluations < GRADIENTS:
         relative_gaps = basis @ (widths * (2.0 * search.candidate - 1.0))
-        gaps = low + 0.5 * (np.clip(relative_gaps, -1.0, 1.0) + 1.0) * (high - low)
+        gaps = absolute(np.clip(relative_gaps, -1.0, 1.0), scene.spacing)
         result = scene.evaluate(scene.batch(gaps, thickness), gradient=True)
         assert result.gradient is not None
         by_gap = result.gradient.spacing * (np.abs(relative_gaps) < 1.0) * (high - low)

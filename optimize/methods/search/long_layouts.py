@@ -46,8 +46,8 @@ def is_long(scene: Scene) -> bool:
     They do if a faster wave scores more, and the rules are the same for every domino and any count:
     no stock, no growing heights, no uneven ground.
     """
-    is_long = scene.count >= LONG_COUNT and scene.is_homogeneous
-    return is_long and not scene.criterion.needs_arrivals and scene.criterion.rewards_steps
+    is_faster_better = scene.criterion.rewards_steps and not scene.criterion.needs_arrivals
+    return scene.count >= LONG_COUNT and scene.is_homogeneous and is_faster_better
 
 
 def search_stretched(
