@@ -15,6 +15,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numba
+
 ROOT = Path(__file__).parents[3]
 FOLDER = Path(__file__).parent
 MODULE = FOLDER.parent / "chain.wasm"
@@ -98,6 +100,18 @@ def object_code(codes: dict[str, str]) -> bytes:
     return bytes(machine.emit_object(whole))
 
 
+def without_paths(module: bytes) -> bytes:
+    """Return a module with slashes in place of the folders of this computer.
+
+    They are in texts of errors that the module cannot raise, and keep their lengths, so that all
+    else stays at its place.
+    """
+    for path in (Path(numba.__file__).parents[1], ROOT):  # the first may be inside
+        folder = f"{path}/".encode()
+        module = module.replace(folder, b"/" * len(folder))
+    return module
+
+
 def main() -> None:
     """Write the module."""
     with tempfile.TemporaryDirectory() as folder:
@@ -114,7 +128,7 @@ def main() -> None:
         run([*zig, "wasm-ld", *linking, *exports, chain, runtime, "-o", module])
         flags = [f"--enable-{name}" for name in FEATURES.values()]
         run([*OPTIMISER, "-O3", *flags, module, "-o", module])
-        MODULE.write_bytes(Path(module).read_bytes() + stamp_section())
+        MODULE.write_bytes(without_paths(Path(module).read_bytes()) + stamp_section())
 
 
 if __name__ == "__main__":
