@@ -34,6 +34,7 @@ LEAST_MARGIN = 0.006  # [m] that printers need; used if it saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] of a sheet for its title and for its scale bar
 BESIDE = 0.013  # [m] of a strip on each side of the dominoes, for their numbers
+NUMBER = 2.4  # [mm] half the width of a number
 BAR = 0.100  # [m] length of the scale bar
 INCH, MM = 0.0254, 1000.0  # [m] in an inch, millimetres in a metre
 SUBTITLE = 140  # letters in a line of a subtitle, at most
@@ -302,13 +303,13 @@ def _draw_one_strip(
         if i in late:
             ends = [middle - half, middle + half]
             axes.plot([x, x + d], ends, [x, x + d], ends[::-1], color="0.5", lw=LINE)
-        if left <= x + d / 2.0 < right:
-            # numbers stand at two heights, as narrow gaps leave no room side by side
-            y = middle - half - (3.0 if i % 2 == 0 else 7.0)
-            axes.text(x + d / 2.0, y, str(i + 1), ha="center", va="center", fontsize=6)
-            if not layout.is_flat and (i == strip.dominoes[0] or labels[i] != labels[i - 1]):
-                y = middle + half + (2.0 if i % 2 == 0 else 4.5)
-                axes.text(x + d / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
+        # on both strips if the domino is on two; at two heights, as gaps may be narrow
+        label, y = np.clip(x + d / 2.0, left + NUMBER, right - NUMBER), 3.0 if i % 2 == 0 else 7.0
+        axes.text(label, middle - half - y, str(i + 1), ha="center", va="center", fontsize=6)
+        is_new = i == strip.dominoes[0] or labels[i] != labels[i - 1]
+        if not layout.is_flat and is_new and left <= x + d / 2.0 < right:
+            y = middle + half + (2.0 if i % 2 == 0 else 4.5)
+            axes.text(x + d / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
     y = middle + edge - 4.0
     axes.text(0.5 * (left + right), y, f"strip {strip.number}", ha="center", va="center", size=7)
     for x, neighbour, align in (left, strip.number - 1, "left"), (right, strip.number + 1, "right"):

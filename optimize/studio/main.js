@@ -19,11 +19,13 @@ const UNIFORM = "best equal gaps", BEST = "best known row", KEPT = "kept row";
 const MM = 1000;
 
 // Numbers of a scene by the title of their group: label, table, key, value on the page over that in the table, step, and
-// true if 0 on the page stands for no such key; hidden in scenes that do not have them.
+// true if 0 on the page stands for no such key; hidden in scenes that do not have them. A word instead of a value over
+// another makes a checkbox: if it is checked, the key has this word, otherwise its default.
 const CONTROLS = {
   Dominoes: [["Number of dominoes", "row", "count", 1, 1], ["Height [mm]", "row", "height"], ["Width [mm]", "row", "width"], ["Thickness [mm]", "thickness", "fixed"]],
   "Ground, floor and friction": [
-    ["Push of the first domino [rad/s]", "physics", "push", 1], ["Friction between dominoes", "physics", "friction", 1, 0.01],
+    ["Push of the first domino [rad/s]", "physics", "push", 1], ["released, not pushed", "physics", "push", "released"],
+    ["Friction between dominoes", "physics", "friction", 1, 0.01],
     ["Slope [°], positive downhill", "ground", "slope", 1, 0.1, true], ["Floor friction (0: fixed pivots)", "physics", "floor_friction", 1, 0.05, true]],
   Rules: [
     ["Smallest gap [mm]", "spacing", "min"], ["Largest gap [mm]", "spacing", "max"], ["Smallest thickness [mm]", "thickness", "min"],
@@ -164,9 +166,9 @@ function settle() {
   $("title").textContent = scene.title;
   document.title = `Domino studio: ${scene.title}`;
   for (const control of controls) {
-    const value = readControl(control, scene.document);
+    const value = readControl(control, scene);
     control.box.hidden = value === null;
-    control.input.value = value === null ? "" : value;
+    if (control.word) control.input.checked = value; else control.input.value = value ?? "";
   }
   document.querySelectorAll("#controls details").forEach((group) => { group.hidden = !group.querySelector("label:not([hidden])"); });
   $("spacing").hidden = !scene.freeSpacing;
@@ -286,16 +288,17 @@ async function openAddress() {
 
 // settings -----------------------------------------------------------------------------------------
 
-function readControl({ table, key, unit, optional }, document) {
-  const values = document[table] ?? {}, value = values[key] ?? (optional ? 0 : null);
-  // not a length in heights of a domino, nor the slope of a curve
-  return value === null || "of" in values || "profile" in values ? null : Number((unit * value).toPrecision(12));
+function readControl({ table, key, unit, word, optional }, { document, physics }) {
+  const values = { ...(table === "physics" ? physics : {}), ...document[table] }, value = values[key] ?? (optional ? 0 : null);
+  if (word) return value === word;
+  // not a word, a length in heights of a domino, nor the slope of a curve
+  return typeof value !== "number" || "of" in values || "profile" in values ? null : Number((unit * value).toPrecision(12));
 }
 
-function changeControl({ table, key, unit, optional }, value) {
+function changeControl({ table, key, unit, word, optional }, value) {
   const tables = structuredClone(draft.scene.document), values = (tables[table] ??= {});
-  values[key] = value / unit;
-  if (optional && !value) delete values[key];
+  values[key] = word ?? value / unit;
+  if ((optional || word) && !value) delete values[key];
   if (key === "fixed") delete tables.row.first_thickness; // thickness, also of the first domino
   if (!Object.keys(values).length) delete tables[table];
   const scene = new Scene(kernels, { ...tables, ...OWN });
@@ -306,9 +309,9 @@ function changeControl({ table, key, unit, optional }, value) {
 // friction and push of a measurement for the row that is shown
 function usePhysics({ friction, push }) {
   const { document: tables } = draft.scene, rounded = (value) => Number(value.toPrecision(4));
-  const physics = { ...tables.physics, friction: rounded(friction), push: rounded(push) };
+  const start = draft.scene.isReleased ? "released" : rounded(push), physics = { ...tables.physics, friction: rounded(friction), push: start };
   commit(draft.withScene(new Scene(kernels, { ...tables, physics, ...OWN })));
-  notify(`friction ${physics.friction}, push ${physics.push} rad/s`);
+  notify(`friction ${physics.friction}, ${draft.scene.isReleased ? "released" : `push ${start} rad/s`}`);
 }
 
 const controls = Object.entries(CONTROLS).flatMap(([title, entries]) => {
@@ -317,13 +320,15 @@ const controls = Object.entries(CONTROLS).flatMap(([title, entries]) => {
   fields.className = "fields";
   $("controls").append(group);
   return entries.map(([label, table, key, unit = MM, step = 0.1, optional = false]) => {
-    const box = document.createElement("label"), input = Object.assign(document.createElement("input"), { type: "number", step: step === 1 ? 1 : "any" });
-    const control = { table, key, unit, optional, box, input };
+    const word = typeof unit === "string" ? unit : null, form = word ? { type: "checkbox" } : { type: "number", step: step === 1 ? 1 : "any" };
+    const box = document.createElement("label"), input = Object.assign(document.createElement("input"), form);
+    const control = { table, key, unit, word, optional, box, input };
     input.addEventListener("change", () => attempt(() => {
+      if (word) { changeControl(control, input.checked); return; }
       if (input.value === "" || !Number.isFinite(input.valueAsNumber)) throw new RangeError(`${label}: give a number`);
       changeControl(control, input.valueAsNumber);
     }));
-    box.append(`${label} `, input);
+    box.append(...(word ? [input, ` ${label}`] : [`${label} `, input]));
     fields.append(box);
     return control;
   });
@@ -392,7 +397,7 @@ async function checkRow() {
 
 function fillPaper() {
   const name = $("against").value, other = $("both").checked ? otherOf(name) : null;
-  const entry = (label, d) => ({ name: label, layout: d.wave.layout, designed: d.scene.count });
+  const entry = (label, d) => ({ name: label, layout: d.wave.layout, designed: d.scene.count, start: d.scene.isReleased ? "tip slowly" : "push" });
   const pages = printPages([entry("your row", draft), ...(other ? [entry(name, other)] : [])], {
     paper: $("paper").value, roll: $("roll").valueAsNumber, safety: $("safety").valueAsNumber, title: draft.scene.title,
   });

@@ -7,7 +7,7 @@ export const PAPERS = { a4: [297, 210], a3: [420, 297], letter: [279.4, 215.9] }
 const MM = 1000, LONGEST = 5000; // [mm/m]; [mm] of a page of a roll, the largest that PDF has
 const MARGIN = 14, LEAST_MARGIN = 6; // [mm] blank at the left and right; the least that printers need, if it saves a sheet
 const LEAD = 10, HEAD = 24, FOOT = 26, EDGE = 3; // [mm] before and after the row; for title and ruler; of a roll
-const BESIDE = 13; // [mm] of a strip on each side of the dominoes, for numbers and gaps
+const BESIDE = 13, NUMBER = 2.2; // [mm] of a strip on each side of the dominoes, for numbers and gaps; half the width of a number
 const RULER = 100, ROLL_HEAD = RULER + 40; // [mm] ruler; of a roll for title and ruler
 const WEB = 0.5; // [mm] least material between two slots
 const SAFE = 3; // dominoes in a row that are left out until the end
@@ -41,7 +41,7 @@ function stripsOf(row, length, begin, end, safe) {
 
 /**
  * Pages of rows at 1:1.
- * @param {{name: string, layout: object, designed: number}[]} rows one or two rows
+ * @param {{name: string, layout: object, designed: number, start: string}[]} rows one or two rows; `start` says what to do to the first domino
  * @param {object} options `paper` ("a4", "a3", "letter", "roll"), `roll` its width [mm], `safety` distance of safety gaps [mm], 0 for none, `title`
  * @returns {{width: number, height: number, svg: string}[]} pages with their sizes [mm]
  */
@@ -74,9 +74,10 @@ function drawStrip({ row, safe, front, rear, begin, end, dominoes, number, of },
     const fill = is.first || is.last ? "#bbb" : is.fixed ? "#ddd" : "none";
     parts.push(box(x(rear[i]), middle - half, d, 2 * half, `class="domino" stroke="#000" stroke-width="0.15" fill="${fill}"`));
     if (is.late) parts.push(line(x(rear[i]), middle - half, x(front[i]), middle + half, pale), line(x(rear[i]), middle + half, x(front[i]), middle - half, pale));
+    const label = Math.min(Math.max(centre, left + NUMBER), right - NUMBER); // on both strips if the domino is on two
+    parts.push(text(label, middle + half + (i % 2 ? 6.6 : 3.4), i + 1, 2.4, 'text-anchor="middle"'));
     if (centre >= left && centre < right) {
-      parts.push(text(centre, middle + half + (i % 2 ? 6.6 : 3.4), i + 1, 2.4, 'text-anchor="middle"'));
-      if (is.first || is.last || (is.late && !safe.has(i - 1))) parts.push(text(centre, middle + half + 10.5, is.first ? "first: push →" : is.last ? "last" : "leave out until the end", 2.8, `text-anchor="${is.last ? "end" : "start"}"`));
+      if (is.first || is.last || (is.late && !safe.has(i - 1))) parts.push(text(centre, middle + half + 10.5, is.first ? `first: ${row.start} →` : is.last ? "last" : "leave out until the end", 2.8, `text-anchor="${is.last ? "end" : "start"}"`));
     }
     const gap = x(front[i]) + 0.5 * (rear[i + 1] - front[i]);
     if (i < last && gap >= left && gap < right) parts.push(text(0, 0, (MM * row.layout.spacing[i]).toFixed(1), 2.4, `class="gap" transform="translate(${fixed(gap + 0.8)} ${fixed(middle - half - 1)}) rotate(-90)"`));

@@ -130,7 +130,7 @@ export class Scene {
     const { row, spacing, thickness, physics = {}, growth, run_out: runOut, objective = "mean_speed" } = document;
     const unit = spacing.of ? row.height ?? STANDARD.height : 1;
     const bounds = ({ fixed, min, max }) => [(fixed ?? min) * unit, (fixed ?? max) * unit];
-    Object.assign(this, { kernels, document, objective, runOut, inHeights: Boolean(spacing.of) });
+    Object.assign(this, { kernels, document, objective, runOut, isReleased, inHeights: Boolean(spacing.of) });
     this.name = document.name ?? "own";
     this.title = document.title ?? this.name;
     this.count = row.count;

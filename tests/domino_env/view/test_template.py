@@ -69,12 +69,16 @@ def test_viewers_are_asked_not_to_scale_pages(tmp_path, paper):
     )
 
 
-def test_headings_of_a_page_do_not_overlap(tmp_path, monkeypatch):
+def test_headings_do_not_overlap_and_a_domino_on_two_strips_has_two_numbers(tmp_path, monkeypatch):
     pages = []
     monkeypatch.setattr("domino_env.view.template.PdfPages.savefig", lambda _, f: pages.append(f))
     write_template(LAYOUT, tmp_path / "row.pdf", "letter", "a title of thirty letters, long " * 3)
     extents = [text.get_window_extent() for text in pages[0].axes[0].texts]
     assert not any(a.overlaps(b) for a, b in combinations(extents, 2))
+    numbers = [t.get_text() for page in pages for t in page.axes[0].texts if t.get_text().isdigit()]
+    plan = strips(LAYOUT, "letter")
+    assert numbers == [str(i + 1) for strip in plan for i in strip.dominoes]
+    assert len(numbers) > LAYOUT.count
 
 
 @pytest.mark.parametrize("count", [20, 40, 59, 60])

@@ -13,6 +13,7 @@ import pytest
 from recordings import record
 
 import domino_env as de
+from domino_env.physics.physics import released_push
 from domino_env.scenes.io.link import layout_document, make_link, read_link
 from domino_env.scenes.io.reading import read_layout
 from domino_env.view.sound import write_wav
@@ -21,6 +22,7 @@ from optimize.experiments.best_known import best_known
 from optimize.studio import page as pages
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
+RELEASED = released_push(0.048, 0.0075, 9.81)  # [rad/s] in this scene
 FIRST = SPRINT.uniform().layout
 BEST = best_known()["sprint"].layout
 SCENES = len(de.scene_names())
@@ -31,6 +33,10 @@ PLACES = {
     "return [px(own.x[{0}]) - 2, pz(own.z[{0}] + 0.5 * own.layout.height[{0}])]",
     "gap": "return domino.state.curves.spacing.place({0})",
 }
+CONTROL = (
+    "[...document.querySelectorAll('#controls label')]"
+    ".find(e => e.textContent.trim() == arguments[0])"
+)
 BOXES = {"domino": "#row", "gap": "#spacing canvas"}
 
 
@@ -77,10 +83,13 @@ class Tab:
     def setting(self, label: str, value: object) -> None:
         """Set a number of the scene."""
         self.run(
-            "const input = [...document.querySelectorAll('#controls label')]"
-            ".find(e => e.textContent.trim() == arguments[0]).querySelector('input');"
-            "input.value = arguments[1]; input.dispatchEvent(new Event('change'))", label, value,
+            f"const input = ({CONTROL}).querySelector('input'); input.value = arguments[1];"
+            "input.dispatchEvent(new Event('change'))", label, value,
         )  # fmt: skip
+
+    def tick(self, label: str) -> None:
+        """Click a checkbox of the scene."""
+        self.run(f"({CONTROL}).querySelector('input').click()", label)
 
     def upload(self, *paths: Path) -> None:
         self.run("document.getElementById('scenes').open = true")
@@ -378,6 +387,10 @@ def test_a_printed_row_has_the_gaps_of_the_layout(tab: Tab, paper: str, height: 
     for gap in gaps:
         assert any(abs(gap - other) < 0.1 for other in expected), "a gap is wrong or missing"
     assert len(gaps) >= 39 - len(starts) + 1
+    numbers = tab.run(
+        "return [...document.querySelectorAll('#paper-pages text')].map(e => e.textContent)"
+    )
+    assert sum(map(str.isdigit, numbers)) == sum(map(len, starts))  # on both strips
 
 
 @pytest.mark.parametrize("options", [{}, {"tolerance": 0.5, "piece": 120, "safety": 100}])
@@ -512,6 +525,24 @@ def test_settings_change_the_scene_and_keep_the_best_equal_gaps(tab: Tab) -> Non
     tab.setting("Height [mm]", 60)
     tab.wait(lambda: tab.layout.height[0] == 0.06)
     assert tab.layout.spacing[3] > tab.layout.spacing[5] + 0.002  # the shape is kept
+
+
+def test_a_released_start_is_a_checkbox(tab: Tab) -> None:
+    tab.open("#scene=sprint")
+    label = "released, not pushed"
+    for value, push in (("released", RELEASED),
+                        (None, 8.0)):  # fmt: skip
+        tab.tick(label)
+        tab.wait(
+            lambda push=push: (
+                tab.run("return domino.state.draft.wave.physics.push")
+                == pytest.approx(push, rel=1e-12)
+            )
+        )
+        assert tab.run("return domino.state.draft.scene.document.physics.push ?? null") == value
+        hidden = tab.run(f"return {CONTROL}.hidden", "Push of the first domino [rad/s]")
+        assert hidden == (value is not None)
+    assert tab.changed_gaps(SPRINT.uniform().layout) == []
 
 
 def test_the_console_agrees_with_python(tab: Tab) -> None:
