@@ -143,7 +143,7 @@ def train(
     hyperparameters
         Hyperparameters; None for the defaults of the algorithm.
     num_scenes
-        Number of scenes of a distribution to train on, from the first; None for all 4096.
+        Number of scenes of a distribution to train on, from the first; None for all of its pool.
 
     Returns
     -------

@@ -21,7 +21,7 @@ import agents
 import domino_env as de
 import optimize
 from agents.algorithms import default_hyperparameters
-from domino_env.cli.main import build_parser, main
+from domino_env.cli.main import PURPOSES, build_parser, main
 from domino_env.core import checks
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_from_document
@@ -178,6 +178,20 @@ def test_the_commands_of_a_page_run(page, prepared_folder, tmp_path, monkeypatch
         for pattern, replacement in CHANGED.items():
             shorter = re.sub(pattern, replacement, shorter)
         assert run(shorter) == 0, line
+
+
+def test_commands_in_sentences_exist():
+    known = {name for names in PURPOSES.values() for name in names.split()} | {"--help"}
+    paths = [*ROOT.glob(".github/**/*.yml"), ROOT / "CONTRIBUTING.md"]
+    for folder in ("docs", "examples", "domino_env", "optimize", "agents"):
+        paths += [
+            p
+            for kind in ("md", "ipynb", "py", "js", "html")
+            for p in (ROOT / folder).rglob(f"*.{kind}")
+        ]
+    for path in paths:
+        found = {*re.findall(r"`domino ([a-z-]+)", path.read_text("utf-8"))}
+        assert found <= known, (path, found - known)
 
 
 def test_the_query_of_a_store_runs(prepared_folder, monkeypatch):

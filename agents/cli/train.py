@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino train`."""
     name = "name of a scene or a distribution, or .toml file"
     parser.add_argument("scene", metavar="SCENE", help=name)
-    number = "number of scenes of a distribution to sample (all 4096)"
+    number = "number of scenes of a distribution to sample (all of its pool)"
     archive = "write the best policy as an archive of Stable-Baselines3 too (.zip)"
     add_options(
         parser,

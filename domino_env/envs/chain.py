@@ -388,7 +388,7 @@ class DominoChain(DominoEnv):
         N or more is reduced to N - 1.
     num_scenes
         Number of scenes of a distribution from which each reset samples; None for all of its pool
-        of 4096 from `first_scene` on. A policy can be tested on the other scenes.
+        from `first_scene` on. A policy can be tested on the other scenes.
     first_scene
         Index of the first of these scenes in the pool.
     hide

@@ -158,7 +158,7 @@ def simulate_standing(
 
     The analytic model of `simulate` assumes fixed pivots and closed contacts. Here bottom edges may
     slip and lift, and contacts open and close, all without restitution and with Coulomb friction.
-    The run time is some ten thousand times longer.
+    The run time is thousands of times longer.
 
     Parameters
     ----------
