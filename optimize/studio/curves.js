@@ -42,6 +42,7 @@ export function createCurves(box, label, act) {
 
   function draw(given) {
     shown = given ?? shown;
+    if (hover >= (shown?.series[0]?.x.length ?? 0)) hover = -1; // the row is shorter than before
     width = canvas.clientWidth;
     if (!shown || !width) return;
     const ratio = devicePixelRatio || 1;

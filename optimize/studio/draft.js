@@ -1,6 +1,6 @@
 // Drafts: a scene and one of its layouts, from which other drafts are made within its rules.
 
-import { pivotsOf } from "./geometry.js";
+import { positions } from "./kernels.js";
 
 /** Name of a scene that was changed or made from a layout. */
 export const OWN = { name: "own", title: "your own scene" };
@@ -86,7 +86,7 @@ export function sceneFor(layout, given, makeScene) {
     row: { count, height: layout.height[0], width: layout.width, density: layout.density[0] ?? layout.density, first_thickness: layout.thickness[0] },
     spacing: { min: Math.min(USUAL_GAPS[0], ...gaps), max: Math.max(USUAL_GAPS[1], ...gaps) },
     thickness: thin === thick ? { fixed: thin } : { min: thin, max: thick },
-    physics: given?.physics ?? {},
+    physics: given ? { ...given.document.physics, ...(given.isReleased ? { push: "released" } : {}) } : {},
   });
 }
 
@@ -208,11 +208,11 @@ export class Draft {
 
   /** Time, length, normalised score and outcome in one line. */
   details(uniform, best) {
-    const { wave } = this, count = wave.arrivalTimes.length, length = pivotsOf(wave.layout).x[count - 1];
+    const { wave } = this, count = wave.arrivalTimes.length, length = positions(wave.layout)[count - 1];
     let words = `${count} dominoes over ${(1000 * length).toFixed(0)} mm; `;
     if (this.stop >= 0) return words + wave.explanation.split(" (smallest_push")[0];
     const last = wave.arrivalTimes[count - 1];
-    words += `last hit after ${last.toFixed(4)} s (computed to ${(wave.errorEstimate * last).toExponential(0)} s)`;
+    words += `${this.isSlow ? "with fixed pivots, " : ""}last hit after ${last.toFixed(4)} s (computed to ${(wave.errorEstimate * last).toExponential(0)} s)`;
     if (best && uniform && this.score !== undefined && this.scene.isMeanSpeed) {
       const share = (this.score - uniform.score) / (best.score - uniform.score);
       if (share > 0.005) words += `; ${(100 * share).toFixed(0)}% of the gain of the best known row`;

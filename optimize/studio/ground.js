@@ -11,6 +11,9 @@ export class Ground {
     if ((slope === undefined) === (profile === undefined)) {
       throw new RangeError("ground: give either slope [°] or profile, a list of points [x, y] [m]");
     }
+    if (profile !== undefined && !(Array.isArray(profile) && profile.length > 1 && profile.every((point) => point?.length === 2))) {
+      throw new RangeError("ground.profile: give a list of two or more points [x, y] [m]");
+    }
     Object.assign(this, { kernels, slope, profile });
     if (profile) this.#fit();
     else require("slope", slope, { low: -MAX_SLOPE, high: MAX_SLOPE }, { hint: "of an even slope, positive downhill [degrees]" });

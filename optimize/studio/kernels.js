@@ -95,23 +95,6 @@ export function full(name, values, count) {
   throw new RangeError(`${name} has shape (${values?.length},): give (${count},), or one number for all`);
 }
 
-/** Return a layout of equal dominoes with equal gaps, from a pitch or a spacing [m]. */
-export function uniformLayout(count, { pitch: distance, spacing, ...sizes } = {}) {
-  const { thickness, height, width, density } = { ...STANDARD, ...sizes };
-  require("count", count, { low: 1, high: 1000000 }, { whole: true });
-  require("thickness", thickness, { above: 0 }, { unit: "m" });
-  if ((distance === undefined) === (spacing === undefined)) {
-    throw new RangeError("give either pitch or spacing (the gap) in m");
-  }
-  if (distance !== undefined) {
-    require("pitch", distance, { above: thickness }, { unit: "m", hint: "the thickness" });
-  }
-  const gap = spacing ?? distance - thickness;
-  require("spacing", gap, { above: 0 }, { unit: "m" });
-  const [spacings, thicknesses] = [full("spacing", gap, count - 1), full("thickness", thickness, count)];
-  return { spacing: spacings, thickness: thicknesses, height: full("height", height, count), width, density };
-}
-
 /** Return the rise of each next pivot, normal to the ground under it (N-1) [m]. */
 function normalRises({ spacing, thickness, rise, tilt }) {
   if (!rise) return new Float64Array(spacing.length);

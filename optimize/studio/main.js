@@ -16,11 +16,11 @@ const SECONDS = 60, THOROUGH = 300; // [s] of a search at most
 const MOST = 5000; // dominoes that are drawn
 const DRAWN = 100; // dominoes in a picture of the gallery
 const UNIFORM = "best equal gaps", BEST = "best known row", KEPT = "kept row";
-const MM = 1000;
+const MM = 1000, PUSH = 8; // [mm/m]; [rad/s] of a domino that was released in the file of its scene
 
 // Numbers of a scene by the title of their group: label, table, key, value on the page over that in the table, step, and
 // true if 0 on the page stands for no such key; hidden in scenes that do not have them. A word instead of a value over
-// another makes a checkbox: if it is checked, the key has this word, otherwise its default.
+// another makes a checkbox: if it is checked, the key has this word, otherwise the number from before.
 const CONTROLS = {
   Dominoes: [["Number of dominoes", "row", "count", 1, 1], ["Height [mm]", "row", "height"], ["Width [mm]", "row", "width"], ["Thickness [mm]", "thickness", "fixed"]],
   "Ground, floor and friction": [
@@ -43,7 +43,8 @@ const plain = (layout) => ({ ...layout, spacing: [...layout.spacing], thickness:
 
 // workers: of a search, of best equal gaps, of recordings, and of what takes seconds and is dropped when the row changes
 const searcher = createWorker(), helper = createWorker(), listener = createWorker(), slow = createWorker();
-let bytes, kernels, row, curves, recordings, draft, kept = null, steps = [], position = -1, baselines = new Map(), search = null, ticket = 0;
+// `wanted`: scene of settings whose best equal gaps are computed
+let bytes, kernels, row, curves, recordings, draft, kept = null, steps = [], position = -1, baselines = new Map(), search = null, ticket = 0, pending = null, wanted = null;
 
 // workers ------------------------------------------------------------------------------------------
 
@@ -74,6 +75,7 @@ function createWorker() {
       if (waiting.size) { worker.terminate(); worker = null; }
       waiting = new Map();
     },
+    close() { worker?.terminate(); },
   };
 }
 
@@ -90,7 +92,7 @@ function baseline(scene) {
     const entry = { value: shipped && shippedDraft(scene, shipped) };
     const asked = () => helper.ask({ type: "uniform", document: scene.document }).then(({ layout, score }) => new Draft(scene, layout, score));
     entry.promise = shipped ? scored(entry.value) : asked();
-    entry.promise.then((value) => { entry.value = value; }, () => {});
+    entry.promise.then((value) => Object.assign(entry, { value, done: true }), () => { entry.done = true; });
     baselines.set(key, entry);
   }
   return baselines.get(key);
@@ -123,7 +125,7 @@ function notify(text, kind = "") {
 
 function report(error) {
   if (!(error instanceof RangeError)) console.error(error);
-  settle();
+  if (draft) settle();
   notify(error.message.replace(/(^|: )row\.(?=\w+ (=|is))/, "$1"), "error"); // the table of a scene's file
 }
 
@@ -162,6 +164,7 @@ function draw(glide = false) {
 function settle() {
   notify("");
   draft = steps[position];
+  wanted = null;
   const { scene } = draft, shown = draft;
   $("title").textContent = scene.title;
   document.title = `Domino studio: ${scene.title}`;
@@ -218,23 +221,23 @@ function standing(made) {
 
 function commit(next = draft) {
   draft = standing(next);
+  ticket += 1;
+  if (search) { search = null; searcher.end(); }
   if (draft !== steps[position]) steps.splice(++position, steps.length, draft);
   settle();
 }
 
 const edit = (change) => attempt(() => commit(change(draft)));
 
-// commits a draft that takes time; a later one takes its place
-async function commitLater(promise, words) {
-  const mine = ++ticket;
-  try {
-    const waiting = setTimeout(() => { if (mine === ticket) notify("computing the best equal gaps …"); }, 100);
-    const next = await promise;
-    clearTimeout(waiting);
+// commits a draft that takes time, unless another one is committed before; `pending` is its promise
+function commitLater(promise, words) {
+  const mine = ++ticket, waiting = setTimeout(() => { if (mine === ticket) notify("computing the best equal gaps …"); }, 100);
+  pending = promise.then((next) => {
     if (mine === ticket) { commit(next); if (words) notify(words); }
-  } catch (error) {
+  }).catch((error) => {
     if (mine === ticket) report(error);
-  }
+  }).finally(() => clearTimeout(waiting));
+  return pending;
 }
 
 function checkSize(scene) {
@@ -259,22 +262,19 @@ async function made({ document: tables, layout }) {
   return new Draft(scene, layout);
 }
 
-const move = (by) => attempt(() => { position = Math.min(Math.max(position + by, 0), steps.length - 1); settle(); });
+const move = (by) => attempt(() => { ticket += 1; position = Math.min(Math.max(position + by, 0), steps.length - 1); settle(); });
 
 async function openFiles(list) {
   const sounds = [...list].filter(isRecording);
   if (sounds.length) { await recordings.open(sounds); return; }
   endSearch();
-  try {
-    const names = [...list].map((file) => file.name), contents = new Map();
+  const names = [...list].map((file) => file.name).join(", "), contents = new Map();
+  const opened = async () => {
     for (const file of list) contents.set(file.name, await file.arrayBuffer());
     const found = readFiles(contents, draft.scene.width);
-    const next = await made(found).catch((error) => withName(names.join(", "), () => { throw error; }));
-    commit(next);
-    notify(`opened ${names.join(", ")}`);
-  } catch (error) {
-    report(error);
-  }
+    return made(found).catch((error) => withName(names, () => { throw error; }));
+  };
+  await commitLater(opened(), `opened ${names}`);
 }
 
 async function openAddress() {
@@ -288,21 +288,28 @@ async function openAddress() {
 
 // settings -----------------------------------------------------------------------------------------
 
-function readControl({ table, key, unit, word, optional }, { document, physics }) {
-  const values = { ...(table === "physics" ? physics : {}), ...document[table] }, value = values[key] ?? (optional ? 0 : null);
-  if (word) return value === word;
-  // not a word, a length in heights of a domino, nor the slope of a curve
-  return typeof value !== "number" || "of" in values || "profile" in values ? null : Number((unit * value).toPrecision(12));
+function readControl({ table, key, unit, word, optional }, scene) {
+  const { document, physics, height, width, isReleased } = scene, defaults = { physics, row: { height, width } };
+  const values = { ...defaults[table], ...document[table] }, value = values[key] ?? (optional ? 0 : null);
+  if (word) return isReleased;
+  // not the push of a released domino, a length in heights of a domino, nor the slope of a curve
+  return value === null || (key === "push" && isReleased) || "of" in values || "profile" in values ? null : Number((unit * value).toPrecision(12));
 }
 
-function changeControl({ table, key, unit, word, optional }, value) {
-  const tables = structuredClone(draft.scene.document), values = (tables[table] ??= {});
-  values[key] = word ?? value / unit;
-  if ((optional || word) && !value) delete values[key];
+function changeControl(control, value) {
+  const { table, key, unit, word, optional } = control, { document: present, physics, isReleased } = wanted ?? draft.scene;
+  const tables = structuredClone(present), values = (tables[table] ??= {});
+  if (isReleased) (tables.physics ??= {}).push = "released"; // also of a domino of another size
+  if (word && !isReleased) control.before = physics.push;
+  values[key] = word ? (value ? word : control.before ?? PUSH) : value / unit;
+  if (optional && !value) delete values[key];
   if (key === "fixed") delete tables.row.first_thickness; // thickness, also of the first domino
   if (!Object.keys(values).length) delete tables[table];
   const scene = new Scene(kernels, { ...tables, ...OWN });
   checkSize(scene);
+  for (const [name, entry] of baselines) if (!entry.done) baselines.delete(name);
+  helper.end(); // of settings that are changed again
+  wanted = scene;
   commitLater(draft.isUniform ? uniformDraft(scene) : Promise.resolve(draft.withScene(scene)));
 }
 
@@ -338,25 +345,26 @@ const controls = Object.entries(CONTROLS).flatMap(([title, entries]) => {
 
 function endSearch() {
   if (!search) return;
-  const found = draft;
-  search = null;
-  searcher.end();
-  commit(found);
+  commit(search.found ?? draft);
 }
 
 async function startSearch(thorough) {
+  await pending;
+  if (search) return;
   const { scene } = draft, first = draft, why = scene.whyNotSearched, base = baseline(scene).value;
   if (why) { notify(why); return; }
-  const mine = (search = { score: first.score, gained: performance.now(), shown: 0 });
+  const mine = (search = { score: first.score, found: null, gained: performance.now(), shown: 0 });
   $("faster").textContent = "Stop";
   notify("searching …");
   const show = ({ layout, score, seconds }) => {
     if (search !== mine) return;
     const now = performance.now();
     if (score > (mine.base ?? -1) * (1 + LEAST_GAIN)) Object.assign(mine, { gained: now, base: score });
-    if (score <= mine.score || (now < mine.shown + 100 && seconds !== undefined)) { mine.late = layout; return; }
-    Object.assign(mine, { score, shown: now });
-    draft = new Draft(scene, layout, score);
+    if (score <= mine.score) return;
+    Object.assign(mine, { score, found: new Draft(scene, layout, score) });
+    if (now < mine.shown + 100) return;
+    mine.shown = now;
+    draft = mine.found;
     draw(true);
     notify(`searching: ${seconds.toFixed(1)} s …`);
   };
@@ -367,7 +375,7 @@ async function startSearch(thorough) {
   const finish = (reason) => {
     if (search !== mine) return;
     clearInterval(limit);
-    const isBetter = draft !== first, seconds = ((performance.now() - mine.began) / 1000).toFixed(1);
+    const isBetter = mine.found !== null, seconds = ((performance.now() - mine.began) / 1000).toFixed(1);
     endSearch();
     notify(`${isBetter ? "best row found" : "no better row was found"} in ${seconds} s: ${reason}`);
   };
@@ -375,7 +383,7 @@ async function startSearch(thorough) {
   try {
     const done = await searcher.ask({ type: "search", document: scene.document, baseline: base && { layout: base.layout, score: base.score }, start: first.layout, seconds: thorough ? THOROUGH : SECONDS, seed: 0 }, show);
     if (search !== mine) return;
-    if (done.score > first.score) draft = new Draft(scene, done.layout, done.score);
+    if (done.score > mine.score) mine.found = new Draft(scene, done.layout, done.score);
     finish(done.reason);
   } catch (error) {
     if (search === mine) { clearInterval(limit); endSearch(); report(error); }
@@ -396,7 +404,10 @@ async function checkRow() {
 // to the table -------------------------------------------------------------------------------------
 
 function fillPaper() {
+  $("papersize").textContent = ""; // nothing of an earlier row is printed after an error
+  $("paper-pages").replaceChildren();
   const name = $("against").value, other = $("both").checked ? otherOf(name) : null;
+  if (other === undefined) throw new RangeError(`${name} are being computed: print again in a moment`);
   const entry = (label, d) => ({ name: label, layout: d.wave.layout, designed: d.scene.count, start: d.scene.isReleased ? "tip slowly" : "push" });
   const pages = printPages([entry("your row", draft), ...(other ? [entry(name, other)] : [])], {
     paper: $("paper").value, roll: $("roll").valueAsNumber, safety: $("safety").valueAsNumber, title: draft.scene.title,
@@ -452,7 +463,7 @@ function listen() {
   window.addEventListener("beforeprint", () => attempt(fillPaper));
   window.addEventListener("hashchange", () => attempt(() => commitLater(openAddress().then((next) => next ?? draft))));
   document.addEventListener("keydown", (e) => {
-    if (!(e.ctrlKey || e.metaKey) || e.key.toLowerCase() !== "z" || e.target.matches("input")) return;
+    if (!(e.ctrlKey || e.metaKey) || e.key.toLowerCase() !== "z" || e.target.matches("input[type=number]")) return;
     e.preventDefault();
     move(e.shiftKey ? 1 : -1);
   });
@@ -463,10 +474,15 @@ function listen() {
     fold.scrollIntoView({ behavior: "smooth" });
     fold.querySelector("input, select").focus({ preventScroll: true });
   });
-  const over = (on) => (e) => { e.preventDefault(); $("drop").hidden = !on; };
+  const over = (on, act = () => {}) => (e) => { // text may be dropped into a field
+    if (![...e.dataTransfer.types].includes("Files")) return;
+    e.preventDefault();
+    $("drop").hidden = !on;
+    act(e.dataTransfer.files);
+  };
   document.addEventListener("dragover", over(true));
   document.addEventListener("dragleave", (e) => { if (!e.relatedTarget) over(false)(e); });
-  document.addEventListener("drop", (e) => { over(false)(e); openFiles(e.dataTransfer.files); });
+  document.addEventListener("drop", over(false, openFiles));
 }
 
 async function start() {
@@ -477,17 +493,22 @@ async function start() {
     commit: () => attempt(commit),
     insert: (gap) => edit((d) => d.withDomino(gap)),
     remove: (index) => edit((d) => d.withoutDomino(index)),
-    touch: () => endSearch(),
+    touch: (chosen) => {
+      endSearch();
+      if (chosen !== undefined) notify(`domino ${chosen + 1} of ${draft.scene.count}`);
+    },
     moved: (x) => curves?.speed.point(x),
   });
   const drags = (quantity) => ({ drag: (index, value) => preview((d) => d.withSize(quantity, index, value / MM)), commit: () => attempt(commit), unit: "mm" });
   curves = { spacing: createCurves($("spacing"), "Gaps along the row", drags("spacing")), thickness: createCurves($("thickness"), "Thicknesses along the row", drags("thickness")), speed: createCurves($("speed"), "Local speed along the row") };
-  recordings = createRecordings($, (sound) => listener.ask({ type: "measure", document: draft.scene.document, layout: draft.layout, ...sound }), (result) => attempt(() => usePhysics(result)));
+  recordings = createRecordings($, () => ({ document: draft.scene.document, layout: draft.layout }), (recording) => listener.ask({ type: "measure", ...recording }), (result) => attempt(() => usePhysics(result)));
   listen();
   const first = { document: data.first.document, layout: data.first.layout && makeLayout(data.first.layout) };
   let next = null, message = "";
   try { next = await openAddress(); } catch (error) { message = error.message; }
-  commit(next ?? (await made(first)));
+  if (!next) notify("computing the best equal gaps …");
+  try { next ??= await made(first); } catch (error) { message = error.message; }
+  commit(next ?? (await made({ document: data.scenes.course.document })));
   if (message) notify(message, "error");
   if (data.headline) showReport($("runs"), data, draftOf);
 }
@@ -502,11 +523,14 @@ window.domino = {
   async search(name, { seconds = 5, seed = 0 } = {}) {
     if (!data.scenes[name]) throw new RangeError(`scene = ${name}: choose one of ${Object.keys(data.scenes).join(", ")}`);
     const scene = new Scene(kernels, data.scenes[name].document), worker = createWorker();
-    const { layout, score } = await worker.ask({ type: "search", document: scene.document, seconds, seed }, () => {}).finally(worker.end);
+    const { layout, score } = await worker.ask({ type: "search", document: scene.document, seconds, seed }, () => {}).finally(worker.close);
     scene.baseline = await baseline(scene).promise;
     return { score, gain: scene.gain(score), spacing: [...layout.spacing], thickness: [...layout.thickness] };
   },
   layout: () => plain(draft.layout),
-  open: async (layout) => commit(await made({ layout: makeLayout(layout) })),
+  async open(layout) {
+    endSearch();
+    commit(await made({ layout: makeLayout(layout) }));
+  },
   get state() { return { draft, row, curves, search }; },
 };

@@ -1,6 +1,7 @@
 // To the table: pages at 1:1 with a box for each domino, and a strip with slots for a laser cutter. Lengths in mm.
 
 import { positionsAlong } from "./geometry.js";
+import { require } from "./kernels.js";
 
 /** Sizes of papers [mm], landscape; a roll is as long as the row. */
 export const PAPERS = { a4: [297, 210], a3: [420, 297], letter: [279.4, 215.9] };
@@ -9,6 +10,7 @@ const MARGIN = 14, LEAST_MARGIN = 6; // [mm] blank at the left and right; the le
 const LEAD = 10, HEAD = 24, FOOT = 26, EDGE = 3; // [mm] before and after the row; for title and ruler; of a roll
 const BESIDE = 13, NUMBER = 2.2; // [mm] of a strip on each side of the dominoes, for numbers and gaps; half the width of a number
 const RULER = 100, ROLL_HEAD = RULER + 40; // [mm] ruler; of a roll for title and ruler
+const ROUNDING = 1e-6; // [mm] of a row that no strip is added for
 const WEB = 0.5; // [mm] least material between two slots
 const SAFE = 3; // dominoes in a row that are left out until the end
 
@@ -32,7 +34,7 @@ export function safetyGaps(layout, every) {
 // parts of a row for sheets of paper, `{row, begin, end, dominoes}` with places along the row
 function stripsOf(row, length, begin, end, safe) {
   const front = Array.from(positionsAlong(row.layout), (x) => MM * x), rear = front.map((x, i) => x - MM * row.layout.thickness[i]), strips = [];
-  for (let from = begin; from < end; from += length) {
+  for (let from = begin; from < end - ROUNDING; from += length) {
     const to = from + length, dominoes = [...front.keys()].filter((i) => front[i] > from && rear[i] < to);
     strips.push({ row, safe, front, rear, begin: from, end: to, dominoes });
   }
@@ -46,6 +48,7 @@ function stripsOf(row, length, begin, end, safe) {
  * @returns {{width: number, height: number, svg: string}[]} pages with their sizes [mm]
  */
 export function printPages(rows, { paper = "a4", roll = 210, safety = 0, title = "" }) {
+  require("safety gap every", safety, { low: 0 }, { unit: "mm" });
   const isRoll = paper === "roll", high = isRoll ? roll : PAPERS[paper]?.[1], [top, foot] = isRoll ? [EDGE, EDGE] : [HEAD, FOOT];
   if (!(high > 0)) throw new RangeError(isRoll ? `roll = ${roll} mm: give the width of the roll` : `paper = ${paper}: choose one of ${Object.keys(PAPERS).join(", ")}, roll`);
   const widest = Math.max(...rows.map((row) => MM * row.layout.width)), across = widest + 2 * BESIDE, perSheet = Math.floor((high - top - foot) / across);
@@ -53,7 +56,7 @@ export function printPages(rows, { paper = "a4", roll = 210, safety = 0, title =
   const placed = rows.map((row) => ({ row, begin: -MM * row.layout.thickness[0] - LEAD, end: MM * positionsAlong(row.layout).at(-1) + LEAD }));
   const longest = Math.max(...placed.map(({ begin, end }) => end - begin)), left = isRoll ? ROLL_HEAD : 0;
   const wide = isRoll ? Math.min(longest + 2 * MARGIN + left, LONGEST) : PAPERS[paper][0];
-  const sheets = (margin) => Math.ceil(placed.reduce((n, { begin, end }) => n + Math.ceil((end - begin) / (wide - left - 2 * margin)), 0) / perSheet);
+  const sheets = (margin) => Math.ceil(placed.reduce((n, { begin, end }) => n + Math.ceil((end - begin - ROUNDING) / (wide - left - 2 * margin)), 0) / perSheet);
   const margin = sheets(LEAST_MARGIN) < sheets(MARGIN) ? LEAST_MARGIN : MARGIN, count = sheets(margin);
   const strips = placed.flatMap(({ row, begin, end }) => stripsOf(row, wide - left - 2 * margin, begin, end, safetyGaps(row.layout, safety)));
   return Array.from({ length: count }, (_, sheet) => {
@@ -79,8 +82,10 @@ function drawStrip({ row, safe, front, rear, begin, end, dominoes, number, of },
     if (centre >= left && centre < right) {
       if (is.first || is.last || (is.late && !safe.has(i - 1))) parts.push(text(centre, middle + half + 10.5, is.first ? `first: ${row.start} →` : is.last ? "last" : "leave out until the end", 2.8, `text-anchor="${is.last ? "end" : "start"}"`));
     }
-    const gap = x(front[i]) + 0.5 * (rear[i + 1] - front[i]);
-    if (i < last && gap >= left && gap < right) parts.push(text(0, 0, (MM * row.layout.spacing[i]).toFixed(1), 2.4, `class="gap" transform="translate(${fixed(gap + 0.8)} ${fixed(middle - half - 1)}) rotate(-90)"`));
+  }
+  for (let i = 0; i < last; i++) { // also a gap between dominoes that are on other strips
+    const gap = x(0.5 * (front[i] + rear[i + 1]));
+    if (gap >= left && gap < right) parts.push(text(0, 0, (MM * row.layout.spacing[i]).toFixed(1), 2.4, `class="gap" transform="translate(${fixed(gap + 0.8)} ${fixed(middle - half - 1)}) rotate(-90)"`));
   }
   parts.push(text(0.5 * (left + right), middle - edge + 4, `${row.name}${of > 1 ? `, strip ${number} of ${of}` : ""}; numbers between the boxes: gaps in mm`, 2.5, 'text-anchor="middle"'));
   for (const [at, neighbour, anchor, by] of [[left, number - 1, "start", 1], [right, number + 1, "end", -1]]) if (neighbour >= 1 && neighbour <= of) {
@@ -101,6 +106,9 @@ function drawRuler(x, y) {
  * @param {object} options `tolerance` by which slots are larger than a domino, `piece` largest length of a piece, `safety` distance of safety gaps, 0 for none [mm]
  */
 export function stripSvg(layout, { tolerance = 0.3, piece = 300, safety = 0 }) {
+  require("slots larger by", tolerance, { low: 0 }, { unit: "mm" });
+  require("longest piece", piece, { above: 0 }, { unit: "mm" });
+  require("safety gap every", safety, { low: 0 }, { unit: "mm" });
   const front = Array.from(positionsAlong(layout), (x) => MM * x), rear = front.map((x, i) => x - MM * layout.thickness[i]), last = front.length - 1;
   const narrow = front.findIndex((x, i) => i < last && rear[i + 1] - x - tolerance < WEB);
   if (narrow >= 0) throw new RangeError(`gap ${narrow + 1} is ${(rear[narrow + 1] - front[narrow]).toFixed(2)} mm wide: with slots ${tolerance} mm larger than the dominoes, ${WEB} mm of material have to remain; give a smaller tolerance or a wider gap`);

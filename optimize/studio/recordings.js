@@ -22,11 +22,12 @@ async function decode(file) {
 /**
  * Measurements in a fold of the page.
  * @param {function} $ returns an element of the page by its id
- * @param {function} measure promise of the measurement of `{samples, rate}`
+ * @param {function} built returns the row that is shown, `{document, layout}`
+ * @param {function} measure promise of the measurement of `{document, layout, samples, rate}`
  * @param {function} use what a button does with a measurement
  * @returns {object} `open(files)` measures recordings
  */
-export function createRecordings($, measure, use) {
+export function createRecordings($, built, measure, use) {
   const sound = createCurves($("heard"), "Sound, hits heard and predicted"), rest = createCurves($("misfit"), "Differences of the hits from the model");
   let recorder = null;
 
@@ -45,7 +46,7 @@ export function createRecordings($, measure, use) {
     ] });
   }
 
-  async function open(files) {
+  async function open(files, row = built()) {
     $("measure").open = true;
     for (const file of files) {
       const line = document.createElement("p");
@@ -53,7 +54,7 @@ export function createRecordings($, measure, use) {
       $("measured").prepend(line);
       line.scrollIntoView({ block: "nearest" });
       try {
-        const result = await measure(await decode(file)), button = Object.assign(document.createElement("button"), { type: "button", textContent: "Use this friction and push" });
+        const result = await measure({ ...row, ...(await decode(file)) }), button = Object.assign(document.createElement("button"), { type: "button", textContent: "Use this friction and push" });
         button.addEventListener("click", () => use(result));
         line.replaceChildren(`${file.name}: ${result.verdict} `, button);
         draw(file.name, result);
@@ -65,10 +66,13 @@ export function createRecordings($, measure, use) {
 
   async function record() {
     if (recorder) { recorder.stop(); return; }
+    $("record").disabled = true; // until it is known whether there is a microphone
+    let stream = null;
     try {
-      const stream = await navigator.mediaDevices.getUserMedia({ audio: { echoCancellation: false, noiseSuppression: false, autoGainControl: false } });
+      stream = await navigator.mediaDevices.getUserMedia({ audio: { echoCancellation: false, noiseSuppression: false, autoGainControl: false } });
       recorder = new MediaRecorder(stream);
-      recorder.ondataavailable = ({ data }) => open([new File([data], "microphone")]);
+      const row = built();
+      recorder.ondataavailable = ({ data }) => open([new File([data], "microphone")], row);
       recorder.onstop = () => {
         stream.getTracks().forEach((track) => track.stop());
         recorder = null;
@@ -77,7 +81,11 @@ export function createRecordings($, measure, use) {
       recorder.start();
       $("record").textContent = "Stop and measure";
     } catch (error) {
+      recorder = null;
+      stream?.getTracks().forEach((track) => track.stop());
       $("measured").prepend(Object.assign(document.createElement("p"), { className: "error", textContent: `no microphone: ${error.message}` }));
+    } finally {
+      $("record").disabled = false;
     }
   }
 

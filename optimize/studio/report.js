@@ -2,7 +2,7 @@
 
 import { createCurves, rangeOf } from "./curves.js";
 import { makeLink } from "./files.js";
-import { pivotsOf } from "./geometry.js";
+import { positions } from "./kernels.js";
 
 const COLOURS = ["result", "leader", "chosen", "uniform", "error"]; // names in page.css, of rows and terms of an energy
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3], [14, 4]];
@@ -55,13 +55,13 @@ function resultTable(rows, drafts) {
   const isSpeed = rows.every((row) => row.quantity.startsWith("score")), texts = rows.some((row) => row.score && !row.score.endsWith("m/s"));
   const names = ["row", ...(texts ? ["result"] : []), "mean speed", ...(base && rows.length > 1 && isSpeed ? [`over ${rows[drafts.indexOf(base)].name}`] : []), "last hit", "length", "dominoes", "outcome"];
   const lines = rows.map((row, k) => {
-    const { wave } = drafts[k], { x } = pivotsOf(wave.layout), speed = wave.meanSpeed, last = wave.arrivalTimes.at(-1);
+    const { wave } = drafts[k], speed = wave.meanSpeed, last = wave.arrivalTimes.at(-1);
     const link = element(row.fits ? "a" : "span", { textContent: row.name });
     if (row.fits) makeLink(row.document, drafts[k].layout).then((text) => { if (text) link.href = `#${text}`; });
     const gain = 100 * (speed / base?.wave.meanSpeed - 1);
     const cells = [element("span", {}, swatch(k), link), ...(texts ? [row.score ?? "–"] : []), speed ? `${speed.toFixed(5)} m/s` : "–",
       ...(names.some((name) => name.startsWith("over ")) ? [speed ? `${gain > 0 ? "+" : ""}${gain.toFixed(2)} %` : "–"] : []),
-      speed ? `${(MILLI * last).toFixed(2)} ms` : "never", `${x.at(-1).toFixed(4)} m`, wave.arrivalTimes.length, wave.outcome.toLowerCase()];
+      speed ? `${(MILLI * last).toFixed(2)} ms` : "never", `${positions(wave.layout).at(-1).toFixed(4)} m`, wave.arrivalTimes.length, wave.outcome.toLowerCase()];
     return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
   });
   const head = element("tr", {}, ...names.map((name) => element("th", { textContent: name, scope: "col" })));

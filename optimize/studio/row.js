@@ -1,6 +1,7 @@
 // Row of dominoes on a canvas: dragged, pushed, raced and heard. Times in s, lengths in m, screen in pixels.
 
 import { groundLine, pivotsOf } from "./geometry.js";
+import { positions } from "./kernels.js";
 
 /** Margins of the row and of the curves at the left [px]. */
 export const LEFT = 48;
@@ -18,8 +19,8 @@ export const colour = (name) => getComputedStyle(document.documentElement).getPr
 
 /** Result of a race in words. */
 export function verdict(own, other, name) {
-  for (const [wave, words] of [[own, "yours stops"], [other, `${name} stop`]]) if (wave.outcome !== "PROPAGATED") return words;
-  const end = (row) => pivotsOf(row.layout).x.at(-1);
+  for (const [wave, words] of [[own, "yours stops"], [other, `${name}: the wave stops`]]) if (wave.outcome !== "PROPAGATED") return words;
+  const end = (row) => positions(row.layout).at(-1);
   const earlier = other.arrivalTimes.at(-1) - own.arrivalTimes.at(-1), longer = 1000 * (end(own) - end(other));
   let words = Math.abs(earlier) < TIE ? `at the same time as ${name}` : `${Math.abs(earlier).toFixed(3)} s ${earlier > 0 ? "earlier" : "later"} than ${name}`;
   if (Math.abs(longer) >= 1) words += `; the row is ${Math.abs(longer).toFixed(0)} mm ${longer > 0 ? "longer" : "shorter"}`;
@@ -36,7 +37,7 @@ export function corners(layout, pivots, i, lean) {
  * Show rows on a canvas.
  * @param {HTMLCanvasElement} canvas
  * @param {object} kernels for the motion of a wave
- * @param {object} act functions `drag(index, shift, following)`, `commit()`, `insert(gap)`, `remove(index)`, `touch()`
+ * @param {object} act functions `drag(index, shift, following)`, `commit()`, `insert(gap)`, `remove(index)`, `touch(chosen)`
  *   and `moved(position)`, which is called with the position of the wave [m], null for none
  * @returns {object} `show(waves, options)`, `push()`, `setPace(pace)`, `setSound(on)`, and `view`, the range of x
  */
@@ -62,7 +63,7 @@ export function createRow(canvas, kernels, act) {
     [own] = rows;
     options = given;
     if (isNew) glide = given.glide && before.length === own.x.length ? { from: before, began: performance.now() } : null;
-    if (isNew && !given.goesOn) { playing = false; now = 0; act.moved(null); }
+    if (isNew) { playing = false; now = 0; act.moved(null); }
     if (chosen >= options.designed) chosen = -1;
     resize();
   }
@@ -229,7 +230,7 @@ export function createRow(canvas, kernels, act) {
   }
   canvas.addEventListener("pointerup", () => {
     if (grip?.i === 0 && !grip.moved) push();
-    else if (grip && !grip.moved) { chosen = grip.i; act.touch(); draw(); }
+    else if (grip && !grip.moved) { chosen = grip.i; act.touch(chosen); draw(); }
     release();
   });
   canvas.addEventListener("pointercancel", release);
@@ -238,11 +239,11 @@ export function createRow(canvas, kernels, act) {
     if (gap >= 0 && e.offsetY > SKY && e.offsetY < view.floor + FOOT) act.insert(gap);
   });
   document.addEventListener("keydown", (e) => { // anywhere on the page but in a control
-    if (![canvas, document.body].includes(e.target)) return;
+    if (![canvas, document.body].includes(e.target) || e.altKey || e.ctrlKey || e.metaKey) return;
     const next = { ArrowLeft: -1, ArrowRight: 1 }[e.key], step = { ArrowUp: 0.0005, ArrowDown: -0.0005 }[e.key];
     if (e.key === " ") { if (playing || (runs() && now < end())) play(!playing); else push(); }
     else if (["Delete", "Backspace"].includes(e.key) && chosen > 0) { act.remove(chosen); chosen = -1; }
-    else if (next) { chosen = Math.min(Math.max(chosen + next, 0), options.designed - 1); draw(); }
+    else if (next) { chosen = Math.min(Math.max(chosen + next, 0), options.designed - 1); act.touch(chosen); draw(); }
     else if (step && chosen > 0) { act.drag(chosen, step, e.shiftKey); act.commit(); }
     else if (e.key === "Escape") { chosen = -1; draw(); }
     else return;

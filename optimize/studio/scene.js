@@ -12,6 +12,7 @@ const LENGTH_TOLERANCE = 1e-9; // [m]
 const SCORE_RTOL = 1e-10;
 const GROUND_TOLERANCE = 1e-9; // [m], [rad]
 const SAME_THICKNESS = 1e-9; // [m] in a stock
+const SAME_PUSH = 1e-9; // relative difference from the push of a released domino
 const MAX_DOMINOES = 100000;
 
 // --- Documents ------------------------------------------------------------------------------------
@@ -101,8 +102,14 @@ function checkDocument(document) {
     if (!["fixed", "min,max"].includes(given.join())) {
       fail(`${name}: it has ${given.join(" and ") || "no value"}: give either fixed, or min and max [m]`);
     }
-    if (fixed === undefined && min > max) fail(`${name}.min = ${repr(min)} is more than max = ${repr(max)}: give min <= max`);
     if (![undefined, "height"].includes(of)) fail(`${name}.of = '${of}': choose height, or leave it out`);
+  }
+  for (const name of ["spacing", "thickness", "growth"]) {
+    const { min = 1, max } = document[name] ?? {};
+    if (min > max) fail(`${name}.min = ${repr(min)} is more than max = ${repr(max)}: give min <= max`);
+  }
+  for (const [key, list] of Object.entries(document.stock ?? {})) {
+    if (key !== "hand" && !(Array.isArray(list) && list.length && list.every((x) => x > 0 && x < 1e9))) fail(`stock.${key} = ${list}: give a list of positive numbers`);
   }
   if ((document.spacing.of !== document.thickness?.of && document.thickness) || (document.growth && !document.spacing.of)) {
     fail('spacing and thickness: give both in heights (of = "height"), as [growth] needs them, or both in metres');
@@ -114,6 +121,13 @@ function checkDocument(document) {
       fail(`the table [${name}] ${given ? "is given" : "is missing"} and objective = '${document.objective ?? "mean_speed"}': ` +
         `give both [${name}] and objective = '${objective}', or neither`);
     }
+  }
+  if (document.physics?.floor_friction !== undefined && (document.objective ?? "mean_speed") !== "mean_speed") {
+    fail(`physics.floor_friction and objective = '${document.objective}': free-standing layouts are scored by their speed; ` +
+      "choose objective = 'mean_speed', or leave the floor out");
+  }
+  if (document.placement?.quantile !== undefined && !document.placement.draws) {
+    fail("placement.quantile is given without draws: give draws of at least 1, or leave quantile out");
   }
   if (document.thickness?.fixed === undefined && document.row.first_thickness === undefined) {
     fail("row.first_thickness is missing: give the thickness of domino 0 [m], as that of the others is not fixed");
@@ -130,7 +144,7 @@ export class Scene {
     const { row, spacing, thickness, physics = {}, growth, run_out: runOut, objective = "mean_speed" } = document;
     const unit = spacing.of ? row.height ?? STANDARD.height : 1;
     const bounds = ({ fixed, min, max }) => [(fixed ?? min) * unit, (fixed ?? max) * unit];
-    Object.assign(this, { kernels, document, objective, runOut, isReleased, inHeights: Boolean(spacing.of) });
+    Object.assign(this, { kernels, document, objective, runOut, inHeights: Boolean(spacing.of) });
     this.name = document.name ?? "own";
     this.title = document.title ?? this.name;
     this.count = row.count;
@@ -146,15 +160,26 @@ export class Scene {
     this.placement = document.placement ?? null;
     this.firstThickness = row.first_thickness ?? thickness.fixed * unit;
     this.ground = document.ground ? new Ground(kernels, document.ground) : null;
-    if (isReleased) {
-      const d = this.firstThickness, ground = this.ground?.riseAndTilt({ spacing: [d], thickness: [d, d] });
-      this.physics.push = releasedPush({ ...ground, height: [this.height], thickness: [d] }, gravity);
-    }
+    const d = this.firstThickness, footing = this.ground?.riseAndTilt({ spacing: [d], thickness: [d, d] });
+    const released = releasedPush({ ...footing, height: [this.height], thickness: [d] }, gravity);
+    this.isReleased = isReleased || Math.abs(push / released - 1) < SAME_PUSH; // files may have the number
+    if (this.isReleased) this.physics.push = released;
     this.tempo = document.tempo ? { tolerance: 1e-3, ...document.tempo, schedule: this.#schedule(document.tempo) } : null;
     this.stock = document.stock ?? null;
     const pieces = this.stock ? this.#pieces() : [];
     this.thickness = this.stock ? [Math.min(...pieces), Math.max(...pieces)] : bounds(thickness);
+    this.#checkReach();
     if (this.length !== null) this.#checkLength(pieces);
+  }
+
+  #checkReach() {
+    if (!this.growth && this.spacing[0] >= this.height) {
+      throw new RangeError(`spacing of at least ${general(this.spacing[0])} m is out of reach of a domino ${general(this.height)} m high: give less; lengths are in metres`);
+    }
+    if (this.runOut?.spacing >= this.height) {
+      throw new RangeError(`run_out.spacing = ${general(this.runOut.spacing)} m is out of reach of a domino ${general(this.height)} m high: ` +
+        "give less; lengths are in metres, 3 mm is 0.003");
+    }
   }
 
   get freeSpacing() { return this.spacing[0] < this.spacing[1]; }
@@ -164,7 +189,7 @@ export class Scene {
 
   /** Sentence with the command that searches a scene which this page does not search, or "". */
   get whyNotSearched() {
-    const command = `\`domino optimize ${this.name}\` searches it`;
+    const command = this.name === "own" ? "save the scene, and `domino optimize scene.toml` searches it" : `\`domino optimize ${this.name}\` searches it`;
     if (this.placement?.draws) return `The score is taken over random placement errors, and this page shows the row without them: ${command}.`;
     if (this.floorFriction !== null) return `Free-standing rows take too long here: ${command}.`;
     if (this.stock) return `The order of the pieces of a stock is not searched here: ${command}.`;
@@ -392,15 +417,6 @@ export class Scene {
     if (Math.min(score, reference) <= 0) return null;
     if (this.objective !== "tempo") return score / reference - 1;
     return 0.1 * Math.log10(Math.max(score, 1e-4) / Math.max(reference, 1e-4));
-  }
-
-  /** Return the gain in words, such as "3.18% over equal gaps"; "" without a success. */
-  gainText(score) {
-    const gain = this.gain(score);
-    if (gain === null) return "";
-    if (this.objective === "tempo") return `${this.#milliseconds(this.uniform().score, 4)} with equal gaps`;
-    if (Math.abs(gain) < 0.5e-4) return "level with equal gaps";
-    return `${(100 * Math.abs(gain)).toFixed(2)}% ${gain >= 0 ? "over" : "below"} equal gaps`;
   }
 
   // --- Best equal gaps ----------------------------------------------------------------------------

@@ -224,7 +224,7 @@ class Curvature {
 // --- Changes of good layouts: as `optimize/methods/search/perturbations.py` ------------------------
 
 /** Source of random numbers with a seed (mulberry32). */
-class Random {
+export class Random {
   constructor(seed) { this.state = seed >>> 0; }
 
   next() {
@@ -521,7 +521,8 @@ function* searchProblem(problem, random, given) {
 function* stretched(problem, random) {
   const { scene } = problem, { length } = scene.document.row;
   const row = { count: SHORT, ...(length ? { length: (length * (SHORT - 1)) / (scene.count - 1) } : {}) };
-  const short = new Problem(scene.replaced({ row }));
+  const times = scene.document.tempo?.times?.slice(0, SHORT - 1);
+  const short = new Problem(scene.replaced({ row, ...(times ? { tempo: { times } } : {}) }));
   const race = new Race(short, random), uniform = short.design(short.scene.uniform().layout);
   yield* race.race(race.starts(uniform));
   const { design } = short.best, middle = short.pairs >> 1, tail = short.pairs - middle;
