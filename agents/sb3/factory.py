@@ -19,7 +19,7 @@ from agents import policy as files
 from agents.algorithms import Hyperparameters
 from agents.apg import APG
 from agents.network import read_arrays
-from agents.rollout import SEEDS_PER_TRAINING, is_random
+from agents.rollout import SEEDS_PER_TRAINING
 from agents.sb3.ars import VectorARS
 from agents.sb3.scheduled import ScheduledPolicy
 from agents.vec_env import DominoVecEnv
@@ -114,8 +114,7 @@ def make_model(
             device="cpu", verbose=0, **options,
         )  # fmt: skip
     model.set_logger(Logger(folder=None, output_formats=[]))
-    if is_random(target):
-        env.seed(SEEDS_PER_TRAINING * (1 + seed))
+    env.seed(SEEDS_PER_TRAINING * (1 + seed))  # no episode of another training
     policy = model.policy
     if isinstance(policy, ScheduledPolicy):
         policy.end_factor, policy.penalty = hyperparameters.end_factor, hyperparameters.penalty

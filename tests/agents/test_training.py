@@ -71,6 +71,17 @@ def test_environments_keep_the_number_of_threads_of_torch():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_trainings_with_other_seeds_have_other_scenes():
+    names = []
+    for seed in (100, 101):
+        chosen = default_hyperparameters("ppo", de.load_distribution("varied"))
+        chosen = chosen.replace(num_envs=8, options={"n_steps": 8, "batch_size": 64})
+        env = make_model(de.load_distribution("varied"), "ppo", chosen, seed).env
+        env.reset()
+        names.append({scene.name for scene in env.vector.scenes})
+    assert len(names[0] | names[1]) > 14  # of 16
+
+
 def test_the_vector_environment_takes_options_and_reports_episodes_like_monitor():
     options: dict[str, object] = {"window": 4, "rtol": 1e-5}
     batch = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
