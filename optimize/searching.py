@@ -163,12 +163,13 @@ def search(
     evaluations_before, interrupted = 0, False
     failure: BaseException | None = None
     with ExitStack() as stack:
+        closing = stack.enter_context(ExitStack())  # of the journal
         if folder is not None:
             folder = as_path("folder", folder)
             evaluations_before = begin_run(folder, scene, method, seed, resume=resume)
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(folder / JOURNAL, context, resume=resume)
-            stack.callback(journal.close)
+            closing.callback(journal.close)
         if seconds is not None or budget is None or budget * problem.dominoes > SHORT:
             compile_simulations(scene, gradients=True)
         start = clock()
@@ -203,6 +204,10 @@ def search(
         if evaluator.best_score <= 0.0 and not interrupted:
             stop_reason = f"{stop_reason.partition(';')[0]}; {NO_SUCCESS}"
         duration = evaluator.seconds
+        try:
+            closing.close()
+        except ValueError as error:  # a full disk, say
+            failure = failure or error
     # with a folder the best layout so far is written before the error is raised
     if failure is not None and (folder is None or not evaluator.finalists):
         raise failure

@@ -57,6 +57,21 @@ def test_every_method_resumes_bitwise(bits, problems, tmp_path, method, name):
     assert bits(search(*words, folder=tmp_path, resume=True)) == bits(whole)
 
 
+def test_the_best_layout_is_written_if_the_journal_cannot_be(problems, tmp_path, monkeypatch):
+    save, calls = Journal._save, count()
+
+    def save_once(journal):
+        if next(calls):
+            raise ValueError("no space left")
+        save(journal)
+
+    monkeypatch.setattr(Journal, "_save", save_once)
+    with pytest.raises(ValueError, match="no space left"):
+        search(problems["both"], "random", 20, folder=tmp_path)
+    lines = (tmp_path / "layout.csv").read_text("utf-8").splitlines()
+    assert len(lines) == 1 + problems["both"].count
+
+
 def test_known_answers_are_not_simulated_again(bits, problems, simulated, tmp_path):
     words = (problems["both"], "auto", 300, 1)
     first = search(*words, folder=tmp_path, callback=stopped_after(20))

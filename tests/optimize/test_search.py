@@ -18,6 +18,14 @@ from optimize import Evaluator, search
 from optimize.experiments.task import Task
 
 
+def test_a_length_may_leave_one_gap_inside_its_bounds():
+    for length in (0.024, 0.057, 0.0621, 0.0735, 0.09):
+        scene = de.Scene(
+            count=3, spacing=(0.002, 0.04), thickness=(0.0075, 0.0075), length=length, name="short"
+        )
+        assert search(scene, "auto", budget=60).score >= scene.uniform().score
+
+
 @pytest.mark.parametrize(("words", "message"), [
     ({"method": "cmaes"}, "method = 'cmaes': did you mean 'cma'? choose one of auto, cma"),
     ({"budget": 0}, "budget = 0: give a whole number, at least 1"),

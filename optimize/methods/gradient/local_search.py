@@ -134,7 +134,9 @@ class LocalSearch:
         """
         if self._normal is None:
             return step
-        free = step != 0.0
+        # a projected gradient may be 0 in a variable inside the box that has to make room
+        inside = (self.design > 0.0) & (self.design < 1.0)
+        free = (step != 0.0) | inside
         for _ in range(MAX_TANGENTS):
             normal = np.where(free, self._normal, 0.0)
             change = np.where(free, multiply(normal), 0.0)
@@ -144,7 +146,7 @@ class LocalSearch:
             step = self._inward_part(tangent)
             if np.array_equal(step, tangent):
                 break
-            free = step != 0.0
+            free &= (step != 0.0) | inside
         return step
 
     def _direction(self) -> Floats | None:
@@ -161,7 +163,8 @@ class LocalSearch:
         if self._guess is not None:
             return gradient * self._guess
         gradient = self._tangent(gradient, lambda normal: normal)
-        return gradient * (FIRST_CHANGE / float(np.abs(gradient).max()))
+        largest = float(np.abs(gradient).max())
+        return gradient * (FIRST_CHANGE / largest) if largest > 0.0 else None
 
     def _line_search(
         self, direction: Floats
