@@ -3,7 +3,8 @@
 Figures are gains, or normalised scores where they are more than 20 %. `docs/agents.md` has those of
 PPO's schedule, which was chosen by hand on `sprint`, `ideal` and `sprint-thickness`. The discount
 factor is 1, as the gain is the undiscounted return, but 0.95 if hits have a schedule, as an action
-decides about the next hits (SAC on `tempo-noise`: 2.4 ms, with 0.99 3.1 ms, with 0.9 2.9 ms).
+decides about the next hits (SAC on `tempo-noise`: 2.4 ms, with 0.99 3.1 ms, with 0.9 2.9 ms), and
+0.99 for off-policy algorithms where pieces are drawn.
 
 References
 ----------
@@ -38,6 +39,7 @@ def require_learning() -> None:
 
 PositiveInt = Annotated[int, Meta(ge=1)]
 PositiveFloat = Annotated[float, Meta(gt=0.0)]
+Share = Annotated[float, Meta(ge=0.0)]
 
 
 class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
@@ -74,13 +76,13 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     width: PositiveInt = 64
     depth: PositiveInt = 2
     learning_rate: PositiveFloat = 1e-3
-    last_rate: float = 0.05
+    last_rate: Share = 0.05
     first_deviation: PositiveFloat = 1.0
     middle_deviation: PositiveFloat = 0.03
     last_deviation: PositiveFloat = 0.01
     middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a fraction of the steps")] = 0.6
     end_factor: PositiveFloat = 8.0
-    penalty: float = 1.0
+    penalty: Share = 1.0
     options: dict[str, Any] = field(default_factory=dict)
 
     def deviation(self, progress: float) -> float:

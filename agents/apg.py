@@ -52,7 +52,7 @@ class APG(OnPolicyAlgorithm):
         self,
         policy: Any,
         env: Any,
-        learning_rate: Any = 0.02,
+        learning_rate: Any,
         max_grad_norm: float = 5.0,
         **options: Any,
     ) -> None:

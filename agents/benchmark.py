@@ -266,6 +266,7 @@ def benchmark_tasks(
         if name not in SCRIPTED and not is_learner(name):
             registry.load(name)
     targets = [scene if isinstance(scene, Target) else load_any(scene) for scene in scenes]
+    require_distinct(scenes=[target.name for target in targets])
     for target in targets:
         if isinstance(target, SceneDistribution) and not has_test_set(target):
             raise ValueError(
@@ -327,14 +328,14 @@ def learning_curve(folder: Path) -> Trace:
     }
 
 
-@lru_cache(8)  # more than the default targets of a benchmark
+@lru_cache(16)  # more than the default targets of a benchmark
 def read_target(text: str) -> Target:
     """Read a scene or scene distribution from TOML text."""
     document = parse_document(text, "scene")
     return SceneDistribution(document, "scene") if has_ranges(document) else read_scene(text)
 
 
-@lru_cache(8)  # more than the default targets of a benchmark
+@lru_cache(16)
 def target_hash(target: Target) -> str:
     """Return a short hash of the environment's name, of a target and of its test set."""
     tests = load_test_set(target.name) if isinstance(target, SceneDistribution) else []

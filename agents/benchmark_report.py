@@ -47,7 +47,8 @@ WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
 LEAST_SEEDS = 5  # trainings of an algorithm on a scene
 MOST_ERRORS = 5  # that are listed
-ROLLOUT = 1.03  # steps at the end of a training over those asked for, at most: whole rollouts
+ROLLOUT = 1.03  # steps of an evaluation over those after which it was due, at most
+REST = 4 / 3  # steps of a training over those asked for, at most: whole rollouts
 PAGE = Path(__file__).with_name("benchmark_page.md")  # template of the page
 
 
@@ -63,14 +64,14 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     command
         Command that repeats the benchmark, quoted on the page.
     """
-    from optimize.experiments.pictures import draw_intervals, draw_over_clock
+    from optimize.experiments.pictures import draw_intervals, draw_over_steps
 
     write_csv(folder / RUNS, COLUMNS, (_line(experiment, run) for run in experiment.results))
     write_table(folder / SUMMARY, list(_summary_lines(experiment)))
     write_text(folder / REPORT, page(experiment, command))
     learning = [name for name in experiment.methods if is_training(name)]
     draw_intervals(experiment, folder / INTERVALS, learning)
-    draw_over_clock(experiment, "steps", folder / CURVES, learning)
+    draw_over_steps(experiment, folder / CURVES, learning)
 
 
 def _line(experiment: Experiment, run: TaskResult) -> tuple[Any, ...]:
@@ -163,15 +164,16 @@ def _read_run(line: dict[str, str]) -> TaskResult:
         key=line["key"], scene_name=target.name, method=line["algorithm"], seed=values["seed"],
         score=score, uniform_score=uniform, gain=gain, seconds=values["processor_seconds"],
         work={name: values[name] for name in WORK}, trace=trace, scene=target.to_toml(),
-        versions={"revision": line["revision"], **dict(_read_json(line, "versions"))},
+        versions={"revision": line["revision"], **_read_json(line, "versions")},
     )  # fmt: skip
 
 
 def _read_json(line: dict[str, str], name: str) -> Any:
     """Return the value of a column in JSON."""
     try:
-        return json.loads(line[name])
-    except ValueError as error:
+        value = json.loads(line[name])
+        return dict(value) if name == "versions" else value
+    except (TypeError, ValueError) as error:  # no text if the line was cut off
         raise ValueError(f"{name}: not JSON ({error}); copy the whole line") from None
 
 
@@ -267,9 +269,8 @@ def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
     whole = replace(experiment, results=tuple(learners))
     parts = []
     for earlier, budget in pairwise((0, *BUDGETS)):
-        # trainings for an earlier budget may exceed it by the rest of a rollout
-        runs = [run for run in learners if run.work["steps"] > 2 * earlier]
-        part = replace(whole, results=tuple(runs)).until("steps", ROLLOUT * budget)
+        runs = [run for run in learners if run.work["steps"] > REST * earlier]
+        part = replace(whole, results=tuple(runs)).until("steps", ROLLOUT * budget, REST * budget)
         if part.results:
             parts.append((f"Trainings until {budget:,} steps:", part))
     others = [run for run in experiment.results if not is_training(run.method)]
@@ -298,8 +299,8 @@ def table(experiment: Experiment) -> list[str]:
     common = [run for run in experiment.results if run.problem in shared or not shared]
     compared = replace(experiment, results=tuple(common))
     for name in compared.rank(()):
-        runs, scores = experiment.runs(name), compared.final_scores(name)
-        counts = sorted({len(experiment.runs(name, scene)) for scene in {r.problem for r in runs}})
+        runs, scores = compared.runs(name), compared.final_scores(name)
+        counts = sorted({len(compared.runs(name, scene)) for scene in {r.problem for r in runs}})
         cells = (
             f"{float(experiment.mean_score(name, scene).value):.0%}"
             if experiment.runs(name, scene) else ""
@@ -310,8 +311,8 @@ def table(experiment: Experiment) -> list[str]:
             f"`{name}`", *cells,
             *(_estimate_text(estimates.estimate(statistic, scores)) for statistic in statistics),
             " to ".join(map(str, dict.fromkeys((counts[0], counts[-1])))),
-            f"{np.median([r.work['steps'] for r in runs]):,.0f}",
-            f"{float(f'{np.median([r.seconds for r in runs]):.2g}'):g} s",
+            f"{np.median([found_at(r)[0] for r in runs]):,.0f}",
+            f"{float(f'{np.median([found_at(r)[1] for r in runs]):.2g}'):g} s",
         ))  # fmt: skip
     means = "interquartile mean", "median", "mean", "runs", "steps", "processor time"
     return markdown_table(("algorithm", *experiment.problems, *means), lines)
@@ -323,10 +324,8 @@ def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
         for (scene, method), runs in group_runs(part.results, "problem", "method").items():
             line: dict[str, Any] = {"scene": scene, "algorithm": method}
             line |= {"budget": title.partition(":")[0], "runs": len(runs)}
-            line |= {
-                name: float(np.median([r.work.get(name, np.nan) for r in runs])) for name in WORK
-            }
-            line["processor_seconds"] = float(np.median([r.seconds for r in runs]))
+            steps, seconds = np.median([found_at(run) for run in runs], axis=0)
+            line |= {"steps": float(steps), "processor_seconds": float(seconds)}
             for name in ("middle_mean", "median", "mean"):
                 statistic: Callable[..., Any] = getattr(estimates, name)
                 result = estimates.estimate(statistic, part.final_scores(method, scene))
@@ -337,6 +336,13 @@ def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
             line |= {"worst_score": min(scores), "best_score": max(scores)}
             line["past_uniform"] = sum(run.score > run.uniform_score for run in runs)
             yield line
+
+
+def found_at(run: TaskResult) -> tuple[float, float]:
+    """Return steps and processor time [s] after which the final score of a run was found."""
+    scores = np.array(run.trace["score"])
+    first = int(np.flatnonzero(np.append(True, scores[1:] != scores[:-1]))[-1])  # last change
+    return float(run.trace["steps"][first]), float(run.trace["seconds"][first])
 
 
 def _estimate_text(result: estimates.Estimate) -> str:

@@ -28,7 +28,7 @@ from domino_env.envs import register
 from domino_env.scenes.distribution import load_distribution
 from optimize.executors import require_executor
 from optimize.experiments.runner import run_experiment
-from optimize.experiments.store import export_study, open_store
+from optimize.experiments.store import open_store, result_cells, write_table
 from optimize.experiments.task import Task, TaskResult
 
 STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes", "README.md"
@@ -114,7 +114,8 @@ def make_dataset(
     if failures := experiment.failures:
         raise ValueError(f"{len(failures)} of {scenes} searches failed: {failures[0].reason}")
     results = experiment.results
-    export_study(study, root / LAYOUTS)
+    # of these scenes in their order; a stopped call may have searched more
+    write_table(root / LAYOUTS, [{"study": study.name} | result_cells(r) for r in results])
     partial = root / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
@@ -132,7 +133,7 @@ def _card(
     options: dict[str, float],
 ) -> str:
     """Return the description of the dataset in Markdown."""
-    gains = np.array([result.score / result.uniform_score - 1.0 for result in results])
+    gains = np.array([-1.0 if result.gain is None else result.gain for result in results])
     layouts = {
         "uniform": "the uniform baseline",
         "noisy": "the searched layout, with normal noise of standard deviation "
@@ -170,7 +171,7 @@ def build_episode(
     noise
         Standard deviation of the noise on each action.
     rng
-        Random number generator of the noise.
+        Random number generator of the noise, and of what is random in the episode.
 
     Returns
     -------
@@ -178,7 +179,8 @@ def build_episode(
         Lists "actions", "rewards", "terminations" and "truncations" with one entry per step, and
         "observations" with one more.
     """
-    observation, _ = env.reset(options={"scene": scene})
+    seed = int(rng.spawn(1)[0].integers(2**31))
+    observation, _ = env.reset(seed=seed, options={"scene": scene})
     observations, records = [observation[0]], list[tuple[Any, ...]]()
     while not records or not records[-1][2]:  # terminated
         action = env.actions_towards(layout)[0]

@@ -44,7 +44,7 @@ class Rollout(SceneResult):
         Time to build the layout [s], without the simulation of the baseline; see
         `domino_env.compiled`.
     simulations
-        Number of layouts that were simulated to build it.
+        Number of layouts that were simulated to build it; without those to which a rule was fitted.
     """
 
     uniform: UniformBaseline

@@ -18,7 +18,7 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.layout_batch import LayoutBatch
 from domino_env.scenes.placement import add_errors
 from domino_env.scenes.scene import SCORE_RTOL, Scene
-from optimize.experiments.best_known import best_known
+from optimize.experiments.best_known import best_known_of
 from optimize.searching import search
 
 RAMPS = 4000  # approximate number of ramps that are sampled
@@ -94,10 +94,11 @@ def plan(scene: Scene) -> Rollout:
         return build(open_loop(scene, references["plan"]), scene)
     if scene.hand:
         return build(rule_policy(scene, fit_gaps(scene, references["rule"], reacts=False)), scene)
-    record = best_known().get(scene.name)
+    record = best_known_of(scene)
     if record is None and scene.placement is not None:
-        return make_rollout(scene, search(scene, budget=PLANNING, seed=0).layout)
-    if record is None or scene.violations(record.layout):
+        found = search(scene, budget=PLANNING, seed=0)
+        return make_rollout(scene, found.layout, found.seconds, found.evaluations)
+    if record is None:
         raise ValueError(
             f"no best known layout of scene '{scene.name}' is shipped: use another policy"
         )

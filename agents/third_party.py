@@ -54,7 +54,7 @@ class CountedChain(DominoChain):
 def load_fit(name: str) -> Fit | None:
     """Import a learning algorithm; return None if the name is not that of one.
 
-    A learning algorithm has three arguments, a search method has two.
+    A learning algorithm has three arguments, a search method has two; both may have optional ones.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def load_fit(name: str) -> Fit | None:
     if not colon or module in (*registry.METHODS, *registry.installed_families()):
         return None
     function = cast("Fit", registry.import_function(name))
-    for number in (3, 2):
+    for number in (2, 3):
         with suppress(TypeError):
             inspect.signature(function).bind(*[None] * number)
             return function if number == 3 else None

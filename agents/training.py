@@ -20,7 +20,7 @@ from domino_env.core.checks import as_path, require, require_choice, require_typ
 from domino_env.core.files import require_unused, require_writable
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.pool import POOL_SIZE
-from optimize.experiments.best_known import best_known
+from optimize.experiments.best_known import best_known_of
 from optimize.result import draw_scores
 
 
@@ -98,7 +98,7 @@ class Run:
         assert self.rollout is not None
         scene, uniform = self.rollout.scene, self.rollout.uniform.score
         lines = {"uniform baseline": uniform}
-        if record := best_known().get(scene.name):
+        if record := best_known_of(scene):
             lines["best known"] = record.score
         table = np.array(self.curve)  # columns as in `COLUMNS`
         curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
@@ -187,7 +187,9 @@ def train(
     if resume:
         config, given["scene"] = policy.read_config(path), target.to_toml()
         stored = {name: getattr(config, name, None) for name in given}
-        stored["scene"] = load_any(path / SCENE).to_toml()
+        stored["scene"] = given["scene"]
+        if (path / SCENE).exists():  # else it is written again
+            stored["scene"] = load_any(path / SCENE).to_toml()
         if other := [name for name, x in given.items() if x is not None and x != stored[name]]:
             own = [f"another {x}" if x == "scene" else f"{x} = {stored[x]}" for x in other]
             raise ValueError(

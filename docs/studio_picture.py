@@ -1,6 +1,7 @@
 """Write studio.gif, a drag, a search, a race and a measurement: python docs/studio_picture.py.
 
-The recording is synthetic: hits of the wave of the row, with noise and a room. It needs the group dev, Chromium and its driver.
+The recording is synthetic: hits of the wave of the row, with noise and a room. The program needs
+the group dev, Chromium and its driver.
 """
 
 from __future__ import annotations

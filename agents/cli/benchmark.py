@@ -77,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     with open_executor(arguments.workers, arguments.dask) as executor:
         require_writable(folder)
         settings = {"environment": ENVIRONMENT}
-        study = open_store(arguments.store).begin(arguments.name, "benchmark", settings)
+        study = open_store(arguments.store, create=not arguments.page).begin(
+            arguments.name, "benchmark", settings
+        )
         if not arguments.page:
             experiment = run_experiment(tasks, executor, study, name="benchmark", progress=None)
     experiment = gather(study.results().values(), experiment)

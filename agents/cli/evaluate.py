@@ -125,14 +125,14 @@ def describe(rollout: Rollout) -> str:
     """
     from agents.rollout import evaluation_seeds
     from agents.scripted import plan
-    from optimize.experiments.best_known import best_known
+    from optimize.experiments.best_known import best_known_of
 
     scene, score, criterion = rollout.scene, rollout.score, rollout.scene.criterion
     uniform, number = rollout.uniform.score, len(evaluation_seeds(scene))
     kind = rollout.wave.outcome.name if number == 1 else f"mean of {number} episodes"
     texts = [f"{scene.name}: {criterion.label(score)} ({kind})"]
     texts.append(criterion.compare(score, uniform, "the uniform baseline", detailed=True))
-    known = best_known().get(scene.name)
+    known = best_known_of(scene)
     best: float | None = None if known is None else known.score
     reference = "the best known"
     if number > 1:

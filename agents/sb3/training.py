@@ -98,8 +98,9 @@ class Training(BaseCallback):
             if resume:
                 notice(f"{self.folder} has no {files.CHECKPOINT}: the training begins again")
             self._make_model(self.config.seed)
-            write_text(self.folder / files.SCENE, self.target.to_toml())
+            # first what makes the folder that of a training, which can be resumed
             self.write_json(files.CONFIG, **plain(self.config), versions=versions())
+            write_text(self.folder / files.SCENE, self.target.to_toml())
         interrupted = False
         try:
             remaining = self.total - self.model.num_timesteps
@@ -189,7 +190,7 @@ class Training(BaseCallback):
             score = rollout.score
         else:
             score = float(np.median(evaluate_gains(act, self.target, self.scenes)))
-        self.simulations += len(self.scenes) or 1
+        self.simulations += len(self.scenes) or 1  # random episodes in a scene count as one
         if score > self.best:
             path, test_score = self.folder / files.POLICY, score
             write_bytes(path, lambda file: np.savez_compressed(file, **arrays))

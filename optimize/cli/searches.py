@@ -90,9 +90,9 @@ def _kind(scene: Scene, wave: Wave) -> str:
 
 def _best_known(result: SearchResult) -> str:
     """Return the score of the best known layout, and the shortfall of a search, as a text."""
-    from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known
+    from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known_of
 
-    scene, best = result.scene, best_known().get(result.scene.name)
+    scene, best = result.scene, best_known_of(result.scene)
     if best is None:
         return "none so far"
     score = scene.format_score(best.score, scene.simulate(best.layout))

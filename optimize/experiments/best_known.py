@@ -16,6 +16,7 @@ from domino_env.core.files import errors_with_path, read_json
 from domino_env.core.models import LARGEST, Number, read_model
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
+from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
 
 PATH = Path(__file__).with_name("best_known.json")
@@ -80,6 +81,14 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     with errors_with_path(path):
         entries = read_model(dict[str, Any], document)
         return {name: read_model(BestKnown, entry, name) for name, entry in entries.items()}
+
+
+def best_known_of(scene: Scene) -> BestKnown | None:
+    """Return the best known layout of a scene; None for any but the shipped scenes."""
+    record = best_known().get(scene.name)
+    # a scene of the same name may be another one
+    is_shipped = scene.name in scene_names() and load_scene(scene.name) == scene
+    return record if is_shipped else None
 
 
 def best_known_score(scene: Scene) -> float:

@@ -1,7 +1,8 @@
 """Estimates over runs and problems, with 95 % intervals by a stratified bootstrap.
 
-Every problem has the same weight, whatever its number of runs. With equal numbers of runs, the
-estimates are those of the package rliable (see the reference).
+Every problem has the same weight, whatever its number of runs. With equal numbers of runs,
+interquartile mean and mean are those of the package rliable (see the reference); the median is the
+mean over the problems of the medians of their runs.
 
 References
 ----------

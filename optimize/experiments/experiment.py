@@ -185,22 +185,26 @@ class Experiment:
         """Estimate the interquartile mean of the normalised scores, on all problems or on one."""
         return interquartile_mean(self.final_scores(method, problem))
 
-    def until(self, clock: str, limit: float) -> Experiment:
-        """Return the experiment with all runs cut at a time on a clock of their traces.
+    def until(self, clock: str, limit: float, last: float = 0.0) -> Experiment:
+        """Return the experiment with its runs cut at a time on a clock of their traces.
 
-        Runs that have no score until then are left out.
+        Runs that have no score until then are left out, and those that end until `last` are whole.
+        Of a run that is cut, the scores, the trace and its counts are those until then; its layout
+        and what follows from it are left out.
         """
         results = []
         for run in self.results:
-            end = int(np.searchsorted(run.trace[clock], limit, side="right"))
-            if end:
+            times = run.trace[clock]
+            end = int(np.searchsorted(times, limit, side="right"))
+            if times[-1] <= max(limit, last):
+                results.append(run)
+            elif end:
                 trace = {name: values[:end] for name, values in run.trace.items()}
-                work = {name: int(trace[name][-1]) for name in run.work if name in trace}
-                work = work if end < len(run.trace[clock]) else run.work
-                score, seconds = trace["score"][-1], trace["seconds"][-1]
-                results.append(
-                    replace_fields(run, trace=trace, work=work, score=score, seconds=seconds)
-                )
+                results.append(replace_fields(
+                    run, trace=trace, score=trace["score"][-1], seconds=trace["seconds"][-1],
+                    work={name: int(trace[name][-1]) for name in run.work if name in trace},
+                    gain=None, mean_speed=0.0, spacing=(), thickness=(), height=(),
+                ))  # fmt: skip
         return replace(self, results=tuple(results))
 
     def curve(

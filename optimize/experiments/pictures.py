@@ -31,8 +31,7 @@ MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
 ENDS = LOWEST, HIGHEST = -0.12, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["0", "50 %", "80 %", "100 %"])
-CLOCK_NAMES = {"seconds": "processor seconds", "steps": "environment steps"}
-EARLIEST = {"seconds": 1e-2, "steps": 200.0}  # first time that is drawn, on each clock
+EARLIEST = 200.0  # environment steps of a training, from which on its curve is drawn
 
 
 @plot_style.own_style()
@@ -209,15 +208,13 @@ def draw_over_settings(experiment: Experiment, path: Path) -> None:
     draw_curves(path, panels, headings, ("", quantity), prepare, curves[:MAX_COLOURS])
 
 
-def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Collection[str]) -> None:
-    """Draw the best normalised score against a clock, in a panel for all problems and one for each.
+def draw_over_steps(experiment: Experiment, path: Path, first: Collection[str]) -> None:
+    """Draw the best normalised score over steps, in a panel for all problems and one for each.
 
     Parameters
     ----------
     experiment
         A benchmark.
-    clock
-        Key of `CLOCK_NAMES`.
     path
         PNG file.
     first
@@ -229,7 +226,7 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Colle
     overview = [None] if len(experiment.problems) > 1 and len(complete) > 1 else []
     for problem, method in product([*overview, *experiment.problems], experiment.methods):
         if experiment.runs(method, problem) and (problem or method in complete):
-            times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
+            times, mean = experiment.curve(method, "steps", problem, EARLIEST)
             panel = panels.setdefault(problem or "all scenes", {})
             panel[method] = (times, mean.value, mean.interval)
 
@@ -239,13 +236,13 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, first: Colle
         axes.axhline(1.0, color=BEST_KNOWN, linestyle=":", linewidth=1)
         axes.set_yticks(*SCORE_TICKS)
 
-    name = CLOCK_NAMES[clock] + ", logarithmic"
     headings = (
-        f"Normalised score of the best policy or layout over {CLOCK_NAMES[clock]}",
+        "Normalised score of the best policy or layout over environment steps",
         "interquartile means, 95 % intervals of five or more runs",
     )
     methods = experiment.rank(first)
-    draw_curves(path, panels, headings, (name, ""), prepare, methods, set(methods) - set(first))
+    labels = "environment steps, logarithmic", ""
+    draw_curves(path, panels, headings, labels, prepare, methods, set(methods) - set(first))
 
 
 @plot_style.own_style()

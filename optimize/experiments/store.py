@@ -279,6 +279,11 @@ def write_table(path: Path, lines: list[dict[str, Any]]) -> None:
         from pyarrow import parquet
 
         columns = {name: [line.get(name) for line in lines] for name in names}
+        for values in columns.values():  # of a sweep, such as 4.0 and "released"
+            if any(isinstance(v, str) for v in values):
+                values[:] = [
+                    v if v is None or isinstance(v, str) else json.dumps(v) for v in values
+                ]
         write_bytes(path, lambda file: parquet.write_table(pyarrow.table(columns), file))
 
 

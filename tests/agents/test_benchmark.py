@@ -26,14 +26,15 @@ from agents.benchmark import (
     references,
     target_hash,
 )
-from agents.benchmark_report import EARLIER, FILES, gather, page, read_runs
+from agents.benchmark_report import EARLIER, FILES, SUMMARY, gather, page, read_runs, write
 from agents.draw import shipped_references
 from agents.evaluation import evaluate_gains
 from agents.policy import ScenePolicy
+from agents.third_party import load_fit
 from domino_env.cli.main import main
 from domino_env.core.results import revision
 from domino_env.core.tables import write_csv
-from optimize.experiments.best_known import best_known
+from optimize.experiments.best_known import best_known, best_known_of
 from optimize.experiments.estimates import (
     estimate,
     interquartile_mean,
@@ -161,7 +162,8 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     gains = evaluate_gains(policy.policy, de.load_distribution("varied"), three)
     assert learned.score == pytest.approx(np.median(gains), abs=1e-8)
     assert learned.trace["score"][-1] == learned.score
-    assert learning_curve(tasks[0].folder)["score"][-1] == pytest.approx(learned.score)  # test set
+    curve = learning_curve(tasks[0].folder)  # its scores are those in the test set
+    assert curve["score"][-1] == pytest.approx(learned.score, abs=1e-8)
     assert searched.work["simulations"] > 30
     assert searched.work["gradients"] == 0
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
@@ -207,6 +209,19 @@ def test_a_recurrent_policy_of_a_third_party_is_rejected(tmp_path, monkeypatch):
         task.run()
 
 
+@pytest.mark.parametrize(("arguments", "learns"), [
+    ("make_env, steps, seed", True), ("make_env, steps, seed, rate=1.0", True),
+    ("evaluator, rng", False), ("evaluator, rng, patience=5", False),
+])  # fmt: skip
+def test_a_function_of_three_arguments_is_a_learning_algorithm(
+    arguments, learns, tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    name = f"method_{abs(hash(arguments))}"
+    (tmp_path / f"{name}.py").write_text(f"def run({arguments}): ...\n", "utf-8")
+    assert (load_fit(f"{name}:run") is not None) == learns
+
+
 def test_random_scenes_have_the_references_that_can_build_them():
     tasks = benchmark_tasks(["jitter", "tempo-noise", "draw"], ["ramp"], 1)
     names = "plan", "plan", "controller", "plan", "rule"
@@ -221,6 +236,8 @@ def test_random_scenes_have_the_references_that_can_build_them():
         zero, one, hindsight = normalised_score(scores, name)
         assert (zero, one) == (0.0, 1.0) < (hindsight, hindsight)
     assert references()["draw"]["hindsight"] == float(shipped_references()["hindsight"])
+    with pytest.raises(ValueError, match="scenes = small, small: give each once"):
+        benchmark_tasks([SMALL, SMALL.replace(physics=de.Physics(0.1))], ["ramp"], 1)
     with pytest.raises(ValueError, match="'small' has no test set: name a fixed scene, or one"):
         benchmark_tasks([small_scenes()], ["ramp"], 1)
 
@@ -229,7 +246,7 @@ def test_random_scenes_have_the_references_that_can_build_them():
     ("--seeds 0", "seeds = 0: give a whole number, at least 1"),
     ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
     ("--algorithms pppo", "algorithm = 'pppo': did you mean 'ppo'? choose one of apg, ppo, ars, "),
-    ("--page", "no run has a result yet"),
+    ("--page", "runs/studies.sqlite holds no store: give the file of one (--store)"),
 ])  # fmt: skip
 def test_invalid_options_are_rejected(given, message, tmp_path, monkeypatch, error_of):
     monkeypatch.chdir(tmp_path)
@@ -255,6 +272,7 @@ def lines():
     ({"normalised_score": "0.99"}, "line 4: normalised_score = 0.99: in scene 'sprint' it is 0.9"),
     ({"uniform": "0.8"}, "line 4: uniform = 0.8: in scene 'sprint' it is 0.80300"),
     ({"trace": ""}, "line 4: trace"),
+    ({"versions": "3"}, "line 4: versions: not JSON ('int' object is not iterable); copy the"),
 ], ids=lambda value: " ".join(value) if isinstance(value, dict) else "")  # fmt: skip
 def test_the_check_of_a_table_names_line_column_value_and_accepted_values(
     lines, change, message, tmp_path, error_of
@@ -278,8 +296,36 @@ def test_the_check_of_a_table_accepts_what_a_benchmark_wrote(lines, tmp_path, ou
     write_csv(path, lines[0], (line.values() for line in lines[:3]))
     message = "ppo on sprint: 3 seeds; run at least 5 (--seeds 5, better 10)"
     assert message in error_of("benchmark", "--check", str(path))
+    text = path.read_text("utf-8").rstrip()
+    path.write_text(text[: text.rindex(',"[[')], "utf-8")
+    assert "line 4: trace: not JSON" in error_of("benchmark", "--check", str(path))
     path.write_text("scene,algorithm\n", "utf-8")
     assert "without the columns seed, revision," in error_of("benchmark", "--check", str(path))
+
+
+@pytest.mark.parametrize(("steps", "scores"), [(39_936, [0.7]), (60_000, [0.6, 0.7])])
+def test_a_training_counts_for_its_budget_with_the_rest_of_its_last_rollout(
+    steps, scores, tmp_path
+):
+    run, *_ = read_runs(Path("docs/benchmark.csv"))
+    trace = {"steps": [0, 20_000, 38_000, steps], "seconds": [0.0, 1.0, 2.0, 3.0]}
+    run = msgspec.structs.replace(
+        run, method="sac", score=0.7, work={"steps": steps}, seconds=3.0,
+        trace=trace | {"score": [0.5, 0.6, 0.7, 0.7]},
+    )  # fmt: skip
+    runs = [msgspec.structs.replace(run, seed=100 + i) for i in range(5)]
+    write(gather(runs), tmp_path, "domino benchmark")
+    with (tmp_path / SUMMARY).open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert [float(line["best_score"]) for line in lines] == scores
+    # when the best policy was found, not the end
+    assert [float(line["steps"]) for line in lines] == [20_000, 38_000][-len(scores) :]
+
+
+def test_only_a_shipped_scene_has_a_best_known_layout():
+    sprint = de.load_scene("sprint")
+    assert best_known_of(sprint).score == best_known()["sprint"].score
+    assert best_known_of(sprint.replace(physics=de.Physics(friction=0.1))) is None
 
 
 def test_the_table_of_the_documentation_is_accepted():

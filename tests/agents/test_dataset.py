@@ -4,8 +4,19 @@ import gymnasium
 import numpy as np
 import pytest
 
+import domino_env as de
 from agents import dataset
 from domino_env.cli.main import main
+
+
+def test_a_random_episode_follows_from_its_generator():
+    distribution = de.load_distribution("varied-tempo")
+    scene, env = de.load_test_set("varied-tempo")[0], de.DominoChainVector(1, distribution)
+    words = env, scene, scene.uniform().layout, 0.1
+    first, again, other = (
+        dataset.build_episode(*words, np.random.default_rng(seed))["rewards"] for seed in (1, 1, 2)
+    )
+    assert first == again != other
 
 
 def test_an_interrupted_dataset_continues_and_matches_its_scenes(tmp_path, monkeypatch, capsys):

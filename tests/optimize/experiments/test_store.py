@@ -196,9 +196,17 @@ def test_the_command_lists_studies_and_shows_results(output_of, path, result):
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
     study = open_store(path).begin("=1+1", "sweep", {})
-    labels = {"physics.friction": 0.1, "score": 3, "@word": "-1"}
+    labels = {"physics.friction": 0.1, "score": 3, "@word": "-1", "physics.push": 4.0}
     study.add(msgspec.structs.replace(result, labels=labels, gain=-0.25))
-    study.add(numbered(result, 1, scene_name="+x", labels={"@word": "-cmd"}, gain=None))
+    study.add(
+        numbered(
+            result,
+            1,
+            scene_name="+x",
+            labels={"@word": "-cmd", "physics.push": "released"},
+            gain=None,
+        )
+    )
     file = path.with_name(f"all.{suffix}")
     text = output_of("studies", "export", "=1+1", "--to", file, "--store", path)
     assert text == f"written to {file}: 2 results\n"
@@ -207,6 +215,7 @@ def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
         assert tuple(first["spacing"]) == result.spacing
         assert (first["study"], first["@word"], second["@word"]) == ("=1+1", "-1", "-cmd")
         assert second["gain"] is None
+        assert (first["physics.push"], second["physics.push"]) == ("4.0", "released")
     else:
         first, second = csv.DictReader(file.read_text().splitlines())
         assert tuple(json.loads(first["spacing"])) == result.spacing
