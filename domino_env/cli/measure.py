@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,14 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("uniform", "COUNT,PITCH", "number of dominoes and pitch [mm] of equal gaps, recordings"),
     ):
         parser.add_argument(
-            f"--{name}", nargs="+", action="append", metavar=(first, "RECORDING"), default=[],
-            help=text,
+            f"--{name}", nargs="+", action=_AppendChain, const=name, dest="chains",
+            metavar=(first, "RECORDING"), default=[], help=text,
         )  # fmt: skip
     options.add_options(
         parser,
         ("thickness", options.SIZE, "MM", 7.5, "thickness of the dominoes of --uniform [mm]"),
         ("height", options.SIZE, "MM", 48.0, "height of the dominoes of --uniform [mm]"),
-        ("gravity", options.GRAVITY, "M/S2", None, "gravitational acceleration [m/s²] (9.81)"),
+        ("gravity", options.GRAVITY, "M/S2", None, "gravity [m/s²] (of the scene, or 9.81)"),
         ("push", options.push, "RAD/S", None,
          "expected push [rad/s], or 'released' (of the scene, or 8)"),
         ("scene-out", options.output(".toml"), "FILE", None,
@@ -91,6 +92,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if groups else 1
 
 
+class _AppendChain(argparse.Action):
+    """Append the name of an option and its values, in the order of the command line."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
+        setattr(namespace, self.dest, [*getattr(namespace, self.dest), (self.const, *values)])
+
+
 class _Chain(NamedTuple):
     """Layout of a command line, with its recordings."""
 
@@ -106,19 +114,20 @@ def _chains(arguments: argparse.Namespace) -> list[_Chain]:
     from domino_env.physics.layout import Layout
     from domino_env.physics.physics import Physics
     from domino_env.scenes.io.reading import read_layout, scene_beside
+    from domino_env.validation.measured_gain import require_equal_dominoes
 
     given = {name: getattr(arguments, name) for name in ("gravity", "push")}
     given = {name: value for name, value in given.items() if value not in (None, options.RELEASED)}
     chains = []
-    for name, *recordings in arguments.uniform:
-        sizes = {key: 1e-3 * getattr(arguments, key) for key in ("thickness", "height")}
-        count, pitch = _parse_uniform(name)
-        layout = Layout.uniform(count, pitch=pitch, **sizes)
-        chains.append(_Chain(name, layout, Physics(**given), None, [*map(Path, recordings)]))
-    for name, *recordings in arguments.layout:
-        scene = scene_beside(Path(name))
-        layout = read_layout(name, scene)
-        row = scene.row(layout) if scene else layout
+    for option, name, *recordings in arguments.chains:
+        scene = scene_beside(Path(name)) if option == "layout" else None
+        if option == "uniform":
+            sizes = {key: 1e-3 * getattr(arguments, key) for key in ("thickness", "height")}
+            count, pitch = _parse_uniform(name)
+            row = Layout.uniform(count, pitch=pitch, **sizes)
+        else:
+            layout = read_layout(name, scene)
+            row = scene.row(layout) if scene else layout
         physics = (scene.physics if scene else Physics()).replace(**given)
         chains.append(_Chain(name, row, physics, scene, [*map(Path, recordings)]))
     if arguments.push == options.RELEASED:
@@ -134,6 +143,19 @@ def _chains(arguments: argparse.Namespace) -> list[_Chain]:
     for chain in chains:
         if not chain.recordings:
             raise ValueError(f"{chain.name}: no recordings: name at least one")
+    if arguments.out:
+        stems = Counter(path.stem for chain in chains for path in chain.recordings)
+        if repeated := [stem for stem, times in stems.items() if times > 1]:
+            raise ValueError(
+                f"several recordings are named {repeated[0]}: rename them, as --out has a picture "
+                "and a table under the name of each"
+            )
+    first = chains[0]
+    if arguments.scene_out and first.scene is None:
+        require_equal_dominoes(first.layout, "a scene")
+    if arguments.source_out:
+        for chain in chains:
+            require_equal_dominoes(chain.layout, "a source")
     return chains
 
 
@@ -164,7 +186,7 @@ def _measure(path: Path, chain: _Chain, arguments: argparse.Namespace) -> Measur
         names = "domino", "arrival_s", "predicted_s"
         columns = range(chain.layout.count), result.arrival_times, result.predicted
         lines = zip(*columns, strict=True)
-        write_csv(arguments.out / f"{path.stem}.csv", names, lines)
+        write_csv(arguments.out / f"{path.stem}-hits.csv", names, lines)
     return result
 
 
@@ -183,13 +205,16 @@ def _write_files(
             round(sum(getattr(m, name) for m in measured) / len(measured), 4)
             for name in ("friction", "push")
         )
+        if chain.physics.is_released(chain.layout):
+            push = chain.physics.push
         physics = chain.physics.replace(friction=friction, push=push)
         scene = chain.scene
         if scene is None:
             a = chain.layout
             scene = Scene(
                 title="Dominoes whose friction was measured by their sound", count=a.count,
-                height=float(a.height[0]), width=a.width, thickness=(float(a.thickness[0]),) * 2,
+                height=float(a.height[0]), width=a.width, density=float(a.density[0]),
+                thickness=(float(a.thickness[0]),) * 2,
                 spacing=(0.002, round(0.8 * float(a.height[0]), 6)),
             )  # fmt: skip
         scene = scene.replace(physics=physics, name=arguments.scene_out.stem)

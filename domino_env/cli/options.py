@@ -174,7 +174,7 @@ def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bo
 
 def print_json(document: object) -> None:
     """Print a document as JSON."""
-    print(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
+    print(json.dumps(document, indent=1, allow_nan=False))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ domino optimize mine.toml
 from __future__ import annotations
 
 import argparse
+import io
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -89,6 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
     tables["physics"]["push"] = arguments.push
     text = HEADER + "".join(_with_comments(format_toml(tables)))
     if arguments.out is None:
+        if not sys.stdout.isatty() and isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8")  # as files of scenes are read
         print(text, end="")
         return 0
     verb = "replaced" if arguments.out.exists() else "written to"

@@ -67,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
     if arguments.deviation is not None:
         ground = scene.ground if scene else None
-        noise = placement_noise(wave, ground, 1e-3 * arguments.deviation)
+        run_out = wave.layout.count - layout.count
+        noise = placement_noise(wave, ground, 1e-3 * arguments.deviation, run_out)
     if arguments.json:
         result = document(wave, WAVE_FIELDS) | document(wave.physics, "friction gravity push")
         result |= document(wave.layout, "positions") | document(wave, DOMINO_FIELDS)

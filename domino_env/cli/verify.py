@@ -88,9 +88,10 @@ def _gains_on_floors(scene: Scene, layout: Layout, result: Verification) -> Iter
     from domino_env.rigid.simulation import floor_name, simulate_standing
     from domino_env.scenes.uniform import best_uniform_on
 
-    baseline, physics = scene.uniform().layout, result.wave.physics
+    physics = result.wave.physics
     if not scene.criterion.is_mean_speed or scene.violations(layout) or physics != scene.physics:
         return
+    baseline = scene.uniform().layout
     for rigid in result.reference:
         friction = rigid.floor_friction
         row = scene.row(best_uniform_on(scene, baseline, friction))

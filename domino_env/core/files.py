@@ -86,13 +86,15 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     OSError
         If the file cannot be written; the message has the path and the reason.
     """
-    temporary = path.parent / f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}"
+    temporary = path.parent / f".{secrets.token_hex(8)}.tmp"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:
             fill(file)
             file.flush()
             os.fsync(file.fileno())
+        with suppress(FileNotFoundError):  # a new file
+            temporary.chmod(path.stat().st_mode)
         temporary.replace(path)
     except OSError as error:  # its message has the temporary file, or no file if the disk is full
         if error.errno is None:  # raised by `fill`, not by the operating system

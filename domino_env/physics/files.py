@@ -26,7 +26,10 @@ from domino_env.physics.standard import DENSITY, HEIGHT
 
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 # cells are divided by these, not multiplied by 0.001: 18 mm is then exactly the number 0.018
-_PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
+_PER_UNIT = {
+    **dict.fromkeys(("density", "density_kg/m3", "density_kg/m³", "tilt", "tilt_rad"), 1.0),
+    **dict.fromkeys(("tilt_deg", "tilt_°"), 180.0 / math.pi),
+} | {
     f"{name}{unit}": per_unit
     for name in ("spacing", "thickness", "height", "width", "rise")
     for unit, per_unit in (("", 1.0), ("_m", 1.0), ("_mm", 1000.0))
@@ -130,6 +133,13 @@ def _parse_table(path: Path, text: str) -> dict[str, Any]:
     if not first:
         raise ValueError("the file is empty: give a line of names, such as spacing_mm,thickness_mm")
     names = [_column_name(cell) for cell in first]
+    kinds = {known.partition("_")[0] for known in _PER_UNIT}
+    for cell, name in zip(first, names, strict=True):
+        if name not in _PER_UNIT and name.partition("_")[0] in kinds:
+            raise ValueError(
+                f"{path}, line {head}: column '{one_line(cell, 40)}' has a unit that is not read: "
+                "convert it to metres, millimetres (_mm), kg/m3 or radians, or rename the column"
+            )
     ignored = [name for name in names if name and name != "number" and name not in _PER_UNIT]
     if ignored:
         notice(f"{path}: columns that are not read: {one_line(', '.join(ignored))}")

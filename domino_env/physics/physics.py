@@ -12,6 +12,7 @@ from domino_env.core.models import Amount, Size, Value, about
 from domino_env.physics.layout import Layout
 
 ESTABLISHED = "friction", "gravity", "push"  # fields that all digests contain
+ROUNDED_PUSH = 2e-3  # relative difference of a push that counts as that of a released domino
 RELEASED = 0.1  # angular velocity at the balance of a released domino, over the smallest push
 
 
@@ -84,8 +85,15 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
         """
         require_layout(layout)
         height, thickness = float(layout.height[0]), float(layout.thickness[0])
-        push = released_push(height, thickness, gravity, float(layout.tilt[0]))
-        return cls(friction, gravity, push)
+        physics = cls(friction, gravity)
+        return physics.replace(
+            push=released_push(height, thickness, physics.gravity, float(layout.tilt[0]))
+        )
+
+    def is_released(self, layout: Layout) -> bool:
+        """Return True if the push is that of a released first domino, which may be rounded."""
+        released = type(self).released(layout, gravity=self.gravity).push
+        return abs(self.push / released - 1.0) < ROUNDED_PUSH
 
 
 def released_push(height: float, thickness: float, gravity: float, tilt: float = 0.0) -> float:

@@ -288,7 +288,8 @@ def smallest_gap(
     Returns
     -------
     float
-        Gap [m], to a relative error of 1e-6; inf if the wave completes at no gap.
+        Gap [m], to a relative error of 1e-6; 1e-4 heights if that is enough,
+        and inf if the wave completes at no gap.
 
     Raises
     ------

@@ -131,7 +131,7 @@ def _draw_errors(placement: Placement, pairs: int) -> Floats:
     """Return the errors of the gaps (draws, pairs) [m]."""
     seeds = range(placement.seed, placement.seed + placement.draws)
     normals = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
-    return read_only(placement.deviation * np.array(normals).reshape(-1, pairs))
+    return read_only(placement.deviation * np.array(normals).reshape(placement.draws, pairs))
 
 
 def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
@@ -158,7 +158,9 @@ def draw_layouts(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
     )
 
 
-def placement_noise(wave: Wave, ground: Ground | None, deviation: float) -> dict[str, float]:
+def placement_noise(
+    wave: Wave, ground: Ground | None, deviation: float, run_out: int = 0
+) -> dict[str, float]:
     """Return the fraction of draws that complete and statistics of their total times [s].
 
     Parameters
@@ -169,6 +171,8 @@ def placement_noise(wave: Wave, ground: Ground | None, deviation: float) -> dict
         Ground on which the layout stands; None for flat ground.
     deviation
         Standard deviation of the placement error of each gap [m].
+    run_out
+        Number of dominoes of the run-out, whose gaps have no errors as in scores.
 
     Returns
     -------
@@ -186,7 +190,8 @@ def placement_noise(wave: Wave, ground: Ground | None, deviation: float) -> dict
     if ground is None and not layout.is_flat:
         raise ValueError("the layout is on uneven ground: give the `ground` of its scene")
     draws = min(DRAWS, max(MOST_DRAWN_DOMINOES // layout.count, 1))
-    errors = Placement(deviation, draws).errors(layout.count - 1)
+    errors = Placement(deviation, draws).errors(layout.count - 1 - run_out)
+    errors = np.pad(errors, ((0, 0), (0, run_out)))
     batch = LayoutBatch.of_one(layout, wave.physics, 1e-6, ground)
     waves = draw_layouts(batch, errors).simulate()
     times = waves.total_time[waves.mean_speed > 0.0]

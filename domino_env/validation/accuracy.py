@@ -262,7 +262,8 @@ def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     for group_places in columns[::2]:
         axes.axvspan(group_places[0] - 1.5, group_places[-1] + 1.5, color=SHADE, zorder=0)
     outcomes = np.array([result.outcome for result in results])
-    drawn = np.maximum([(result.error, result.estimate) for result in results], LEAST_ERROR)
+    # 10: a wrong outcome, or an outcome that rounding decides
+    drawn = np.clip([(result.error, result.estimate) for result in results], LEAST_ERROR, 10.0)
     for outcome, colour in OUTCOME_COLOURS.items():
         x, (errors, estimates) = places[outcomes == outcome], drawn[outcomes == outcome].T
         if not len(x):
@@ -275,7 +276,7 @@ def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     axes.axhline(RTOL, color=INK, linewidth=0.8, linestyle="--", label=f"tolerance {RTOL:g}")
     axes.set_xlim(-2.5, places[-1] + 3.5)
     axes.set_yscale("log")
-    axes.set_ylim(0.4 * LEAST_ERROR, 10.0)
+    axes.set_ylim(0.4 * LEAST_ERROR, 30.0)
     axes.set_xticks([places.mean() for places in columns], groups, rotation=60, ha="right")
     axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)

@@ -43,6 +43,7 @@ RTOL_ON_FLOOR = 1e-2  # the coarsest steps give times within 0.1 % of the finest
 SAMPLES, SEED = 20, 18
 # their number of dominoes, and the first from which the wave counts as steady
 COUNT_UNEVEN, STEADY_UNEVEN = 60, 20
+LARGEST_PART = 0.9  # of the distance to a limit of the gap, by which it is changed
 NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
 
@@ -189,7 +190,7 @@ def compare(
     x, values, sigmas = np.array([(c.x, c.value, c.uncertainty) for c in chains]).T
     scale = np.broadcast_to(np.asarray(factors, dtype=np.float64), len(chains))
 
-    def model(friction: float, shift: float = 0.0) -> Floats:
+    def model(friction: float, shift: float | Floats = 0.0) -> Floats:
         return np.array([
             model_value(source.quantity, setting, xk, friction, factor)
             for xk, factor in zip(x + shift, scale, strict=True)
@@ -197,9 +198,14 @@ def compare(
 
     friction, uncertainty = fit(model, values, sigmas)
     if setting.x_uncertainty:
-        low, high = (model(friction, sign * setting.x_uncertainty) for sign in (-1, 1))
+        # at most a tenth of the way to gaps of 0, and to those that no domino reaches across
+        touching = setting.thickness / setting.x_length if setting.x_is == "pitch" else 0.0
+        room = np.minimum(x - touching, touching + setting.height / setting.x_length - x)
+        change = np.minimum(setting.x_uncertainty, LARGEST_PART * room)
+        low, high = (model(friction, sign * change) for sign in (-1, 1))
         with np.errstate(invalid="ignore"):  # infinite times of waves that stop
-            sigmas = np.hypot(sigmas, np.nan_to_num(0.5 * (high - low), posinf=0.0, neginf=0.0))
+            effect = 0.5 * (high - low) * (setting.x_uncertainty / change)
+        sigmas = np.hypot(sigmas, np.nan_to_num(effect, posinf=0.0, neginf=0.0))
         friction, uncertainty = fit(model, values, sigmas)
     predicted = np.full(len(chains), np.nan)
     for k, others in enumerate(x != x[:, None]):  # chains of other spacings

@@ -11,9 +11,11 @@ from scipy import stats
 
 from domino_env.core.checks import require
 from domino_env.core.types import Floats
+from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
 from domino_env.validation.measurement import Measurement
 
+EQUAL = 1e-6  # relative range of sizes that count as equal
 LEAST_RUNS = 5  # of each layout, for an interval
 CONFIDENCE = 0.95
 CERTAIN_GAIN = 0.03  # gain for which the number of further recordings is stated
@@ -50,7 +52,8 @@ class MeasuredGain:
             text += f" (no interval: it takes {LEAST_RUNS} recordings of each layout)"
         else:
             text += f" (95 % interval {self.interval[0]:+.2%} to {self.interval[1]:+.2%})"
-        text += f", predicted {self.predicted:+.2%}"
+        known = f"predicted {self.predicted:+.2%}"
+        text += f", {known if np.isfinite(self.predicted) else 'in the model a wave stops'}"
         if self.further:
             text += f"; {self.further} further recordings of each would make a gain of 3 % certain"
         elif self.further == 0:
@@ -105,6 +108,16 @@ def _runs_needed(logs: Sequence[Floats]) -> int:
     return int(runs[min(np.searchsorted(-width, -np.log1p(CERTAIN_GAIN)), len(runs) - 1)])
 
 
+def require_equal_dominoes(layout: Layout, name: str) -> None:
+    """Raise a ValueError for a layout of unequal dominoes, or one on uneven ground."""
+    sizes = layout.thickness, layout.height, layout.density
+    if not layout.is_flat or any(np.ptp(values) > EQUAL * values[0] for values in sizes):
+        raise ValueError(
+            f"{name} is written for equal dominoes on flat ground: give a layout of such, or with "
+            "its scene beside it for domino optimize; the form for measurements takes all others"
+        )
+
+
 def source_document(groups: Sequence[Sequence[Measurement]]) -> dict[str, Any]:
     """Return the tables of a file of a measured source, as `domino validate` reads them.
 
@@ -121,11 +134,11 @@ def source_document(groups: Sequence[Sequence[Measurement]]) -> dict[str, Any]:
     rows, settings = [], []
     for group in groups:
         layout, physics = group[0].layout, group[0].physics
-        sizes = layout.spacing, layout.thickness, layout.height
-        if any(np.ptp(values) > 1e-9 for values in sizes):
+        require_equal_dominoes(layout, "a source")
+        if np.ptp(layout.spacing) > EQUAL * layout.height[0]:
             raise ValueError(
-                "a source contains chains of equal gaps and equal dominoes: leave out the layouts "
-                "with unequal ones, which the form for measurements takes"
+                "a source contains chains of equal gaps: leave out the layouts with unequal ones, "
+                "which the form for measurements takes"
             )
         speeds = [m.mean_speed for m in group]
         error = float(np.mean([m.mean_speed_error for m in group]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -120,13 +121,13 @@ def draw(validations: Sequence[Validation], path: Path) -> None:
 
     Frequencies and times are converted to speeds. There is one panel for each source.
     """
-    figure, panels = new_panels(len(validations), 2, (4.6, 3.0), (0.0, 0.7))
+    figure, panels = new_panels(
+        len(validations), 2, (4.6, 3.0), (0.0, 0.7),
+        headline="Measured speeds with two standard uncertainties",
+        subtitle="and the model with the fitted friction and without friction",
+    )  # fmt: skip
     for axes, validation in zip(panels, validations, strict=True):
         _draw_panel(axes, validation)
-    figure.suptitle(
-        "Measured speeds with two standard uncertainties; the model with the fitted friction and "
-        "without friction", color=INK, fontsize=11.5,
-    )  # fmt: skip
     write_png(figure, path)
 
 
@@ -154,7 +155,7 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
     axes.plot(scale * dense, speeds(friction), color=BLUE, label=label)
     axes.plot(scale * dense, speeds(0.0), color=PALE, linestyle="--", label="model, no friction")
     floors = dict.fromkeys(chain.floor for chain in main.chains)
-    for floor, colour in zip(floors, (RED, AMBER), strict=False):
+    for floor, colour in zip(floors, cycle((RED, AMBER, INK)), strict=False):
         places, speed, uncertainty = np.array([
             (scale * c.x, setting.speed(source.quantity, c.x, c.value), sigma / c.value)
             for c, sigma in zip(main.chains, main.sigmas, strict=True)

@@ -6,7 +6,6 @@ the experiment that differ in what is not known about it.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,6 +18,7 @@ from domino_env.core.checks import numbers
 from domino_env.core.files import errors_with_path, read_text
 from domino_env.core.models import Number, Size, Table, read_model
 from domino_env.physics.standard import HEIGHT, WIDTH
+from domino_env.scenes.io.reading import parse_document
 
 Quantity = Literal["frequency", "speed", "time"]
 # units of x as they are shown
@@ -249,7 +249,8 @@ def read_source(path: Path) -> Source:
         If the file cannot be read.
     """
     with errors_with_path(path):
-        return read_model(Source, {**tomllib.loads(read_text(path)), "name": path.stem})
+        document = parse_document(read_text(path), str(path))
+        return read_model(Source, {**document, "name": path.stem})
 
 
 def shipped_sources() -> dict[str, Source]:

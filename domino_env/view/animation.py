@@ -68,7 +68,8 @@ def frames(
     images = int((end + 2.0 * REST) * rate * slow)
     _require_pixels(images * len(compared), scale, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
-    pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
+    factor = f"{slow:g} times slower" if slow > 1.0 else f"{1.0 / slow:g} times faster"
+    pace = "real time" if slow == 1.0 else f"{factor} than real time"
     title = [drawing.draw_title(heading, pace, width)] if heading else []
     for t in times:
         strips = _strips(compared, motions, float(t), scale, drawing.MAX_PLACE)

@@ -73,8 +73,8 @@ class Scale:
         """
         margin = 2.0 * tallest
         # 20 px at both sides, `margin` for the last domino when it lies; the tallest one
-        # takes at most 62 % of the height
-        pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
+        # takes at most half of the height, below the text
+        pixels = min((width - 40) / (length + margin), 0.5 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
         room = 2 * round(0.5 * min(relief * pixels, MAX_RELIEF * height))  # films need even heights
         return cls(width, height + room, pixels, int(0.80 * height) + room, room)

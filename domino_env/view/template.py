@@ -22,7 +22,7 @@ from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import amount, write_bytes
 from domino_env.core.plot_style import escape_dollars, own_style
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, released_push
+from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
 from domino_env.view.ground import positions_along
 from domino_env.view.slots import safety_gaps
@@ -231,13 +231,10 @@ def _advice(
         )
     start, push = "Push domino 1 at its top", ""
     if physics is not None:
-        height, thickness, tilt = (
-            float(x[0]) for x in (layout.height, layout.thickness, layout.tilt)
-        )
-        if math.isclose(physics.push, released_push(height, thickness, physics.gravity, tilt)):
+        if physics.is_released(layout):
             start, push = "Tip domino 1 slowly until it falls by itself", "Tipped like this, with"
         else:
-            top = f"{physics.push * height:.2f} m/s at the top edge"
+            top = f"{physics.push * float(layout.height[0]):.2f} m/s at the top edge"
             push = f"With a push of {physics.push:.3g} rad/s ({top}) and"
     steps.append(f"{start}; the wave runs to higher numbers.")
     if physics is not None:

@@ -121,7 +121,7 @@ def test_files_read_back_bitwise(tmp_path_factory, dominoes, ending):
 
 def test_files_may_have_optional_columns(tmp_path):
     path = tmp_path / "layout.csv"
-    path.write_text("spacing_mm,thickness_mm,height_mm,density\n20,7,48,1000\n,7,50,900\n")
+    path.write_text("spacing_mm,thickness_mm,height_mm,density [kg/m3]\n20,7,48,1000\n,7,50,900\n")
     layout = Layout.read(path)
     assert layout.height.tolist() == [0.048, 0.05]
     assert layout.density.tolist() == [1000.0, 900.0]
@@ -161,6 +161,8 @@ def test_tables_of_spreadsheets_are_read(tmp_path, text, encoding):
     ("spacing,thickness\n", "no dominoes below the line of names"),
     ("gap,thickness\n1,2\n", "line 1: no column for the spacing; name one 'spacing' (metres) or "
      "'spacing_mm' (found: gap, thickness)"),
+    ("spacing_mm,thickness_mm,height (cm)\n18,7.5,5\n,7.5,5\n",
+     "line 1: column 'height (cm)' has a unit that is not read: convert it"),
     ("spacing_mm,thickness_mm\n18,7.5\nabc,7.5\n,7.5\n",
      "line 3, column 'spacing_mm': 'abc' is not a number"),
     ("spacing_mm,thickness_mm\n18,7.5\n18,\n,7.5\n", "line 3, column 'thickness_mm': empty"),

@@ -223,6 +223,10 @@ def test_a_released_domino_passes_its_balance_at_a_tenth_of_the_smallest_push(sl
     released = de.Physics.released(alone, friction=0.1, gravity=3.7)
     least = de.smallest_push(alone, released)
     assert (released.friction, released.gravity) == (0.1, 3.7)
+    assert released.replace(push=round(released.push, 3)).is_released(alone)
+    assert not de.Physics().is_released(alone)
+    with pytest.raises(ValueError, match=r"gravity = -1\.0: give a finite number"):
+        de.Physics.released(alone, gravity=-1.0)
     assert released.push == pytest.approx(np.hypot(least, 0.1 * least))
     row = de.load_scene("course").uniform().layout
     waves = [

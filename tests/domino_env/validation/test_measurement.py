@@ -1,5 +1,7 @@
 """Measured chains: synthetic recordings with known truth, and recordings that are rejected."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from recordings import LOUDNESS, record
@@ -157,7 +159,33 @@ def test_a_recording_becomes_scene_source_picture_and_table(tmp_path, capsys):
     assert de.load_scene(scene).physics.friction == pytest.approx(0.2, abs=0.002)
     assert read_source(source).chains[0].value == pytest.approx(wave.mean_speed, rel=0.005)
     assert (out / "a.png").stat().st_size > 10_000
-    assert len((out / "a.csv").read_text().splitlines()) == 41
+    assert len((out / "a-hits.csv").read_text().splitlines()) == 41
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ("--layout slope.csv a.wav --scene-out s.toml", "equal dominoes on flat ground"),
+    ("--layout dense.csv a.wav --source-out s.toml", "equal dominoes on flat ground"),
+    ("--uniform 40,20 a.wav b/a.wav --out out", "several recordings are named a: rename them"),
+])  # fmt: skip
+def test_files_that_would_be_wrong_are_rejected_before_any_work(
+    words, message, tmp_path, monkeypatch, error_of
+):
+    monkeypatch.chdir(tmp_path)
+    spacing, thickness = [0.0125] * 39, [0.0075] * 40
+    de.Ground(slope=2.0).layout(spacing, thickness).to_csv("slope.csv")
+    de.Layout(spacing, 0.0075, density=np.linspace(500.0, 900.0, 40)).to_csv("dense.csv")
+    assert message in error_of("measure", *words.split())
+
+
+def test_layouts_are_compared_in_the_order_of_the_command_line(tmp_path, monkeypatch, output_of):
+    monkeypatch.chdir(tmp_path)
+    UNEQUAL.to_csv("row.csv")
+    for name, layout in (("a", UNEQUAL), ("b", UNIFORM)):
+        times = de.simulate(layout, de.Physics(friction=0.2)).arrival_times
+        write_wav(0.3 * record(times, 1), Path(f"{name}.wav"))
+    pitch = f"40,{1e3 * UNIFORM.pitch[0]}"
+    words = f"measure --layout row.csv a.wav --uniform {pitch} b.wav"
+    assert f"{pitch} over row.csv: measured gain" in output_of(*words.split())
 
 
 def test_a_source_has_equal_gaps_only():

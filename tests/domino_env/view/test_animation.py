@@ -67,7 +67,7 @@ def test_placements_mark_the_gap_and_the_piece_of_each_step(script):
     for image, thickness in zip(images[:-1], layout.thickness[1:], strict=True):
         hand, gaps = image[34:90, 200:], image[STRIP_HEIGHT:]
         assert pixels(gaps, LEADER_COLOUR) > 50
-        assert pixels(hand, LEADER_COLOUR) > 6e4 * thickness
+        assert pixels(hand, LEADER_COLOUR) > 4e4 * thickness
     assert pixels(images[-1][STRIP_HEIGHT:], LEADER_COLOUR) == 0
 
 
