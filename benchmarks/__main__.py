@@ -166,6 +166,7 @@ def first_calls() -> dict[str, Call]:
     """Return the calls that are timed in a new process, which has loaded no compiled code."""
     spacing, physics = np.random.default_rng(0).uniform(0.01, 0.03, (4, 39)), de.Physics()
     random, uniform = de.Layout(spacing[0], 0.0075), de.Layout.uniform(40, pitch=0.02)
+    hills = de.load_scene("hills").replace(count=20)
 
     def step() -> object:
         env = de.DominoChain("sprint")
@@ -184,6 +185,15 @@ def first_calls() -> dict[str, Call]:
         "diagnosis": lambda: de.diagnose(random, physics),
         "smallest push": lambda: de.smallest_push(random, physics),
         "steady wave": lambda: de.steady_wave(0.02, 0.0075),
+        "steady pattern": lambda: de.steady_pattern([0.02, 0.022], 0.0075),
+        "free-standing": lambda: de.simulate_standing(uniform, physics, 0.5),
+        "motion": lambda: de.Motion(uniform, physics).angles([0.1]),
+        "curved ground": lambda: hills.evaluate(
+            hills.batch(spacing[:1, :19], None, None), gradient=True
+        ),
+        "gradient of placing": lambda: de.DominoChainVector(1, "sprint").place_all_vjp(
+            np.zeros((1, 39, 1)), np.ones((1, 39, 3))
+        ),
     }
 
 

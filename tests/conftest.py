@@ -1,5 +1,6 @@
 """Fixtures and settings of all tests."""
 
+import gc
 import importlib.util
 import os
 import shutil
@@ -14,6 +15,8 @@ from hypothesis import settings
 
 from domino_env.cli.main import main
 from domino_env.kernels.jit.interpreted import compiled
+
+gc.set_threshold(20_000, 20, 100)  # collections take a tenth of the time otherwise
 
 # No deadlines: how long an example takes says something about the machine, not about the program.
 # The same examples every time; HYPOTHESIS_PROFILE=search looks for new ones.

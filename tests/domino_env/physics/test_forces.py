@@ -52,7 +52,7 @@ def test_forces_and_impulses_agree_with_the_oracle(friction, uneven):
         lead, speed = tilt[n], wave.release_velocity[n]
         for goal in np.linspace(lead, ends[n], 17):
             if goal > lead:
-                lead, speed, *_ = oracle.advance(chain, n, lead, speed, goal, 1e-12)
+                lead, speed, *_ = oracle.advance(chain, n, lead, speed, goal, 1e-10)
             forces, loads, frictions = reactions(chain, n, lead, speed)
             force[:n] = np.minimum(force[:n], forces)
             load[: n + 1] = np.minimum(load[: n + 1], loads)

@@ -85,7 +85,7 @@ def test_a_released_domino_has_the_push_of_python():
 
 
 def test_the_best_equal_gaps_of_sampled_scenes_are_those_of_python():
-    sampled = load_test_set("varied")[:100]
+    sampled = load_test_set("varied")[:100:4]
     expected = [scene.uniform().score for scene in sampled]
     assert uniform_scores(sampled) == pytest.approx(expected, rel=1e-5)
 
