@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +70,14 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     write_table(folder / SUMMARY, list(_summary_lines(experiment)))
     write_text(folder / REPORT, page(experiment, command))
     learning = [name for name in experiment.methods if is_training(name)]
-    draw_intervals(experiment, folder / INTERVALS, learning)
-    draw_over_steps(experiment, folder / CURVES, learning)
+    longest = dict[tuple[str, str], float]()  # budget of each algorithm on each scene
+    for run in experiment.results:
+        place = run.problem, run.method
+        longest[place] = max(longest.get(place, 0.0), budget_of(run))
+    runs = [r for r in experiment.results if budget_of(r) == longest[r.problem, r.method]]
+    shown = replace(experiment, results=tuple(runs))
+    draw_intervals(shown, folder / INTERVALS, learning)
+    draw_over_steps(shown, folder / CURVES, learning)
 
 
 def _line(experiment: Experiment, run: TaskResult) -> tuple[Any, ...]:
@@ -205,7 +211,10 @@ def is_training(method: str) -> bool:
 
 def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
     """Yield a sentence for each algorithm on a scene with repeated or too few seeds."""
-    for (scene, method), group in group_runs(runs, "scene_name", "method").items():
+    groups = dict[tuple[str, str, float], list[TaskResult]]()
+    for run in runs:
+        groups.setdefault((run.scene_name, run.method, budget_of(run)), []).append(run)
+    for (scene, method, _), group in groups.items():
         seeds = Counter(run.seed for run in group)
         if repeated := [str(seed) for seed, times in seeds.items() if times > 1]:
             yield f"{method} on {scene}: seed {', '.join(repeated)} has several lines; keep one"
@@ -219,8 +228,8 @@ def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
 def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -> Experiment:
     """Return an experiment with the stored runs of its study added.
 
-    Its own runs, or later ones, replace those of the same scene, method and seed. Runs on an
-    earlier scene of the same name are left out. Scenes are in the order of `SCENES`.
+    Its own runs, or later ones, replace those of the same scene, method, seed and budget. Runs on
+    an earlier scene of the same name are left out. Scenes are in the order of `SCENES`.
 
     Raises
     ------
@@ -232,7 +241,8 @@ def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -
     if not runs:
         raise ValueError("no run has a result yet: leave out --page")
     scenes = {run.scene_name: run.scene for run in runs}
-    latest = {(r.scene, r.method, r.seed): r for r in runs if r.scene == scenes[r.scene_name]}
+    runs = [run for run in runs if run.scene == scenes[run.scene_name]]
+    latest = {(run.scene, run.method, run.seed, budget_of(run)): run for run in runs}
     order = {name: i for i, name in enumerate(SCENES)}
     results = sorted(latest.values(), key=lambda run: order.get(run.scene_name, len(order)))
     ends = {run.problem: ends_of_scale(read_target(run.scene)) for run in results}
@@ -263,13 +273,28 @@ def page(experiment: Experiment, command: str) -> str:
     )
 
 
+def budget_of(run: TaskResult) -> float:
+    """Return the budget of a training, inf beyond all of `BUDGETS`; 0 for another method."""
+    if not is_training(run.method):
+        return 0.0
+    return next((b for b in BUDGETS if run.work["steps"] <= REST * b), math.inf)
+
+
 def _classes(experiment: Experiment) -> list[tuple[str, Experiment]]:
-    """Return titled parts: trainings until each budget, and methods that need no training."""
+    """Return titled parts: trainings until each budget, and methods that need no training.
+
+    A longer training counts until a budget if its algorithm has none for this budget on the scene.
+    """
     learners = [run for run in experiment.results if is_training(run.method)]
     whole = replace(experiment, results=tuple(learners))
     parts = []
-    for earlier, budget in pairwise((0, *BUDGETS)):
-        runs = [run for run in learners if run.work["steps"] > REST * earlier]
+    for budget in BUDGETS:
+        own = {(run.problem, run.method) for run in learners if budget_of(run) == budget}
+        runs = [
+            run for run in learners
+            if budget_of(run) >= budget
+            and (budget_of(run) == budget or (run.problem, run.method) not in own)
+        ]  # fmt: skip
         part = replace(whole, results=tuple(runs)).until("steps", ROLLOUT * budget, REST * budget)
         if part.results:
             parts.append((f"Trainings until {budget:,} steps:", part))

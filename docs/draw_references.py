@@ -1,7 +1,8 @@
-"""Write references of scenes with random episodes: python docs/draw_references.py [sampled].
+"""Write references of scenes with random episodes: python docs/draw_references.py [RUN].
 
-With "sampled" it writes those of `varied-draw` and `varied-tempo` into agents/references.json, in
-six minutes: median gains of the rule and of the controller in the test set, and of hindsight.
+With the folder of a training on `varied-draw`, whose layouts hindsight improves too, it writes
+those of `varied-draw` and `varied-tempo` into agents/references.json, in fifteen minutes: median
+gains of the rule and of the controller in the test set, and of hindsight.
 
 Without, it writes agents/draw.json. It takes four minutes and fits three references:
 
@@ -18,6 +19,8 @@ from __future__ import annotations
 import json
 import sys
 from itertools import permutations
+from pathlib import Path
+from typing import Any
 
 import cma
 import numpy as np
@@ -35,9 +38,17 @@ from agents.draw import (
     to_actions,
 )  # fmt: skip
 from agents.network import Policy
+from agents.policy import ScenePolicy
 from agents.rollout import EVALUATION_SEEDS, SELECTION_SEEDS, episode_scores, last_infos
 from agents.scripted import ScriptedPolicy
-from domino_env import DominoChain, DominoChainVector, Scene, load_scene, load_test_set
+from domino_env import (
+    DominoChain,
+    DominoChainVector,
+    Scene,
+    SceneDistribution,
+    load_scene,
+    load_test_set,
+)
 from domino_env.core.files import read_json, write_text
 from domino_env.core.types import Floats, Ints
 from optimize.methods.gradient.local_search import LocalSearch
@@ -49,7 +60,8 @@ PREFERENCES = -0.75, -0.25, 0.25, 0.75  # relative thicknesses: every ranking of
 LONG, SHORT = 80, 12  # gradients of a thorough and of a quick local search
 FEW = 8  # changes that are refined in a round
 ROUNDS = 40
-HINDSIGHT_SEEDS, HINDSIGHT_ROUNDS = EVALUATION_SEEDS[:4], 2  # in each sampled scene
+# in a sampled scene
+HINDSIGHT: dict[str, Any] = {"seeds": EVALUATION_SEEDS[:4], "rounds": 6, "gradients": LONG}
 GAIN = 1e-5  # a smaller relative gain of a round ends the search
 
 
@@ -135,7 +147,12 @@ def _mean(scene: Scene, design: Floats, thickness: Floats) -> tuple[float, Float
 
 
 def hindsight(
-    scene: Scene, seeds: range, policies: list[Policy], rounds: int = ROUNDS
+    scene: Scene,
+    policies: list[Policy],
+    seeds: range,
+    rounds: int = ROUNDS,
+    gradients: int = SHORT,
+    trained: ScenePolicy | None = None,
 ) -> tuple[Floats, Floats, Floats]:
     """Search the best layout for each order of pieces, with the order known.
 
@@ -143,12 +160,16 @@ def hindsight(
     ----------
     scene
         A scene with a hand.
-    seeds
-        S seeds of orders.
     policies
         Policies whose layouts are improved, each separately; the best result of each order counts.
+    seeds
+        S seeds of orders.
     rounds
         Largest number of rounds.
+    gradients
+        Number of gradients of a local search in a round.
+    trained
+        Policy of a distribution of scenes, whose layouts are improved too.
 
     Returns
     -------
@@ -156,19 +177,21 @@ def hindsight(
         Scores (S,), gaps and thicknesses (S, N-1) [m].
     """
     orders = scene.orders([np.random.default_rng(seed) for seed in seeds])
-    results = [
-        _improved(scene, orders, *_layouts_of(policy, scene, seeds), rounds) for policy in policies
-    ]
+    starts = [_layouts_of(policy, scene, seeds) for policy in policies]
+    if trained is not None:
+        assert isinstance(trained.scene, SceneDistribution)
+        starts.append(_layouts_of(trained.policy, scene, seeds, trained.scene))
+    results = [_improved(scene, orders, *start, rounds, gradients) for start in starts]
     best, each = np.argmax([scores for scores, _, _ in results], axis=0), np.arange(len(orders))
     score, gaps, thickness = (np.array(part)[best, each] for part in zip(*results, strict=True))
     return score, gaps, thickness
 
 
 def _improved(
-    scene: Scene, orders: Floats, gaps: Floats, thickness: Floats, rounds: int
+    scene: Scene, orders: Floats, gaps: Floats, thickness: Floats, rounds: int, gradients: int
 ) -> tuple[Floats, Floats, Floats]:
     """Return scores (S,), gaps and thicknesses (S, N-1) of searches that begin at S layouts."""
-    score, gaps = _refined(scene, gaps, thickness, SHORT)
+    score, gaps = _refined(scene, gaps, thickness, gradients)
     live = np.arange(len(orders))
     for _ in range(rounds):
         origin, sequences = _changes(orders[live], thickness[live], scene.hand)
@@ -176,7 +199,7 @@ def _improved(
         ranked = np.lexsort((-scores, origin))
         place = np.arange(len(ranked)) - np.searchsorted(origin[ranked], origin[ranked])
         few = ranked[place < FEW]
-        new_scores, new_gaps = _refined(scene, gaps[live][origin[few]], sequences[few], SHORT)
+        new_scores, new_gaps = _refined(scene, gaps[live][origin[few]], sequences[few], gradients)
         better = np.zeros(len(live), np.bool_)
         for i in np.argsort(new_scores):  # the best of each order last
             b = live[origin[few[i]]]
@@ -189,10 +212,13 @@ def _improved(
     return *_refined(scene, gaps, thickness, LONG), thickness
 
 
-def _layouts_of(policy: Policy, scene: Scene, seeds: range) -> tuple[Floats, Floats]:
+def _layouts_of(
+    policy: Policy, scene: Scene, seeds: range, distribution: SceneDistribution | None = None
+) -> tuple[Floats, Floats]:
     """Return the gaps and thicknesses (S, N-1) [m] that a policy builds."""
-    env = DominoChainVector(len(seeds), scene)
-    layouts = last_infos(policy, env, "layout", seed=list(seeds))
+    env = DominoChainVector(len(seeds), distribution or scene)
+    options = None if distribution is None else {"scene": scene}
+    layouts = last_infos(policy, env, "layout", seed=list(seeds), options=options)
     spacing = np.array([layout.spacing for layout in layouts])
     return spacing, np.array([layout.thickness[1:] for layout in layouts])
 
@@ -241,17 +267,18 @@ def _changes(orders: Floats, thickness: Floats, hand: int) -> tuple[Ints, Floats
     return np.concatenate(origin), np.concatenate(sequences)
 
 
-def sampled_references() -> None:
+def sampled_references(trained: ScenePolicy) -> None:
     """Write the references of sampled scenes with random episodes."""
     gains: dict[str, list[tuple[float, float]]] = {}
     for name, policy in (("varied-draw", "rule"), ("varied-tempo", "controller")):
         for scene in load_test_set(name):
             rollout, best = ScriptedPolicy(policy).build(scene), 1.0  # without errors of arrival
             if scene.hand:
-                fitted = rule(scene, fit_gaps(scene, shipped_references()["rule"]))
-                best = float(
-                    hindsight(scene, HINDSIGHT_SEEDS, [fitted], HINDSIGHT_ROUNDS)[0].mean()
-                )
+                policies = [
+                    rule(scene, fit_gaps(scene, shipped_references()["rule"], reacts=reacts))
+                    for reacts in (True, False)
+                ]
+                best = float(hindsight(scene, policies, trained=trained, **HINDSIGHT)[0].mean())
             gain = scene.gain(best, scene.uniform().score)
             gains.setdefault(name, []).append((rollout.gain or -1.0, gain or -1.0))
     document = read_json(REFERENCES)
@@ -274,10 +301,10 @@ def main() -> None:
     observed[:, env.observation_layout["placed"].start] = place
     desired = rule_sizes(scene, fitted)(observed)[:, 1]
     plan = fit_fixed(scene, np.stack([gaps, desired], axis=1))
-    best, _, _ = hindsight(scene, EVALUATION_SEEDS, [policy, open_loop(scene, plan)])
+    best, _, _ = hindsight(scene, [policy, open_loop(scene, plan)], EVALUATION_SEEDS)
     document = {"rule": fitted.tolist(), "plan": plan.tolist(), "hindsight": float(best.mean())}
     write_text(PATH, json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    sampled_references() if sys.argv[1:] == ["sampled"] else main()
+    sampled_references(ScenePolicy.load(Path(sys.argv[1]))) if sys.argv[1:] else main()

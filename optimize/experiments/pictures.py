@@ -29,7 +29,7 @@ ACROSS = 2  # panels side by side
 LABEL_DISTANCE = 0.07  # of the names of lines, in heights of a panel
 MAX_PANELS = 6  # of the picture of a sweep
 MAX_MARKERS = 40  # of a line, one for each point
-ENDS = LOWEST, HIGHEST = -0.12, 1.06  # normalised scores that are drawn
+ENDS = LOWEST, HIGHEST = -0.12, 1.25  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["0", "50 %", "80 %", "100 %"])
 EARLIEST = 200.0  # environment steps of a training, from which on its curve is drawn
 

@@ -34,7 +34,7 @@ def test_hindsight_is_not_below_its_start_and_places_pieces_in_hand(references):
     numbers = shipped_references()
     policies = [rule(DRAW, numbers["rule"]), open_loop(DRAW, numbers["plan"])]
     seeds = EVALUATION_SEEDS[:3]
-    best, _, thickness = references.hindsight(DRAW, seeds, policies, rounds=1)
+    best, _, thickness = references.hindsight(DRAW, policies, seeds, rounds=1)
     for policy in policies:
         assert (best >= episode_scores(policy, DRAW, seeds) * (1.0 - 1e-6)).all()
     orders = DRAW.orders([np.random.default_rng(seed) for seed in seeds])

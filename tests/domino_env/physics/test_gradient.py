@@ -89,8 +89,8 @@ def test_gradients_match_finite_differences(friction, uneven):
     assert kinks < 50  # of 700 derivatives, of 1040 on uneven ground
 
 
-# change of the last time from the sizes `low` with a larger friction to `high` with a smaller one, by
-# `precise.precise_wave`
+# change of the last time from the sizes `low` with a larger friction to `high` with a smaller one,
+# by `precise.precise_wave`
 @pytest.mark.parametrize(("uneven", "friction", "change"), [
     (False, 0.0, 1.5631871211118127e-08), (True, 0.3, -1.1369952780932147e-08),
 ])  # fmt: skip
