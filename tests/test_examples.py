@@ -23,7 +23,7 @@ EXAMPLES = ROOT / "examples"
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
-    ("name", "longer"), [("ppo_in_one_file", 8), ("ppo_of_stable_baselines3", 16 * 64 * 64)]
+    ("name", "longer"), [("ppo_in_one_file", 8), ("ppo_of_stable_baselines3", 30 * 64 * 64)]
 )
 def test_an_example_learns(name, longer, monkeypatch, script):
     pytest.importorskip("stable_baselines3")

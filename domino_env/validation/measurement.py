@@ -25,7 +25,6 @@ from domino_env.physics.wave import simulate
 from domino_env.view.sound import MAX_RATE
 
 HOP = 0.00025  # [s] between two values of the loudness
-TINY = np.finfo(np.float64).tiny
 LEAST_RATE = 8000  # [1/s] samples per second, for several samples per hop
 HIGH_PASS = 1500.0  # [Hz], above thuds on the table and hum; lower at low rates
 QUIET = 0.02  # of the loudest moments: what is quieter does not count
@@ -124,7 +123,7 @@ def _find_sounds(samples: Floats, rate: float) -> _Sounds:
     values = _widen(rises, 1.25 * HOP, HOP)
     at, _ = signal.find_peaks(values, max(0.15 * float(np.quantile(values, 0.999)), 1e-6))
     a, heights, b = values[at - 1], values[at], values[at + 1]
-    curvature = np.minimum(a - 2.0 * heights + b, -TINY)  # 0 in the middle of a plateau
+    curvature = np.minimum(a - 2.0 * heights + b, -1e-300)  # 0 in the middle of a plateau
     return _Sounds(rises, (at + 0.5 * (a - b) / curvature) * HOP, heights)
 
 

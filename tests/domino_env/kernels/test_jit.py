@@ -51,13 +51,18 @@ def no_file_may_grow():
     setrlimit(RLIMIT_FSIZE, (0, 0))
 
 
-def start(code, *arguments, root=ROOT, full_disk=False, **environment):
-    """Start Python in a new process, which imports the package of a folder."""
+def start(code, *arguments, root=ROOT, folder=None, full_disk=False, **environment):
+    """Start Python in a new process, which imports the package of a folder.
+
+    The working folder has a cache of the functions of `code`.
+    """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     environment = os.environ | {"PYTHONPATH": str(root)} | environment
     before = no_file_may_grow if full_disk else None
     program = [sys.executable, "-c", code, *arguments]
-    return subprocess.Popen(program, cwd=root, env=environment, preexec_fn=before, **pipes)
+    return subprocess.Popen(
+        program, cwd=folder or root, env=environment, preexec_fn=before, **pipes
+    )
 
 
 @pytest.fixture
@@ -223,9 +228,12 @@ print(json.dumps([result.tolist(), jit._FAST is not None and not jit._plain]))
 """
 
 
-def test_plain_compilation_gives_the_same_results():
+def test_plain_compilation_gives_the_same_results(tmp_path):
     """It takes over where a part of Numba is missing, even if that is noticed while compiling."""
-    processes = {way: start(WALK, way) for way in ("fast", "plain", "broken")}
+    processes = {}
+    for way in ("fast", "plain", "broken"):
+        (tmp_path / way).mkdir()
+        processes[way] = start(WALK, way, folder=tmp_path / way)
     results = {}
     for way, process in processes.items():
         output, errors = process.communicate()
