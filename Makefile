@@ -27,12 +27,12 @@ help:
 run: $(VENV)/.core
 	$(BIN)/domino optimize $(SCENE) $(OPTIMIZE_FLAGS) --out $(OUT) --resume
 
-# Files as wholes: what a file sets up once, a cluster say, is set up once. Four processes keep two
+# Files as wholes: what a file sets up once, a cluster say, is set up once. Three processes keep two
 # cores busy, as some tests wait for a browser or another process; threads of linear algebra would
 # only wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 4 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile
 
 # Machine code checks no index otherwise; with the checks it is another, so it has its own folder.
 bounds: export NUMBA_BOUNDSCHECK := 1

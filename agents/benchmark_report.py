@@ -8,6 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -132,10 +133,10 @@ def _read_run(line: dict[str, str]) -> TaskResult:
             f"revision = '{line['revision']}': these are environments of revision {revision()}, "
             "with other scenes or rewards; run it again with this version"
         )
-    target, own_hash = load_any(line["scene"]), line["scene_hash"]
-    if own_hash != target_hash(target):
+    target, text, own_hash, uniform, (zero, one) = _shipped_target(line["scene"])
+    if line["scene_hash"] != own_hash:
         raise ValueError(
-            f"scene_hash = '{own_hash}': scene '{target.name}' has {target_hash(target)}; run it "
+            f"scene_hash = '{line['scene_hash']}': scene '{target.name}' has {own_hash}; run it "
             "with the shipped scene and its test set"
         )
     ranges = {
@@ -152,7 +153,6 @@ def _read_run(line: dict[str, str]) -> TaskResult:
         if not low <= value <= high or (math.isinf(value) and name != "normalised_score"):
             word = "a whole number" if kind is int else "a number"
             raise ValueError(f"{name} = '{line[name]}': give {word} from {low:g} to {high:g}")
-    uniform, (zero, one) = uniform_score(target), ends_of_scale(target)
     expected = float(estimates.normalise(values["score"], zero, one))
     for name, value, tolerance in (
         ("uniform", uniform, 1e-6), ("normalised_score", expected, 1e-4)
@@ -169,9 +169,17 @@ def _read_run(line: dict[str, str]) -> TaskResult:
     return TaskResult(
         key=line["key"], scene_name=target.name, method=line["algorithm"], seed=values["seed"],
         score=score, uniform_score=uniform, gain=gain, seconds=values["processor_seconds"],
-        work={name: values[name] for name in WORK}, trace=trace, scene=target.to_toml(),
+        work={name: values[name] for name in WORK}, trace=trace, scene=text,
         versions={"revision": line["revision"], **_read_json(line, "versions")},
     )  # fmt: skip
+
+
+@lru_cache(len(SCENES))
+def _shipped_target(name: str) -> tuple[Any, str, str, float, tuple[float, float]]:
+    """Return a target of the benchmark with its text, its hash and its reference scores."""
+    target = load_any(name)
+    ends = uniform_score(target), ends_of_scale(target)
+    return target, target.to_toml(), target_hash(target), *ends
 
 
 def _read_json(line: dict[str, str], name: str) -> Any:
@@ -202,6 +210,7 @@ def _read_trace(line: dict[str, str], values: dict[str, Any]) -> Trace:
     return dict(zip(names, ([*column] for column in zip(*entries, strict=True)), strict=True))
 
 
+@lru_cache(100)
 def is_training(method: str) -> bool:
     """Return True for a learning algorithm; the code of third-party ones is not imported."""
     family, colon, _ = method.partition(":")
@@ -245,7 +254,8 @@ def gather(stored: Iterable[TaskResult], experiment: Experiment | None = None) -
     latest = {(run.scene, run.method, run.seed, budget_of(run)): run for run in runs}
     order = {name: i for i, name in enumerate(SCENES)}
     results = sorted(latest.values(), key=lambda run: order.get(run.scene_name, len(order)))
-    ends = {run.problem: ends_of_scale(read_target(run.scene)) for run in results}
+    texts = {run.problem: run.scene for run in results}
+    ends = {problem: ends_of_scale(read_target(text)) for problem, text in texts.items()}
     best = best_of_problems(results, lambda run: ends[run.problem][1], fixed=True)
     zero = {problem: low for problem, (low, _) in ends.items()}
     return replace(experiment, results=tuple(results), best=best, zero=zero)

@@ -29,6 +29,11 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_collection_finish() -> None:
+    """Leave the modules and the tests out of garbage collections."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compile_kernels() -> Iterator[None]:
     """Compile kernels at their first calls: tests call them more often than a first user does."""

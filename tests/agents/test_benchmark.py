@@ -314,8 +314,10 @@ def test_the_check_of_a_table_accepts_what_a_benchmark_wrote(lines, tmp_path, ou
 
 @pytest.mark.parametrize(("steps", "scores"), [(39_936, [0.7]), (60_000, [0.6, 0.7])])
 def test_a_training_counts_for_its_budget_with_the_rest_of_its_last_rollout(
-    steps, scores, tmp_path
+    steps, scores, tmp_path, monkeypatch
 ):
+    for name in ("draw_intervals", "draw_over_steps"):
+        monkeypatch.setattr(f"optimize.experiments.pictures.{name}", lambda *_: None)
     run, *_ = read_runs(Path("docs/benchmark.csv"))
     trace = {"steps": [0, 20_000, 38_000, steps], "seconds": [0.0, 1.0, 2.0, 3.0]}
     run = msgspec.structs.replace(
