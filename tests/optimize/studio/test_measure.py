@@ -18,13 +18,14 @@ LONG = de.Layout.uniform(60, pitch=0.015)
 TIMES = de.simulate(UNEQUAL, de.Physics(friction=0.2, push=9.0)).arrival_times
 LATE = de.simulate(LONG).arrival_times + 0.002 * np.sin(np.linspace(0.0, 2.0 * np.pi, 60))
 SHORT = {"lead": 0.1, "rest": 0.1}
-SOUND = record(TIMES, 0, **SHORT)
+RATE = 16_000  # of sounds that are rejected
+SOUND = record(TIMES, 0, rate=RATE, **SHORT)
 MEASURED = [
     (record(TIMES, 1, rate=8000, loudness="alternating", hum=0.3, **SHORT), 8000, UNEQUAL),
     (record(LATE, 3, missing=0.0, double=0.0, **SHORT), 44100, LONG),
 ]
 REJECTED = [
-    (SOUND, UNIFORM), (record(TIMES[:23], 2), UNEQUAL), (np.tile(SOUND, 2), UNEQUAL),
+    (SOUND, UNIFORM), (record(TIMES[:23], 2, rate=RATE), UNEQUAL), (np.tile(SOUND, 2), UNEQUAL),
     (SOUND, de.Layout([0.02] * 5, 0.0075)), (np.zeros(90_000), UNEQUAL),
 ]  # fmt: skip
 SCRIPT = """const { measure, CONSTANTS } = await import("FOLDER/measure.js");
@@ -42,7 +43,7 @@ answer({ constants: CONSTANTS, measured });""".replace("FOLDER", FOLDER.as_posix
 @pytest.fixture(scope="module")
 def answers():
     """Answers of JavaScript for all recordings."""
-    recordings = MEASURED + [(sound, 44100, layout) for sound, layout in REJECTED]
+    recordings = MEASURED + [(sound, RATE, layout) for sound, layout in REJECTED]
     data = [
         {
             "samples": base64.b64encode(sound.astype("<f4").tobytes()).decode(),
@@ -82,6 +83,6 @@ def test_other_sounds_are_rejected_with_the_sentences_of_python(answers):
     sentences = [answer["sentence"] for answer in answers["measured"][len(MEASURED) :]]
     for (sound, layout), sentence in zip(REJECTED, sentences, strict=True):
         with pytest.raises(ValueError, match=r".") as error:
-            de.measure(sound.astype(np.float32), 44100, layout)
+            de.measure(sound.astype(np.float32), RATE, layout)
         assert sentence == f"RangeError: {error.value}"
     assert len(set(sentences)) == len(REJECTED)
