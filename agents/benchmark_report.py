@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
@@ -46,6 +46,7 @@ INTERVALS, CURVES = "benchmark-reached.png", "benchmark-steps.png"
 FILES = REPORT, RUNS, SUMMARY, INTERVALS, CURVES
 WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
+STATISTICS = "interquartile_mean", "median", "mean"
 LEAST_SEEDS = 5  # trainings of an algorithm on a scene
 MOST_ERRORS = 5  # that are listed
 ROLLOUT = 1.03  # steps of an evaluation over those after which it was due, at most
@@ -361,8 +362,8 @@ def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
             line |= {"budget": title.partition(":")[0], "runs": len(runs)}
             steps, seconds = np.median([found_at(run) for run in runs], axis=0)
             line |= {"steps": float(steps), "processor_seconds": float(seconds)}
-            for name in ("middle_mean", "median", "mean"):
-                statistic: Callable[..., Any] = getattr(estimates, name)
+            statistics = estimates.middle_mean, estimates.median, estimates.mean
+            for name, statistic in zip(STATISTICS, statistics, strict=True):
                 result = estimates.estimate(statistic, part.final_scores(method, scene))
                 line[name] = float(result.value)
                 low, high = result.interval or (np.nan, np.nan)

@@ -365,7 +365,7 @@ class DominoChain(DominoEnv):
       a ratio, which is nearly constant far from the schedule, and `lateness` was clipped at three
       tolerances. A stock has an entry for each kind of pieces; in v1 the nearest thickness to one
       entry was taken. Rewards take the pieces into account that remain. A wave that stops returns
-      10 to 20 less than was expected [% or dB]; in v1 it returned -200 to -100.
+      -20 to -10, or less after an expected loss [% or dB]; in v1 -200 to -100.
     - v1: rewards are changes of the expected gain. In v0 they were the distance gained on a wave at
       a given speed, in heights. The return of a wave that stops is 100 (score - 1). In v0 it
       was 100 (score / score of the uniform baseline - 1), which depended on the dominoes' size.

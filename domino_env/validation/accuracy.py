@@ -251,8 +251,8 @@ def draw_stability(results: Sequence[CaseResult], path: Path) -> None:
     figure, (axes,) = new_panels(
         1, 1, (10.0, 6.0),
         headline=f"True error and error estimate of {len(results)} layouts at limits of the model",
-        subtitle="each column is a layout: the dot is its true error, the bar its error estimate; "
-        f"wrong results or estimates: {faulty or 'none'}",
+        subtitle="each column is a layout: the dot is its true error, the bar its error estimate "
+        f"(at the top: infinite); wrong results or estimates: {faulty or 'none'}",
     )  # fmt: skip
     groups = list(dict.fromkeys(result.group for result in results))
     results = sorted(results, key=lambda result: groups.index(result.group))

@@ -259,7 +259,7 @@ def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -
     lines = plot_style.method_lines(methods)
     figure, panels = plot_style.new_panels(
         len(problems), ACROSS, (4.6, 2.9), headline="Normalised scores at the end of the runs",
-        subtitle="interquartile means; 95 % intervals of five or more runs",
+        subtitle="interquartile means of the longest runs, with 95 % intervals; budgets differ",
     )  # fmt: skip
     for problem, axes in zip(problems, panels, strict=True):
         names = experiment.rank((), problem)[::-1]
