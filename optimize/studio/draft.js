@@ -86,7 +86,7 @@ export function sceneFor(layout, given, makeScene) {
     row: { count, height: layout.height[0], width: layout.width, density: layout.density[0] ?? layout.density, first_thickness: layout.thickness[0] },
     spacing: { min: Math.min(USUAL_GAPS[0], ...gaps), max: Math.max(USUAL_GAPS[1], ...gaps) },
     thickness: thin === thick ? { fixed: thin } : { min: thin, max: thick },
-    physics: given ? { ...given.document.physics, ...(given.isReleased ? { push: "released" } : {}) } : {},
+    physics: given?.tables.physics ?? {},
   });
 }
 

@@ -297,28 +297,24 @@ function readControl({ table, key, unit, word, optional }, scene) {
 }
 
 function changeControl(control, value) {
-  const { table, key, unit, word, optional } = control, { document: present, physics, isReleased } = wanted ?? draft.scene;
-  const tables = structuredClone(present), values = (tables[table] ??= {});
-  if (isReleased) (tables.physics ??= {}).push = "released"; // also of a domino of another size
-  if (word && !isReleased) control.before = physics.push;
+  const { table, key, unit, word, optional } = control, scene = wanted ?? draft.scene;
+  const tables = structuredClone(scene.tables), values = (tables[table] ??= {});
+  if (word && !scene.isReleased) control.before = scene.physics.push;
   values[key] = word ? (value ? word : control.before ?? PUSH) : value / unit;
   if (optional && !value) delete values[key];
   if (key === "fixed") delete tables.row.first_thickness; // thickness, also of the first domino
   if (!Object.keys(values).length) delete tables[table];
-  const scene = new Scene(kernels, { ...tables, ...OWN });
-  checkSize(scene);
+  wanted = checkSize(new Scene(kernels, { ...tables, ...OWN }));
   for (const [name, entry] of baselines) if (!entry.done) baselines.delete(name);
   helper.end(); // of settings that are changed again
-  wanted = scene;
-  commitLater(draft.isUniform ? uniformDraft(scene) : Promise.resolve(draft.withScene(scene)));
+  commitLater(draft.isUniform ? uniformDraft(wanted) : Promise.resolve(draft.withScene(wanted)));
 }
 
 // friction and push of a measurement for the row that is shown
 function usePhysics({ friction, push }) {
-  const { document: tables } = draft.scene, rounded = (value) => Number(value.toPrecision(4));
-  const start = draft.scene.isReleased ? "released" : rounded(push), physics = { ...tables.physics, friction: rounded(friction), push: start };
-  commit(draft.withScene(new Scene(kernels, { ...tables, physics, ...OWN })));
-  notify(`friction ${physics.friction}, ${draft.scene.isReleased ? "released" : `push ${start} rad/s`}`);
+  const { scene } = draft, rounded = (value) => Number(value.toPrecision(4)), start = scene.isReleased ? "released" : rounded(push);
+  commit(draft.withScene(scene.replaced({ physics: { friction: rounded(friction), push: start }, ...OWN })));
+  notify(`friction ${rounded(friction)}, ${scene.isReleased ? "released" : `push ${start} rad/s`}`);
 }
 
 const controls = Object.entries(CONTROLS).flatMap(([title, entries]) => {

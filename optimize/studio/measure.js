@@ -90,7 +90,7 @@ function findSounds(samples, rate) {
   const rises = loudness.map((v, k) => (k + 4 < count ? Math.max(loudness[k + 4] - v, 0) : 0));
   const values = widen(rises, 1.25 * HOP, HOP);
   const peaks = findPeaks(values, Math.max(0.15 * quantile(values, 0.999), 1e-6));
-  const vertex = (a, b, c) => (0.5 * (a - c)) / (a - 2 * b + c);
+  const vertex = (a, b, c) => (0.5 * (a - c)) / Math.min(a - 2 * b + c, -1e-300); // 0 in the middle of a plateau
   return { rises, times: Float64Array.from(peaks, (k) => (k + vertex(values[k - 1], values[k], values[k + 1])) * HOP), heights: Float64Array.from(peaks, (k) => values[k]) };
 }
 

@@ -182,6 +182,12 @@ export class Scene {
     }
   }
 
+  /** Tables for another scene, in which a released start stays one with other sizes. */
+  get tables() {
+    const { document } = this;
+    return this.isReleased ? { ...document, physics: { ...document.physics, push: "released" } } : document;
+  }
+
   get freeSpacing() { return this.spacing[0] < this.spacing[1]; }
   get freeThickness() { return this.thickness[0] < this.thickness[1]; }
   get freeHeight() { return this.growth !== null && this.growth[0] < this.growth[1]; }
@@ -199,7 +205,7 @@ export class Scene {
 
   /** Return another scene: tables are merged, null leaves a key or a table out. */
   replaced(changes) {
-    const merged = { ...this.document };
+    const merged = { ...this.tables };
     for (const [key, value] of Object.entries(changes)) {
       merged[key] = value && typeof value === "object" ? { ...merged[key], ...value } : value;
     }
@@ -401,14 +407,14 @@ export class Scene {
       return { mean_speed: "no speed", magnify: "no height", tempo: "no success" }[this.objective];
     }
     if (this.objective === "magnify") return `last domino ${score.toFixed(6)} m high`;
-    if (this.objective === "tempo") return `RMS error ${this.#milliseconds(score, 6)}`;
+    if (this.objective === "tempo") return `RMS error ${this.#milliseconds(score)}`;
     if (this.floorFriction === null) return `${score.toFixed(6)} m/s`;
     return `${score.toFixed(4)} m/s on a floor of friction ${general(this.floorFriction)}`;
   }
 
-  #milliseconds(score, digits) {
+  #milliseconds(score) {
     const error = 1e3 * this.tempo.tolerance * (1 / score - 1);
-    return error <= 1e-6 ? "below 1 ns" : `${general(error, digits)} ms`;
+    return error <= 1e-6 ? "below 1 ns" : `${general(error)} ms`;
   }
 
   /** Return the gain of a score over the best equal gaps; null if one of them is no success. */
