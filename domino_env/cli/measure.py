@@ -120,12 +120,13 @@ def _chains(arguments: argparse.Namespace) -> list[_Chain]:
     given = {name: value for name, value in given.items() if value not in (None, options.RELEASED)}
     chains = []
     for option, name, *recordings in arguments.chains:
-        scene = scene_beside(Path(name)) if option == "layout" else None
+        scene = None
         if option == "uniform":
             sizes = {key: 1e-3 * getattr(arguments, key) for key in ("thickness", "height")}
             count, pitch = _parse_uniform(name)
             row = Layout.uniform(count, pitch=pitch, **sizes)
         else:
+            scene = scene_beside(Path(name))
             layout = read_layout(name, scene)
             row = scene.row(layout) if scene else layout
         physics = (scene.physics if scene else Physics()).replace(**given)

@@ -43,7 +43,7 @@ RTOL_ON_FLOOR = 1e-2  # the coarsest steps give times within 0.1 % of the finest
 SAMPLES, SEED = 20, 18
 # their number of dominoes, and the first from which the wave counts as steady
 COUNT_UNEVEN, STEADY_UNEVEN = 60, 20
-LARGEST_PART = 0.9  # of the distance to a limit of the gap, by which it is changed
+LARGEST_PART = 0.9  # by which a gap changes, of its distance to 0 or to the height, at most
 NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
 
@@ -198,9 +198,8 @@ def compare(
 
     friction, uncertainty = fit(model, values, sigmas)
     if setting.x_uncertainty:
-        # at most a tenth of the way to gaps of 0, and to those that no domino reaches across
-        touching = setting.thickness / setting.x_length if setting.x_is == "pitch" else 0.0
-        room = np.minimum(x - touching, touching + setting.height / setting.x_length - x)
+        gaps = np.array([setting.pitch(xk) - setting.thickness for xk in x])
+        room = np.minimum(gaps, setting.height - gaps) / setting.x_length
         change = np.minimum(setting.x_uncertainty, LARGEST_PART * room)
         low, high = (model(friction, sign * change) for sign in (-1, 1))
         with np.errstate(invalid="ignore"):  # infinite times of waves that stop
@@ -319,7 +318,8 @@ def uneven_gap_factor(deviation: float, setting: Setting, pitch: float, friction
     thickness = np.full(count, setting.thickness)
     waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
     length = gaps[:, first:].sum(axis=1) + (count - 1 - first) * setting.thickness
-    speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, first])
+    with np.errstate(invalid="ignore"):  # infinite times of waves that stop
+        speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, first])
     completes = np.isfinite(speed) & (speed > 0.0)
     if not completes[0] or not completes[1:].any():
         return 1.0
