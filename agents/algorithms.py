@@ -39,7 +39,7 @@ def require_learning() -> None:
 
 PositiveInt = Annotated[int, Meta(ge=1)]
 PositiveFloat = Annotated[float, Meta(gt=0.0)]
-Share = Annotated[float, Meta(ge=0.0)]
+NonNegativeFloat = Annotated[float, Meta(ge=0.0)]
 
 
 class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
@@ -76,13 +76,13 @@ class Hyperparameters(Value, frozen=True):  # type: ignore[misc]
     width: PositiveInt = 64
     depth: PositiveInt = 2
     learning_rate: PositiveFloat = 1e-3
-    last_rate: Share = 0.05
+    last_rate: NonNegativeFloat = 0.05
     first_deviation: PositiveFloat = 1.0
     middle_deviation: PositiveFloat = 0.03
     last_deviation: PositiveFloat = 0.01
     middle: Annotated[float, Meta(gt=0.0, lt=1.0, description="a fraction of the steps")] = 0.6
     end_factor: PositiveFloat = 8.0
-    penalty: Share = 1.0
+    penalty: NonNegativeFloat = 1.0
     options: dict[str, Any] = field(default_factory=dict)
 
     def deviation(self, progress: float) -> float:

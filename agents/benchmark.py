@@ -39,7 +39,14 @@ from domino_env.scenes.pool import load_test_set
 from optimize.experiments.best_known import best_known_score as scene_score
 from optimize.experiments.compare import require_distinct
 from optimize.experiments.estimates import normalise
-from optimize.experiments.task import Task, TaskResult, Trace, digest, read_scene
+from optimize.experiments.task import (
+    STOPPED_GAIN,
+    Task,
+    TaskResult,
+    Trace,
+    digest,
+    read_scene,
+)
 from optimize.methods import registry
 from optimize.searching import compile_simulations
 
@@ -64,7 +71,6 @@ COLUMNS = (  # of the file of the runs
     "simulations", "gradients", "updates", "processor_seconds", "key", "scene_hash", "versions",
     "trace",
 )  # fmt: skip
-STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and the least gain
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,9 @@ INTERVALS, CURVES = "benchmark-reached.png", "benchmark-steps.png"
 FILES = REPORT, RUNS, SUMMARY, INTERVALS, CURVES
 WORK = "steps", "simulations", "gradients", "updates"  # counts of a run
 EARLIER = "before 0.5.0"  # revision of runs by versions of the package that did not have one
-STATISTICS = "interquartile_mean", "median", "mean"
+STATISTICS: dict[str, estimates.Statistic] = {  # of the normalised scores
+    "interquartile_mean": estimates.middle_mean, "median": estimates.median, "mean": estimates.mean,
+}  # fmt: skip
 LEAST_SEEDS = 5  # trainings of an algorithm on a scene
 MOST_ERRORS = 5  # that are listed
 ROLLOUT = 1.03  # steps of an evaluation over those after which it was due, at most
@@ -72,12 +74,10 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
     write_table(folder / SUMMARY, list(_summary_lines(experiment)))
     write_text(folder / REPORT, page(experiment, command))
     learning = [name for name in experiment.methods if is_training(name)]
-    longest = dict[tuple[str, str], float]()  # budget of each algorithm on each scene
-    for run in experiment.results:
-        place = run.problem, run.method
-        longest[place] = max(longest.get(place, 0.0), budget_of(run))
-    runs = [r for r in experiment.results if budget_of(r) == longest[r.problem, r.method]]
-    shown = replace(experiment, results=tuple(runs))
+    groups = group_runs(experiment.results, "problem", "method")
+    budgets = {key: max(map(budget_of, group)) for key, group in groups.items()}
+    longest = [r for r in experiment.results if budget_of(r) == budgets[r.problem, r.method]]
+    shown = replace(experiment, results=tuple(longest))
     draw_intervals(shown, folder / INTERVALS, learning)
     draw_over_steps(shown, folder / CURVES, learning)
 
@@ -221,11 +221,11 @@ def is_training(method: str) -> bool:
 
 def _errors_of_seeds(runs: Iterable[TaskResult]) -> Iterator[str]:
     """Yield a sentence for each algorithm on a scene with repeated or too few seeds."""
-    groups = dict[tuple[str, str, float], list[TaskResult]]()
-    for run in runs:
-        groups.setdefault((run.scene_name, run.method, budget_of(run)), []).append(run)
-    for (scene, method, _), group in groups.items():
-        seeds = Counter(run.seed for run in group)
+    groups = group_runs(runs, "scene_name", "method")
+    budgets = {(key, budget_of(run)): None for key, group in groups.items() for run in group}
+    for (scene, method), budget in budgets:
+        group = groups[scene, method]
+        seeds = Counter(run.seed for run in group if budget_of(run) == budget)
         if repeated := [str(seed) for seed, times in seeds.items() if times > 1]:
             yield f"{method} on {scene}: seed {', '.join(repeated)} has several lines; keep one"
         if is_training(method) and len(seeds) < LEAST_SEEDS:
@@ -342,16 +342,16 @@ def table(experiment: Experiment) -> list[str]:
             if experiment.runs(name, scene) else ""
             for scene in experiment.problems
         )  # fmt: skip
-        statistics = (estimates.middle_mean, estimates.median, estimates.mean)
+        steps, seconds = np.median([found_at(run) for run in runs], axis=0)
         lines.append((
             f"`{name}`", *cells,
-            *(_estimate_text(estimates.estimate(statistic, scores)) for statistic in statistics),
+            *(_estimate_text(estimates.estimate(f, scores)) for f in STATISTICS.values()),
             " to ".join(map(str, dict.fromkeys((counts[0], counts[-1])))),
-            f"{np.median([found_at(r)[0] for r in runs]):,.0f}",
-            f"{float(f'{np.median([found_at(r)[1] for r in runs]):.2g}'):g} s",
+            f"{steps:,.0f}", f"{float(f'{seconds:.2g}'):g} s",
         ))  # fmt: skip
-    means = "interquartile mean", "median", "mean", "runs", "steps", "processor time"
-    return markdown_table(("algorithm", *experiment.problems, *means), lines)
+    means = (name.replace("_", " ") for name in STATISTICS)
+    names = "algorithm", *experiment.problems, *means, "runs", "steps", "processor time"
+    return markdown_table(names, lines)
 
 
 def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
@@ -362,8 +362,7 @@ def _summary_lines(experiment: Experiment) -> Iterator[dict[str, Any]]:
             line |= {"budget": title.partition(":")[0], "runs": len(runs)}
             steps, seconds = np.median([found_at(run) for run in runs], axis=0)
             line |= {"steps": float(steps), "processor_seconds": float(seconds)}
-            statistics = estimates.middle_mean, estimates.median, estimates.mean
-            for name, statistic in zip(STATISTICS, statistics, strict=True):
+            for name, statistic in STATISTICS.items():
                 result = estimates.estimate(statistic, part.final_scores(method, scene))
                 line[name] = float(result.value)
                 low, high = result.interval or (np.nan, np.nan)

@@ -29,7 +29,7 @@ from domino_env.scenes.distribution import load_distribution
 from optimize.executors import require_executor
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import open_store, result_cells, write_table
-from optimize.experiments.task import Task, TaskResult
+from optimize.experiments.task import STOPPED_GAIN, Task, TaskResult
 
 STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes", "README.md"
 QUALITIES = ("uniform", "noisy", "searched")  # of the layouts that episodes build
@@ -133,7 +133,7 @@ def _card(
     options: dict[str, float],
 ) -> str:
     """Return the description of the dataset in Markdown."""
-    gains = np.array([-1.0 if result.gain is None else result.gain for result in results])
+    gains = np.array([STOPPED_GAIN if result.gain is None else result.gain for result in results])
     layouts = {
         "uniform": "the uniform baseline",
         "noisy": "the searched layout, with normal noise of standard deviation "

@@ -85,10 +85,9 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
 
 def best_known_of(scene: Scene) -> BestKnown | None:
     """Return the best known layout of a scene; None for any but the shipped scenes."""
-    record = best_known().get(scene.name)
     # a scene of the same name may be another one
     is_shipped = scene.name in scene_names() and load_scene(scene.name) == scene
-    return record if is_shipped else None
+    return best_known().get(scene.name) if is_shipped else None
 
 
 def best_known_score(scene: Scene) -> float:

@@ -250,7 +250,7 @@ def draw_intervals(experiment: Experiment, path: Path, first: Collection[str]) -
     """Draw the interquartile means with their intervals, and the performance profiles.
 
     There is a panel of means for each problem; that of all problems has the methods with runs on
-    each. Colours are those of `draw_over_clock`.
+    each. Colours are those of `draw_over_steps`.
     """
     several = len(experiment.problems) > 1 and len(experiment.complete_methods) > 1
     overview: list[str | None] = [None] if several else []

@@ -15,12 +15,11 @@ from domino_env.core.files import amount, one_line, write_text
 from domino_env.core.tables import markdown_table, text_table
 from optimize.experiments.experiment import Experiment, group_runs
 from optimize.experiments.store import Store, Study, result_cells, write_table
-from optimize.experiments.task import TaskResult, describe_labels
+from optimize.experiments.task import STOPPED_GAIN, TaskResult, describe_labels
 
 # page, table of the runs, picture
 COMPARISON_FILES = ("comparison.md", "runs.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
-FAILED = -1.0  # gain of a run whose wave stops
 MAX_LINES = 200  # of a table or list of a page; the CSV file has all results
 PAGE = Path(__file__).with_name("report_page.md")  # template of the page
 SCHEDULE = " With a schedule of hits, the score is 1/(1 + RMS error/tolerance)."
@@ -106,10 +105,9 @@ def table(experiment: Experiment, problems: Sequence[str]) -> list[str]:
         groups = [runs for m in experiment.methods if (runs := experiment.runs(m, problem))]
         for runs in sorted(groups, key=lambda runs: -np.median([r.score for r in runs])):
             scores = [r.score for r in runs]
-            # a wave that stops counts as the loss of all speed
-            gains = [FAILED if r.gain is None else r.gain for r in runs]
+            gains = [STOPPED_GAIN if r.gain is None else r.gain for r in runs]
             shortfalls = [s for r in runs if (s := experiment.shortfall(r)) is not None]
-            gain = f"{np.median(gains):+z.2%}" if np.median(gains) > FAILED else "–"
+            gain = f"{np.median(gains):+z.2%}" if np.median(gains) > STOPPED_GAIN else "–"
             shortfall = f"{np.median(shortfalls):.3%}" if shortfalls else "–"
             # infinite if half of the runs never came so near
             times = [np.median([experiment.time_to(r, s) for r in runs]) for s in (1e-2, 1e-3)]

@@ -33,6 +33,9 @@ TRACE_COLUMNS = ("evaluations", "falls", "seconds", "score")  # of the trace of 
 CACHED_SCENES = 32  # of each process, with their uniform baselines: several tasks share a scene
 
 
+STOPPED_GAIN = -1.0  # gain of a layout whose wave stops, and the least gain in a statistic
+
+
 class TaskResult(msgspec.Struct, frozen=True, kw_only=True):
     """Result of a task: plain data, which JSON restores bitwise.
 
