@@ -20,7 +20,6 @@ from optimize.executors import open_executor
 
 if TYPE_CHECKING:
     from domino_env import Scene, Wave
-    from optimize.experiments.best_known import BestKnown
     from optimize.result import SearchResult
 
 EQUAL_SCORE = 1e-6  # relative shortfall from the best known that counts as none
@@ -46,8 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and print the result."""
-    from domino_env.scenes.io.reading import load_scene
-    from optimize.experiments.best_known import best_known_of
+    from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.methods.registry import load
     from optimize.run_folder import FILES
     from optimize.searching import search
@@ -67,8 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"uniform baseline: {_uniform(result)}")
     print(f"best found:       {_best(result)}")
     print(f"the search ended: {result.stop_reason}")
-    if best := best_known_of(scene):
-        print(f"best known:       {_best_known(result, best)}")
+    if scene.name in scene_names() and load_scene(scene.name) == scene:
+        print(f"best known:       {_best_known(result)}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -90,11 +88,13 @@ def _kind(scene: Scene, wave: Wave) -> str:
     return f"{name} over {placement.draws} draws"
 
 
-def _best_known(result: SearchResult, best: BestKnown) -> str:
+def _best_known(result: SearchResult) -> str:
     """Return the score of the best known layout, and the shortfall of a search, as a text."""
-    from optimize.experiments.best_known import MIN_GAIN, accurate_score
+    from optimize.experiments.best_known import MIN_GAIN, accurate_score, best_known_of
 
-    scene = result.scene
+    scene, best = result.scene, best_known_of(result.scene)
+    if best is None:
+        return "none so far"
     score = scene.format_score(best.score, scene.simulate(best.layout))
     shortfall = (best.score - accurate_score(scene, result.layout)) / abs(best.score)
     if shortfall < -MIN_GAIN:
